@@ -1,0 +1,50 @@
+/// @file
+/// Core's run-time dynamics behind run-time sizes: what the command and the host rooms call.
+#pragma once
+
+#include <memory>
+
+#include <Eigen/Core>
+
+#include "heft/model/robot.hpp"
+
+namespace heft::model {
+
+/// Largest number of joints the host instantiates core for.
+inline constexpr int kMaxJoints = 10;
+
+/// Dynamics of a robot for vectors sized at run time; forwards to core's templates for N = 1..kMaxJoints.
+/// All torques on the link side [N·m, N on a prismatic joint], sign along positive q.
+class Dynamics {
+ public:
+  /// @throws ModelError when the robot has no joint or more than kMaxJoints.
+  explicit Dynamics(const Robot& robot);
+  ~Dynamics();
+  Dynamics(Dynamics&&) noexcept;
+  Dynamics& operator=(Dynamics&&) noexcept;
+
+  int num_joints() const;
+  const Robot& robot() const;
+
+  /// Rigid-body inverse dynamics with gravity, without actuation terms. All n.
+  Eigen::VectorXd inverse_dynamics(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                   const Eigen::VectorXd& qdd) const;
+  /// inverse_dynamics plus rotor inertia, Coulomb (sign, 0 at standstill), viscous and offset terms.
+  Eigen::VectorXd joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                               const Eigen::VectorXd& qdd) const;
+  /// Gravity torque g(q).
+  Eigen::VectorXd gravity_torque(const Eigen::VectorXd& q) const;
+  /// Joint-space mass matrix of the rigid bodies (no rotor inertia), n × n.
+  Eigen::MatrixXd mass_matrix(const Eigen::VectorXd& q) const;
+  /// Full regressor n × 14n: ten columns a link, then blocks rotor inertia, Coulomb, viscous, offset.
+  Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                            const Eigen::VectorXd& qdd) const;
+  /// The 14n parameters that go with regressor().
+  Eigen::VectorXd parameters() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace heft::model

@@ -1,0 +1,50 @@
+# Rooms, warnings, sanitizers and tests: one function each, so that every target is made the same way.
+
+add_library(heft_warnings INTERFACE)
+target_compile_options(heft_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor)
+if(HEFT_WERROR)
+  target_compile_options(heft_warnings INTERFACE -Werror)
+endif()
+
+add_library(heft_core_warnings INTERFACE)
+target_compile_options(heft_core_warnings INTERFACE -Wconversion -Wdouble-promotion)
+
+if(HEFT_SANITIZE)
+  add_compile_options(-fsanitize=${HEFT_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=undefined)
+  add_link_options(-fsanitize=${HEFT_SANITIZE})
+endif()
+
+# heft_add_room(NAME SOURCES a.cpp ... PUBLIC libs ... PRIVATE libs ...)
+# A room is a static library heft_NAME, alias heft::NAME, exported as heft::NAME.
+function(heft_add_room name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  add_library(heft_${name} STATIC ${ARG_SOURCES})
+  add_library(heft::${name} ALIAS heft_${name})
+  set_target_properties(heft_${name} PROPERTIES EXPORT_NAME ${name})
+  file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/include/heft/${name}/*.hpp)
+  target_sources(heft_${name} PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}/include FILES ${headers})
+  target_compile_features(heft_${name} PUBLIC cxx_std_20)
+  target_link_libraries(heft_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE} $<BUILD_INTERFACE:heft_warnings>)
+  set_property(GLOBAL APPEND PROPERTY HEFT_ROOMS ${name})
+endfunction()
+
+# heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ...)
+# One googletest binary; every TEST becomes a ctest entry NAME.Suite.Test with the labels given.
+function(heft_add_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBRARIES;LABELS;DEFINITIONS" ${ARGN})
+  if(NOT ARG_LABELS)
+    set(ARG_LABELS unit)
+  endif()
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
+  endif()
+  add_executable(test_${name} ${ARG_SOURCES})
+  target_link_libraries(test_${name} PRIVATE ${ARG_LIBRARIES} GTest::gtest GTest::gtest_main GTest::gmock heft_warnings)
+  target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
+  target_compile_definitions(test_${name} PRIVATE
+    HEFT_DATA_DIR="${HEFT_DATA_DIR}" HEFT_REFERENCE_DIR="${HEFT_REFERENCE_DIR}"
+    HEFT_URDF_DIR="${PROJECT_SOURCE_DIR}/urdf" HEFT_SOURCE_DIR="${PROJECT_SOURCE_DIR}" ${ARG_DEFINITIONS})
+  string(REPLACE ";" "\\;" labels "${ARG_LABELS}")
+  gtest_discover_tests(test_${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
+                       PROPERTIES LABELS "${labels}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()
