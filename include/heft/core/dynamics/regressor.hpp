@@ -1,0 +1,305 @@
+/// @file
+/// The joint torque regressor: torques as a linear function of the parameters, tau = Y(q, qd, qdd) x.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <tuple>
+
+#include <Eigen/Core>
+
+#include "heft/core/arm_geometry.hpp"
+#include "heft/core/dynamics/inverse_dynamics.hpp"
+#include "heft/core/dynamics/link_motion.hpp"
+#include "heft/core/friction/friction.hpp"
+
+namespace heft {
+
+/// Inertial columns of the regressor, n × 10n, ten a link in the order of InertialParameters.
+template <typename Scalar, int N>
+using LinkRegressor = Eigen::Matrix<Scalar, N, kParametersPerLink * N>;
+
+/// All columns of the regressor, n × 14n: LinkRegressor, then rotor inertia, Coulomb, viscous, offset blocks.
+template <typename Scalar, int N>
+using FullRegressor = Eigen::Matrix<Scalar, N, kNumFullParameters<N>>;
+
+namespace structural {
+
+/// What joint i asks of a wrench at the origin of link j ≥ i: tau_i = z·n + k·f. For a revolute joint z is its
+/// axis and k = z × p with p from joint i to the link origin; for a prismatic one z = 0 and k is the axis. Both in
+/// link-j axes ((17), (18) of the publication).
+template <typename Z, typename K>
+struct Probe {
+  [[no_unique_address]] Z z;
+  [[no_unique_address]] K k;
+};
+
+template <typename Z, typename K>
+constexpr Probe<Z, K> make_probe(const Z& z, const K& k) {
+  return {z, k};
+}
+
+/// The probe one link further out: z' = E z, k' = E (k + z × p).
+template <typename Frame, typename P>
+constexpr auto carried(const Frame& frame, const P& probe) {
+  return make_probe(frame.rotation * probe.z, frame.rotation * (probe.k + cross(probe.z, frame.position)));
+}
+
+/// The part of entry I (PseudoIndex) that is made of velocities alone and so is common to all accelerations.
+template <int I, typename P, typename V>
+constexpr auto velocity_entry(const P& p, const V& v) {
+  if constexpr (I == kPhx) {
+    return -lazy_times([&] { return v.yy + v.zz; }, p.k.x);
+  } else if constexpr (I == kPhy) {
+    return -lazy_times([&] { return v.xx + v.zz; }, p.k.y);
+  } else if constexpr (I == kPhz) {
+    return -lazy_times([&] { return v.xx + v.yy; }, p.k.z);
+  } else if constexpr (I == kS12) {
+    return lazy_times([&] { return v.yy - v.xx; }, p.z.z);
+  } else if constexpr (I == kS13) {
+    return lazy_times([&] { return v.xx - v.zz; }, p.z.y);
+  } else if constexpr (I == kS23) {
+    return lazy_times([&] { return v.zz - v.yy; }, p.z.x);
+  } else {
+    return Zero{};
+  }
+}
+
+/// The rest of entry I of the row of a probe: what the joint feels of a unit of that pseudo-inertia entry.
+template <int I, typename P, typename U, typename A>
+constexpr auto acceleration_entry(const P& p, const U& u, const A& a) {
+  if constexpr (I == kPm) {
+    return dot(p.k, a);
+  } else if constexpr (I == kPhx) {
+    return a.y * p.z.z - a.z * p.z.y + u.u21 * p.k.y + u.u31 * p.k.z;
+  } else if constexpr (I == kPhy) {
+    return a.z * p.z.x - a.x * p.z.z + u.u12 * p.k.x + u.u32 * p.k.z;
+  } else if constexpr (I == kPhz) {
+    return a.x * p.z.y - a.y * p.z.x + u.u13 * p.k.x + u.u23 * p.k.y;
+  } else if constexpr (I == kS11) {
+    return u.u21 * p.z.z - u.u31 * p.z.y;
+  } else if constexpr (I == kS12) {
+    return u.u31 * p.z.x - u.u32 * p.z.y;
+  } else if constexpr (I == kS22) {
+    return u.u32 * p.z.x - u.u12 * p.z.z;
+  } else if constexpr (I == kS13) {
+    return u.u23 * p.z.z - u.u21 * p.z.x;
+  } else if constexpr (I == kS23) {
+    return u.u12 * p.z.y - u.u13 * p.z.z;
+  } else {
+    static_assert(I == kS33);
+    return u.u13 * p.z.y - u.u23 * p.z.x;
+  }
+}
+
+/// The ten entries of one row and link, into Y(row, first..first+9), in the order of InertialParameters.
+/// Inertia columns: Σ = ½ tr(I) E − I turned round, for instance Ixx = ½ (−S11 + S22 + S33); written out they are
+/// the columns of D in (16).
+template <typename Scalar, typename P, typename U, typename WD, typename A, typename Matrix>
+constexpr void write_inertial_row(const P& p, const U& u, const WD& wd, const A& a, Matrix& Y, int row, int first) {
+  const auto& v = u.v;
+  Y(row, first + kMass) = value<Scalar>(acceleration_entry<kPm>(p, u, a));
+  Y(row, first + kMcx) = value<Scalar>(velocity_entry<kPhx>(p, v) + acceleration_entry<kPhx>(p, u, a));
+  Y(row, first + kMcy) = value<Scalar>(velocity_entry<kPhy>(p, v) + acceleration_entry<kPhy>(p, u, a));
+  Y(row, first + kMcz) = value<Scalar>(velocity_entry<kPhz>(p, v) + acceleration_entry<kPhz>(p, u, a));
+  Y(row, first + kIxx) = value<Scalar>(p.z.x * wd.x + p.z.y * v.xz - p.z.z * v.xy);
+  Y(row, first + kIxy) = value<Scalar>(p.z.y * u.u32 - p.z.x * u.u31 - lazy_times([&] { return v.yy - v.xx; }, p.z.z));
+  Y(row, first + kIyy) = value<Scalar>(p.z.y * wd.y + p.z.z * v.xy - p.z.x * v.yz);
+  Y(row, first + kIxz) = value<Scalar>(p.z.x * u.u21 - p.z.z * u.u23 - lazy_times([&] { return v.xx - v.zz; }, p.z.y));
+  Y(row, first + kIyz) = value<Scalar>(p.z.z * u.u13 - p.z.y * u.u12 - lazy_times([&] { return v.zz - v.yy; }, p.z.x));
+  Y(row, first + kIzz) = value<Scalar>(p.z.z * wd.z + p.z.x * v.yz - p.z.y * v.xz);
+}
+
+template <typename Frame>
+constexpr auto own_probe(const Frame& frame) {
+  if constexpr (requires { Frame::type; }) {
+    if constexpr (Frame::type == JointType::kRevolute) {
+      return make_probe(frame.axis, Zero3{});
+    } else {
+      return make_probe(Zero3{}, frame.axis);
+    }
+  } else {
+    using S = decltype(frame.position.x);
+    const S z = frame.revolute ? S(1) : S(0);
+    return make_probe(vec3(Zero{}, Zero{}, z), vec3(Zero{}, Zero{}, S(1) - z));
+  }
+}
+
+/// One link outward with the probes of all joints inboard of it (from joint First on).
+template <int J, int First, typename Arm, typename W, typename WD, typename A, typename Vector, typename Sink,
+          typename... Probes>
+constexpr void static_regressor(const JointTrigonometry<Arm>& trig, const W& w_parent, const WD& wd_parent,
+                                const A& at_joint, const Vector& q, const Vector& qd, const Vector& qdd, Sink& sink,
+                                const Probes&... inboard) {
+  const auto frame = Arm::template frame<J>(trig.joint[J], q[J]);
+  const auto w = link_velocity(frame, w_parent, qd[J]);
+  const auto spin = relative_spin(frame, w, qd[J]);
+  const auto wd = link_angular_acceleration(frame, wd_parent, spin, qdd[J]);
+  const auto a = link_acceleration(frame, at_joint, spin, qdd[J]);
+  const auto u = u_matrix(velocity_products(w), wd);
+  const auto go_on = [&](const auto&... probes) {
+    sink(std::integral_constant<int, J>{}, u, wd, a, probes...);
+    if constexpr (J + 1 < Arm::kNumJoints) {
+      const auto next = Arm::template frame<J + 1>(trig.joint[J + 1], q[J + 1]);
+      static_regressor<J + 1, First, Arm>(trig, w, wd, a + u_times(u, next.position), q, qd, qdd, sink, probes...);
+    }
+  };
+  if constexpr (J >= First) {
+    go_on(carried(frame, inboard)..., own_probe(frame));
+  } else {
+    go_on();
+  }
+}
+
+/// Writes the block of one link: zero above its own joint's row, one row a probe.
+template <typename Scalar, typename Matrix>
+struct LinkRegressorSink {
+  Matrix& Y;
+
+  template <int J, typename U, typename WD, typename A, typename... Probes>
+  constexpr void operator()(std::integral_constant<int, J>, const U& u, const WD& wd, const A& a,
+                            const Probes&... probes) const {
+    int row = 0;
+    (write_inertial_row<Scalar>(probes, u, wd, a, Y, row++, kParametersPerLink * J), ...);
+    for (int column = kParametersPerLink * J; column < kParametersPerLink * (J + 1); ++column) {
+      for (int below = J + 1; below < static_cast<int>(Matrix::RowsAtCompileTime); ++below) {
+        Y(below, column) = Scalar(0);
+      }
+    }
+  }
+};
+
+}  // namespace structural
+
+/// Columns for parameters in inner link axes into columns for parameters in user link axes: with h' = T h and
+/// I' = T I Tᵀ, Y h' = (Y T) h and the six inertia columns likewise.
+/// @param T  row-major, user axes to inner axes
+template <typename Scalar, int N>
+inline void turn_link_columns(const std::array<Scalar, 9>& T, LinkRegressor<Scalar, N>& Y, int link) noexcept {
+  const int first = kParametersPerLink * link;
+  constexpr int kAt[3][3] = {{kIxx, kIxy, kIxz}, {kIxy, kIyy, kIyz}, {kIxz, kIyz, kIzz}};
+  for (int row = 0; row <= link; ++row) {
+    Scalar h[3];
+    Scalar G[3][3];
+    for (int i = 0; i < 3; ++i) {
+      h[i] = Y(row, first + kMcx + i);
+      for (int j = 0; j < 3; ++j) {
+        // As a full matrix of derivatives the off-diagonal columns count twice.
+        G[i][j] = Y(row, first + kAt[i][j]) * (i == j ? Scalar(1) : Scalar(0.5));
+      }
+    }
+    for (int i = 0; i < 3; ++i) {
+      Scalar turned_h{0};
+      for (int k = 0; k < 3; ++k) {
+        turned_h += h[k] * T[static_cast<std::size_t>(3 * k + i)];
+      }
+      Y(row, first + kMcx + i) = turned_h;
+      for (int j = i; j < 3; ++j) {
+        Scalar turned{0};
+        for (int k = 0; k < 3; ++k) {
+          for (int l = 0; l < 3; ++l) {
+            turned += T[static_cast<std::size_t>(3 * k + i)] * G[k][l] * T[static_cast<std::size_t>(3 * l + j)];
+          }
+        }
+        Y(row, first + kAt[i][j]) = i == j ? turned : Scalar(2) * turned;
+      }
+    }
+  }
+}
+
+/// Inertial columns of the regressor with compile-time geometry: tau = Y x with x the ten parameters of every
+/// link about its link frame.
+///
+/// @param Y  n × 10n; row i is the torque of joint i [N·m, N] per unit of each parameter
+template <typename Arm>
+  requires(Arm::kIsStatic)
+inline void link_regressor(const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,
+                           const typename Arm::Vector& qd, const typename Arm::Vector& qdd,
+                           LinkRegressor<typename Arm::Scalar, Arm::kNumJoints>& Y) noexcept {
+  using namespace structural;
+  using Scalar = typename Arm::Scalar;
+  LinkRegressorSink<Scalar, LinkRegressor<Scalar, Arm::kNumJoints>> sink{Y};
+  static_regressor<0, 0, Arm>(trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd, sink);
+}
+
+/// The same with run-time geometry. Cost: 6 joints about 1500 multiplications and 1200 additions.
+template <typename Scalar, int N>
+inline void link_regressor(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
+                           const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
+                           const JointVector<Scalar, N>& qdd, LinkRegressor<Scalar, N>& Y) noexcept {
+  using namespace structural;
+  using V = Dense3<Scalar>;
+  std::array<Probe<V, V>, N> probes;
+  V w = {Scalar(0), Scalar(0), Scalar(0)};
+  V wd = w;
+  V at_joint = arm.base_acceleration();
+  auto frame = arm.frame(0, trig.joint[0], q[0]);
+  for (int j = 0; j < N; ++j) {
+    w = link_velocity(frame, w, qd[j]);
+    const auto spin = relative_spin(frame, w, qd[j]);
+    wd = link_angular_acceleration(frame, wd, spin, qdd[j]);
+    const V a = link_acceleration(frame, at_joint, spin, qdd[j]);
+    const auto u = u_matrix(velocity_products(w), wd);
+    for (int i = 0; i < j; ++i) {
+      auto& probe = probes[static_cast<std::size_t>(i)];
+      probe = carried(frame, probe);
+      write_inertial_row<Scalar>(probe, u, wd, a, Y, i, kParametersPerLink * j);
+    }
+    const auto own = own_probe(frame);
+    write_inertial_row<Scalar>(own, u, wd, a, Y, j, kParametersPerLink * j);
+    probes[static_cast<std::size_t>(j)] = {dense<Scalar>(own.z), dense<Scalar>(own.k)};
+    for (int below = j + 1; below < N; ++below) {
+      for (int column = 0; column < kParametersPerLink; ++column) {
+        Y(below, kParametersPerLink * j + column) = Scalar(0);
+      }
+    }
+    if (arm.is_turned(j)) {
+      turn_link_columns(arm.turn(j), Y, j);
+    }
+    if (j + 1 < N) {
+      frame = arm.frame(j + 1, trig.joint[static_cast<std::size_t>(j + 1)], q[j + 1]);
+      at_joint = a + u_times(u, frame.position);
+    }
+  }
+}
+
+/// Columns of the actuation: rotor inertia q̈_i, Coulomb sign(q̇_i), viscous q̇_i, offset 1, each in row i only.
+/// @param sign_width  velocity scale of a smooth sign [rad/s, m/s]; 0 takes the sharp sign with sign(0) = 0
+template <typename Scalar, int N>
+inline void actuation_regressor(const JointVector<Scalar, N>& qd, const JointVector<Scalar, N>& qdd,
+                                Scalar sign_width, FullRegressor<Scalar, N>& Y) noexcept {
+  constexpr int kFirst = kParametersPerLink * N;
+  Y.template rightCols<4 * N>().setZero();
+  for (int i = 0; i < N; ++i) {
+    Y(i, kFirst + i) = qdd[i];
+    Y(i, kFirst + N + i) = velocity_sign(qd[i], sign_width);
+    Y(i, kFirst + 2 * N + i) = qd[i];
+    Y(i, kFirst + 3 * N + i) = Scalar(1);
+  }
+}
+
+/// The full regressor with run-time geometry: link_regressor and actuation_regressor side by side.
+template <typename Scalar, int N>
+inline void full_regressor(const DynamicArm<Scalar, N>& arm, const JointVector<Scalar, N>& q,
+                           const JointVector<Scalar, N>& qd, const JointVector<Scalar, N>& qdd, Scalar sign_width,
+                           FullRegressor<Scalar, N>& Y) noexcept {
+  LinkRegressor<Scalar, N> links;
+  link_regressor(arm, joint_trigonometry<DynamicArm<Scalar, N>>(q), q, qd, qdd, links);
+  Y.template leftCols<kParametersPerLink * N>() = links;
+  actuation_regressor<Scalar, N>(qd, qdd, sign_width, Y);
+}
+
+/// The full regressor with compile-time geometry.
+template <typename Arm>
+  requires(Arm::kIsStatic)
+inline void full_regressor(const typename Arm::Vector& q, const typename Arm::Vector& qd,
+                           const typename Arm::Vector& qdd, typename Arm::Scalar sign_width,
+                           FullRegressor<typename Arm::Scalar, Arm::kNumJoints>& Y) noexcept {
+  constexpr int kN = Arm::kNumJoints;
+  LinkRegressor<typename Arm::Scalar, kN> links;
+  link_regressor<Arm>(joint_trigonometry<Arm>(q), q, qd, qdd, links);
+  Y.template leftCols<kParametersPerLink * kN>() = links;
+  actuation_regressor<typename Arm::Scalar, kN>(qd, qdd, sign_width, Y);
+}
+
+}  // namespace heft

@@ -1,0 +1,122 @@
+#include "heft/model/dynamics.hpp"
+
+#include <fmt/format.h>
+
+#include "heft/core/dynamics/inverse_dynamics.hpp"
+#include "heft/core/dynamics/joint_space.hpp"
+#include "heft/core/dynamics/regressor.hpp"
+#include "heft/core/friction/friction.hpp"
+#include "heft/host/error.hpp"
+
+namespace heft::model {
+
+/// Core behind a virtual call, one instantiation a number of joints.
+struct Dynamics::Impl {
+  explicit Impl(Robot r) : robot(std::move(r)) {}
+  virtual ~Impl() = default;
+  virtual Eigen::VectorXd inverse(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                  const Eigen::VectorXd& qdd) const = 0;
+  virtual Eigen::VectorXd gravity(const Eigen::VectorXd& q) const = 0;
+  virtual Eigen::MatrixXd mass(const Eigen::VectorXd& q) const = 0;
+  virtual Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                    const Eigen::VectorXd& qdd) const = 0;
+  Robot robot;
+};
+
+namespace {
+
+template <int N, typename Base>
+struct Sized final : Base {
+  using Vector = JointVector<double, N>;
+  using Arm = DynamicArm<double, N>;
+
+  explicit Sized(const Robot& r) : Base(r), arm(to_arm_model<N>(r)) {}
+
+  Eigen::VectorXd inverse(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                          const Eigen::VectorXd& qdd) const override {
+    return inverse_dynamics(arm, Vector(q), Vector(qd), Vector(qdd));
+  }
+  Eigen::VectorXd gravity(const Eigen::VectorXd& q) const override {
+    Vector tau;
+    const Vector position = q;
+    gravity_torque(arm, joint_trigonometry<Arm>(position), position, tau);
+    return tau;
+  }
+  Eigen::MatrixXd mass(const Eigen::VectorXd& q) const override {
+    MassMatrix<double, N> m;
+    const Vector position = q;
+    mass_matrix(arm, joint_trigonometry<Arm>(position), position, m);
+    return m;
+  }
+  Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                            const Eigen::VectorXd& qdd) const override {
+    FullRegressor<double, N> Y;
+    full_regressor<double, N>(arm, Vector(q), Vector(qd), Vector(qdd), 0.0, Y);
+    return Y;
+  }
+
+  Arm arm;
+};
+
+template <int N, typename Base>
+std::unique_ptr<Base> make_sized(const Robot& robot) {
+  if constexpr (N > kMaxJoints) {
+    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name, robot.num_joints(),
+                                 kMaxJoints));
+  } else {
+    if (robot.num_joints() == N) {
+      return std::make_unique<Sized<N, Base>>(robot);
+    }
+    return make_sized<N + 1, Base>(robot);
+  }
+}
+
+}  // namespace
+
+Dynamics::Dynamics(const Robot& robot) : impl_(make_sized<1, Impl>(robot)) {}
+Dynamics::~Dynamics() = default;
+Dynamics::Dynamics(Dynamics&&) noexcept = default;
+Dynamics& Dynamics::operator=(Dynamics&&) noexcept = default;
+
+int Dynamics::num_joints() const { return impl_->robot.num_joints(); }
+const Robot& Dynamics::robot() const { return impl_->robot; }
+
+Eigen::VectorXd Dynamics::inverse_dynamics(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                           const Eigen::VectorXd& qdd) const {
+  return impl_->inverse(q, qd, qdd);
+}
+
+Eigen::VectorXd Dynamics::joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                       const Eigen::VectorXd& qdd) const {
+  Eigen::VectorXd tau = impl_->inverse(q, qd, qdd);
+  for (Eigen::Index i = 0; i < tau.size(); ++i) {
+    const auto& actuation = impl_->robot.joints[static_cast<std::size_t>(i)].actuation;
+    tau[i] += actuation.rotor_inertia * qdd[i] + friction_torque(actuation, qd[i], 0.0);
+  }
+  return tau;
+}
+
+Eigen::VectorXd Dynamics::gravity_torque(const Eigen::VectorXd& q) const { return impl_->gravity(q); }
+Eigen::MatrixXd Dynamics::mass_matrix(const Eigen::VectorXd& q) const { return impl_->mass(q); }
+Eigen::MatrixXd Dynamics::regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                    const Eigen::VectorXd& qdd) const {
+  return impl_->regressor(q, qd, qdd);
+}
+
+Eigen::VectorXd Dynamics::parameters() const {
+  const Eigen::Index n = num_joints();
+  Eigen::VectorXd x(14 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto& joint = impl_->robot.joints[static_cast<std::size_t>(i)];
+    for (Eigen::Index k = 0; k < kParametersPerLink; ++k) {
+      x[kParametersPerLink * i + k] = joint.link[static_cast<std::size_t>(k)];
+    }
+    x[10 * n + i] = joint.actuation.rotor_inertia;
+    x[11 * n + i] = joint.actuation.coulomb_friction;
+    x[12 * n + i] = joint.actuation.viscous_friction;
+    x[13 * n + i] = joint.actuation.friction_offset;
+  }
+  return x;
+}
+
+}  // namespace heft::model
