@@ -30,7 +30,7 @@ class Node {
   }
   bool has(const char* key) const { return json_->is_object() && json_->contains(key); }
   Node at(const char* key, const std::string& expected) const {
-    if (!json_->is_object()) fail(fmt::format("found {}", json_->type_name()), "an object");
+    expect_object();
     if (!json_->contains(key)) {
       throw ModelError(fmt::format("{}: {}/{}: missing; expected {}", file_, path_, key, expected));
     }
@@ -45,6 +45,9 @@ class Node {
     if (const std::size_t found = array_size(expected); found != size) {
       fail(fmt::format("found {} entries", found), expected);
     }
+  }
+  void expect_object() const {
+    if (!json_->is_object()) fail(fmt::format("found {}", json_->type_name()), "an object");
   }
   double number(bool null_is_nan = false) const {
     if (null_is_nan && json_->is_null()) return std::numeric_limits<double>::quiet_NaN();
@@ -66,8 +69,6 @@ class Node {
     for (std::size_t k = 0; k < list.array_size("a list of texts"); ++k) texts.push_back(list.at(k).text());
     return texts;
   }
-  const Json& json() const { return *json_; }
-
  private:
   const Json* json_;
   std::string file_;
@@ -177,7 +178,7 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
     joints.expect_size(num_joints, fmt::format("{}, one a link", num_joints));
     for (std::size_t k = 0; k < num_joints; ++k) {
       const Node joint = joints.at(k);
-      if (!joint.json().is_object()) joint.fail(fmt::format("found {}", joint.json().type_name()), "an object");
+      joint.expect_object();
       model.joint_names[k] = joint.text_or_empty("name");
       model.actuation[k] = {joint.number_or_zero("rotor_inertia"), joint.number_or_zero("coulomb_friction"),
                             joint.number_or_zero("viscous_friction"), joint.number_or_zero("friction_offset")};
@@ -208,6 +209,7 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
   }
   if (root.has("provenance")) {
     const Node provenance = root.at("provenance", "an object");
+    provenance.expect_object();
     model.provenance = {provenance.text_or_empty("method"), provenance.texts_or_empty("logs"),
                         provenance.texts_or_empty("notes")};
   }

@@ -1,0 +1,475 @@
+/// @file
+/// The terminal-link estimator: rows k..n, instruments, start-up, and when to say nothing.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "heft/core/arm_geometry.hpp"
+#include "heft/core/dynamics/terminal_rows.hpp"
+#include "heft/core/estimate/factored_equations.hpp"
+#include "heft/core/estimate/normal_equations.hpp"
+#include "heft/core/estimate/staged_solver.hpp"
+#include "heft/core/status.hpp"
+
+namespace heft {
+
+/// How the estimate is kept.
+enum class EstimatorForm : std::uint8_t {
+  kInformation,  ///< accumulate, solve every so many samples, the solve spread over samples
+  kFactored      ///< exact after every sample by rank-one updates of the factors
+};
+
+/// What the estimate handed out rests on.
+enum class EstimateSource : std::uint8_t {
+  kPrior,          ///< the nominal values: the data do not determine anything better yet
+  kLeastSquares,   ///< start-up: least squares, biased where accelerations are noisy
+  kInstrumental    ///< instrumental variables
+};
+
+/// Name of a source, for people.
+constexpr const char* to_string(EstimateSource source) noexcept {
+  switch (source) {
+    case EstimateSource::kPrior: return "prior";
+    case EstimateSource::kLeastSquares: return "least squares";
+    case EstimateSource::kInstrumental: return "instrumental variables";
+  }
+  return "unknown source";
+}
+
+/// Estimates the parameters that rows k..n of an arm see, sample by sample, from measured torques.
+///
+/// tau = Y x + ψ, in which the noise of the measured acceleration stands both in Y and, through the mass matrix,
+/// in ψ; least squares is biased by it, instruments made from another acceleration are not (Kawasaki and
+/// Nishimura, (22)-(37), (46)-(54); section numbers of the corrected text are in src/core/estimate/terminal_link.md).
+///
+/// Numbers handed out are always usable: the prior until least squares is determined by the data, least squares
+/// until the instrumental system passes its conditioning check, instrumental variables from then on.
+///
+/// @tparam Arm    StaticArm
+/// @tparam First  k − 1: first joint whose row is used
+/// @tparam Form   how the estimate is kept
+///
+/// Cost a sample: bench/operation_count. No allocation, no exception, every loop bounded.
+template <typename Arm, int First, EstimatorForm Form = EstimatorForm::kInformation>
+class TerminalLinkEstimator {
+ public:
+  using Scalar = typename Arm::Scalar;
+  using Description = typename Arm::Description;
+  using Layout = TerminalLayout<Arm, First>;
+  using Vector = typename Arm::Vector;
+  using Rows = TerminalRows<Scalar, Layout>;
+  static constexpr int kParameters = Layout::kParameters;
+  static constexpr int kRows = Layout::kRows;
+  using Row = std::array<Scalar, kParameters>;
+
+  struct Config {
+    /// Weight of each row, inverse to its noise variance (the diagonal of P² in (47)); 1 costs nothing.
+    std::array<Scalar, kRows> row_weight = filled(Scalar(1));
+    Scalar forgetting_factor{1};  ///< λ a sample, 0 < λ ≤ 1; held while the arm stands still
+    int solve_every{50};          ///< samples from one solve to the next, ≥ 2 (information form and start-up)
+    Scalar prior_precision{0};    ///< P₀⁻¹ relative to the information of one unit row, ≥ 0, all parameters alike
+    bool use_instruments{true};   ///< false: least squares all along
+    Scalar max_amplification{10}; ///< the instrumental system is trusted below this (StagedSolver::amplification)
+    Scalar max_amplification_least_squares{30};  ///< and least squares below this
+    int min_samples{200};         ///< fewer samples never leave the prior
+    Scalar gate{8};               ///< a row whose innovation exceeds gate times its usual size is refused; 0: off
+    Scalar standstill_speed{0};   ///< samples with all joints of the rows slower than this are left out [rad/s]; 0: off
+    Scalar sign_width{0};         ///< of the Coulomb sign, see velocity_sign [rad/s]
+  };
+
+  /// What happened to a sample.
+  struct Record {
+    std::array<Scalar, kRows> innovation{};     ///< torque minus prediction by the estimate before [N·m]
+    std::array<bool, kRows> row_used{};         ///< false: refused by the gate, standstill or a non-finite number
+    EstimateSource source{EstimateSource::kPrior};
+    bool new_estimate{false};                   ///< estimate() changed with this sample
+    bool standstill{false};
+  };
+
+  /// Checks settings, forgets all data, starts at the nominal parameters.
+  /// @param nominal   reduced parameters of the whole arm
+  /// @param coulomb,viscous  nominal friction of all joints [N·m, N·m·s/rad]
+  /// @return kOutOfRange, state kept
+  Status configure(const Config& config, const ReducedParameters<Scalar, Description>& nominal, const Vector& coulomb,
+                   const Vector& viscous) noexcept {
+    if (!(config.forgetting_factor > Scalar(0)) || config.forgetting_factor > Scalar(1) || config.solve_every < 2 ||
+        config.prior_precision < Scalar(0) || !(config.max_amplification > Scalar(1)) || config.min_samples < 0 ||
+        config.gate < Scalar(0)) {
+      return Status::kOutOfRange;
+    }
+    for (const Scalar& weight : config.row_weight) {
+      if (!(weight > Scalar(0))) {
+        return Status::kOutOfRange;
+      }
+    }
+    config_ = config;
+    nominal_ = nominal;
+    write_prior(coulomb, viscous);
+    reset();
+    configured_ = true;
+    return Status::kOk;
+  }
+
+  /// Forgets all data and goes back to the nominal parameters.
+  void reset() noexcept {
+    Row precision;
+    precision.fill(config_.prior_precision);
+    instrumental_.reset(prior_, precision);
+    least_squares_.reset(prior_, precision);
+    estimate_ = prior_;
+    source_ = EstimateSource::kPrior;
+    gain_ = Scalar(1);
+    samples_ = 0;
+    solved_at_ = 0;
+    running_ = false;
+    usual_.fill(Scalar(0));
+    solver_ = StagedSolver<Scalar, Layout>{};
+    amplification_ = Scalar(0);
+    status_ = Status::kNotExcited;
+  }
+
+  /// Takes one sample.
+  ///
+  /// @param q,qd        positions and velocities, n [rad, rad/s]
+  /// @param qdd         measured accelerations, n [rad/s²]
+  /// @param instrument  accelerations free of this sample's measurement noise, n [rad/s²]
+  /// @param tau         measured torques, n, link side [N·m]
+  /// @return kNonFiniteInput: the sample is refused, nothing changed; kNotConfigured
+  Status update(const Vector& q, const Vector& qd, const Vector& qdd, const Vector& instrument, const Vector& tau,
+                Record& record) noexcept {
+    std::array<Rows, 2> rows{};
+    terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {qdd, instrument}, config_.sign_width,
+                                 rows);
+    return update_rows(rows[0], rows[1], qd, tau, record);
+  }
+
+  /// Takes rows that were computed elsewhere, for instance with the forward pass of the controller.
+  /// @param rows,instruments  from the measured acceleration and from the instrument
+  Status update_rows(const Rows& rows, const Rows& instruments, const Vector& qd, const Vector& tau,
+                     Record& record) noexcept {
+    record = Record{};
+    record.source = source_;
+    if (!configured_) {
+      return Status::kNotConfigured;
+    }
+    if (!finite(rows, instruments, tau)) {
+      return Status::kNonFiniteInput;
+    }
+    if (config_.standstill_speed > Scalar(0) && stands_still(qd)) {
+      record.standstill = true;
+    } else {
+      ++samples_;
+      if (config_.forgetting_factor < Scalar(1)) {
+        grow_gain();
+      }
+      for (int r = 0; r < kRows; ++r) {
+        take_row(r, rows, instruments, tau[First + r], record);
+      }
+    }
+    work(record);
+    record.source = source_;
+    return Status::kOk;
+  }
+
+  /// Finishes a solve at once with all data so far, at the cost of a whole solve in one call. For tests, and at
+  /// the end of a log.
+  Status solve_now() noexcept {
+    Record record;
+    if (Form == EstimatorForm::kFactored && running_) {
+      return Status::kOk;
+    }
+    begin_solve(config_.use_instruments);
+    while (!solver_.advance(kParameters * kParameters)) {
+    }
+    finish_solve(record);
+    return status_;
+  }
+
+  /// The estimate in the order of TerminalLayout. Always usable; what it rests on is source().
+  const Row& estimate() const noexcept { return estimate_; }
+  EstimateSource source() const noexcept { return source_; }
+  /// kOk; kNotExcited or kSingular when the latest solve failed its check and an older estimate stands.
+  Status status() const noexcept { return status_; }
+  /// Conditioning of the latest solve, see StagedSolver::amplification.
+  Scalar amplification() const noexcept { return amplification_; }
+  /// Samples that were used.
+  long samples() const noexcept { return samples_; }
+  const Row& prior() const noexcept { return prior_; }
+
+  /// The whole arm with the estimate in place of the nominal values of links k..n.
+  ///
+  /// Exact for rows k..n. Rows before k keep the nominal mass of the terminal link, which these rows cannot see
+  /// (section 6); a payload mass from PayloadEstimator goes in through corrected_for_payload().
+  ReducedParameters<Scalar, Description> reduced() const noexcept {
+    ReducedParameters<Scalar, Description> all = nominal_;
+    for_inertial([&](std::size_t link, std::size_t entry, std::size_t column) {
+      all.links[link][entry] = estimate_[column];
+    });
+    return all;
+  }
+
+  /// Estimated Coulomb and viscous friction of joints k..n into vectors of all joints.
+  void friction(Vector& coulomb, Vector& viscous) const noexcept {
+    for (int r = 0; r < kRows; ++r) {
+      const std::size_t column = static_cast<std::size_t>(Layout::friction(r));
+      coulomb[First + r] = estimate_[column];
+      viscous[First + r] = estimate_[column + 1];
+    }
+  }
+
+ private:
+  static std::array<Scalar, kRows> filled(Scalar value) {
+    std::array<Scalar, kRows> all{};
+    for (Scalar& entry : all) {
+      entry = value;
+    }
+    return all;
+  }
+
+  template <typename F>
+  static constexpr void for_inertial(F f) noexcept {
+    [&]<int... R>(std::integer_sequence<int, R...>) {
+      (
+          [&] {
+            std::size_t column = static_cast<std::size_t>(Layout::inertial(R));
+            for (std::size_t entry = 0; entry < 10; ++entry) {
+              if (structural::kReducedPattern<Description, First + R>[entry]) {
+                f(static_cast<std::size_t>(First + R), entry, column++);
+              }
+            }
+          }(),
+          ...);
+    }(std::make_integer_sequence<int, kRows>{});
+  }
+
+  void write_prior(const Vector& coulomb, const Vector& viscous) noexcept {
+    for_inertial([&](std::size_t link, std::size_t entry, std::size_t column) {
+      prior_[column] = nominal_.links[link][entry];
+    });
+    for (int r = 0; r < kRows; ++r) {
+      const std::size_t column = static_cast<std::size_t>(Layout::friction(r));
+      prior_[column] = coulomb[First + r];
+      prior_[column + 1] = viscous[First + r];
+    }
+  }
+
+  // A sum of differences of each number with itself is 0 exactly when all are finite. The last row of the
+  // regressor and the torques show every non-finite position, velocity or acceleration.
+  static bool finite(const Rows& rows, const Rows& instruments, const Vector& tau) noexcept {
+    bool ok = true;
+    for (int r = 0; r < kRows; ++r) {
+      const std::size_t i = static_cast<std::size_t>(r);
+      for_support<Layout>(r, [&](int column) {
+        const std::size_t c = static_cast<std::size_t>(column);
+        ok = ok && is_finite(rows[i][c]) && is_finite(instruments[i][c]);
+      });
+      ok = ok && is_finite(tau[First + r]);
+    }
+    return ok;
+  }
+
+  static bool is_finite(const Scalar& v) noexcept {
+    using std::isfinite;
+    return isfinite(v);
+  }
+
+  bool stands_still(const Vector& qd) const noexcept {
+    using std::abs;
+    for (int r = 0; r < kRows; ++r) {
+      if (abs(qd[First + r]) > config_.standstill_speed) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  // Deferred forgetting: new samples weigh more instead of old ones less.
+  void grow_gain() noexcept {
+    gain_ = gain_ / config_.forgetting_factor;
+    if (gain_ > static_cast<Scalar>(1e6)) {
+      const Scalar factor = Scalar(1) / gain_;
+      instrumental_.scale(factor);
+      least_squares_.scale(factor);
+      gain_ = Scalar(1);
+    }
+  }
+
+  void take_row(int r, const Rows& rows, const Rows& instruments, const Scalar& y, Record& record) noexcept {
+    const std::size_t i = static_cast<std::size_t>(r);
+    const Row& w = rows[i];
+    if (config_.gate > Scalar(0)) {
+      Scalar innovation = y;
+      for_support<Layout>(r, [&](int column) {
+        innovation -= w[static_cast<std::size_t>(column)] * estimate_[static_cast<std::size_t>(column)];
+      });
+      record.innovation[i] = innovation;
+      if (source_ != EstimateSource::kPrior && refused(i, innovation)) {
+        return;
+      }
+    }
+    record.row_used[i] = true;
+    const Scalar weight = config_.row_weight[i] * gain_;
+    if (needs_least_squares()) {
+      add_least_squares(r, w, y, weight);
+    }
+    if (config_.use_instruments) {
+      add_instrumental(r, weighted(r, instruments[i], weight), w, y);
+    } else if (Form == EstimatorForm::kFactored && running_) {
+      add_instrumental(r, weighted(r, w, weight), w, y);
+    }
+  }
+
+  // The row itself where the weight is 1, so that unweighted rows cost nothing.
+  static Row weighted(int r, const Row& row, const Scalar& weight) noexcept {
+    Row z = row;
+    if (!(weight == Scalar(1))) {
+      for_support<Layout>(r, [&](int column) {
+        const std::size_t c = static_cast<std::size_t>(column);
+        z[c] = z[c] * weight;
+      });
+    }
+    return z;
+  }
+
+  void add_least_squares(int r, const Row& w, const Scalar& y, const Scalar& weight) noexcept {
+    if (weight == Scalar(1)) {
+      least_squares_.add_symmetric(r, w, y);
+      return;
+    }
+    using std::sqrt;
+    const Scalar root = sqrt(weight);
+    least_squares_.add_symmetric(r, weighted(r, w, root), y * root);
+  }
+
+  void add_instrumental(int r, const Row& z, const Row& w, const Scalar& y) noexcept {
+    if (Form == EstimatorForm::kFactored && running_) {
+      if (factored_.add(r, z, w, y) != Status::kOk) {
+        // A pivot was lost: collect afresh from the estimate in hand.
+        const Row keep = estimate_;
+        const EstimateSource had = source_;
+        Row precision;
+        precision.fill(config_.prior_precision);
+        instrumental_.reset(keep, precision);
+        least_squares_.reset(keep, precision);
+        running_ = false;
+        source_ = had == EstimateSource::kPrior ? had : EstimateSource::kLeastSquares;
+        samples_ = 0;
+        solved_at_ = 0;
+        status_ = Status::kSingular;
+      }
+      return;
+    }
+    instrumental_.add(r, z, w, y);
+  }
+
+  // Least squares is kept beside the instruments until these are trusted; alone when there are none.
+  bool needs_least_squares() const noexcept {
+    return config_.use_instruments ? source_ != EstimateSource::kInstrumental
+                                   : !(Form == EstimatorForm::kFactored && running_);
+  }
+
+  // The usual size of a row's innovation follows its magnitude, slowly and cut at the gate, so that a change that
+  // lasts is let in after some tens of samples.
+  bool refused(std::size_t r, const Scalar& innovation) noexcept {
+    using std::abs;
+    const Scalar magnitude = abs(innovation);
+    if (!(usual_[r] > Scalar(0))) {
+      usual_[r] = magnitude;
+      return false;
+    }
+    const Scalar limit = config_.gate * usual_[r];
+    const bool refuse = magnitude > limit;
+    usual_[r] += static_cast<Scalar>(0.01) * ((refuse ? limit : magnitude) - usual_[r]);
+    return refuse;
+  }
+
+  void work(Record& record) noexcept {
+    if (Form == EstimatorForm::kFactored && running_) {
+      estimate_ = factored_.solution();
+      record.new_estimate = true;
+      return;
+    }
+    if (solver_.busy()) {
+      constexpr int kTotal = StagedSolver<Scalar, Layout>::total_work();
+      if (solver_.advance(kTotal / config_.solve_every + 1)) {
+        finish_solve(record);
+      }
+    }
+    if (!solver_.busy() && samples_ >= config_.min_samples && samples_ - solved_at_ >= config_.solve_every) {
+      // During start-up the two systems take turns.
+      turn_ = !turn_;
+      begin_solve(config_.use_instruments && (source_ == EstimateSource::kInstrumental || turn_));
+      solved_at_ = samples_;
+    }
+  }
+
+  void begin_solve(bool instruments) noexcept {
+    solving_instruments_ = instruments;
+    if (instruments) {
+      solver_.start(instrumental_.matrix(), instrumental_.right_side(), false);
+    } else {
+      solver_.start(least_squares_.matrix(), least_squares_.right_side(), true);
+    }
+  }
+
+  void finish_solve(Record& record) noexcept {
+    status_ = solver_.status();
+    if (status_ != Status::kOk) {
+      return;
+    }
+    const Scalar amplification = solver_.amplification();
+    const Scalar limit =
+        solving_instruments_ ? config_.max_amplification : config_.max_amplification_least_squares;
+    if (!(amplification <= limit)) {
+      status_ = Status::kNotExcited;
+      return;
+    }
+    amplification_ = amplification;
+    estimate_ = solver_.solution();
+    record.new_estimate = true;
+    source_ = solving_instruments_ ? EstimateSource::kInstrumental : EstimateSource::kLeastSquares;
+    if (Form == EstimatorForm::kFactored && solving_instruments_ == config_.use_instruments) {
+      hand_over();
+    }
+  }
+
+  // From accumulated equations to factors, with everything seen up to this sample.
+  void hand_over() noexcept {
+    if (config_.use_instruments) {
+      running_ = factored_.start(instrumental_.matrix(), instrumental_.right_side()) == Status::kOk;
+    } else {
+      running_ = start_from_least_squares();
+    }
+    if (running_) {
+      estimate_ = factored_.solution();
+    }
+  }
+
+  bool start_from_least_squares() noexcept {
+    auto full = least_squares_.matrix();
+    for (std::size_t i = 1; i < static_cast<std::size_t>(kParameters); ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        full[i][j] = full[j][i];
+      }
+    }
+    return factored_.start(full, least_squares_.right_side()) == Status::kOk;
+  }
+
+  Config config_{};
+  ReducedParameters<Scalar, Description> nominal_{};
+  Row prior_{}, estimate_{};
+  NormalEquations<Scalar, Layout> instrumental_, least_squares_;
+  FactoredEquations<Scalar, Layout, false> factored_;
+  StagedSolver<Scalar, Layout> solver_;
+  std::array<Scalar, kRows> usual_{};
+  Scalar gain_{1}, amplification_{0};
+  long samples_{0}, solved_at_{0};
+  Status status_{Status::kNotExcited};
+  EstimateSource source_{EstimateSource::kPrior};
+  bool configured_{false}, running_{false}, solving_instruments_{false}, turn_{false};
+};
+
+}  // namespace heft

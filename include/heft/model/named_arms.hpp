@@ -1,0 +1,87 @@
+/// @file
+/// Arms as compile-time descriptions: what `heft export` writes, for arms that tests, benchmarks and examples share.
+#pragma once
+
+#include <array>
+
+#include "heft/core/arm_model.hpp"
+#include "heft/core/denavit_hartenberg.hpp"
+
+namespace heft::model {
+
+namespace detail {
+
+constexpr std::array<double, 6> diagonal(double xx, double yy, double zz) { return {xx, 0, yy, 0, 0, zz}; }
+
+/// Tables 1 and 2 of Kawasaki and Nishimura in SI units; doubtful digits as read in the corrected text, section 9.
+/// @param payload  adds the publication's variation of link 6 (60 g at (0.03, 0.03, 0) …) and of its friction
+constexpr ArmModel<double, 6> make_kawasaki(bool payload) {
+  const std::array<DenavitHartenberg<double>, 6> table = {
+      {{-0.011, 0, 1, 0}, {-0.08, 0, 0, 1}, {-0.0886, 0, 0, 1}, {0, 0, 1, 0}, {0, 0.1, 1, 0}, {0, 0, 0, 1}}};
+  std::array<InertialParameters<double>, 6> links = {
+      make_inertial_parameters<double>(0.8, {-0.04, -0.08, 0}, diagonal(0.01, 0.01, 0.01)),
+      make_inertial_parameters<double>(0.4, {-0.04, 0.02, 0}, diagonal(0.005, 0.005, 0.005)),
+      make_inertial_parameters<double>(0.35, {-0.07, 0.035, 0}, diagonal(0.005, 0.005, 0.005)),
+      make_inertial_parameters<double>(0.2, {0, 0, 0}, diagonal(0.001, 0.001, 0.001)),
+      make_inertial_parameters<double>(0.05, {-0.01, -0.03, 0}, diagonal(0.0005, 0.0005, 0.0005)),
+      make_inertial_parameters<double>(0.05, {0.01, 0.01, 0}, diagonal(0.0001, 0.0001, 0.0001))};
+  if (payload) {
+    // The variation is stated for mass, centre and inertia about the centre: 110 g at (0.04, 0.04, 0),
+    // diag(0.4, 0.3, 0.4) g m².
+    links[5] = make_inertial_parameters<double>(0.11, {0.04, 0.04, 0}, diagonal(0.0004, 0.0003, 0.0004));
+  }
+  ArmModel<double, 6> arm = make_standard_dh_arm<double, 6>(table, links);
+  constexpr std::array<double, 6> kCoulomb = {0.47, 1.25, 1.25, 0.45, 0.25, 0.1};
+  for (std::size_t i = 0; i < 6; ++i) {
+    arm.actuation[i].coulomb_friction = kCoulomb[i];
+  }
+  if (payload) {
+    arm.actuation[5].coulomb_friction = 0.25;
+  }
+  return arm;
+}
+
+/// The UR5 of the reference vectors: makers' geometry and masses, rotational inertias nominal with invented
+/// off-diagonal entries so that every column is exercised.
+constexpr ArmModel<double, 6> make_ur5() {
+  const std::array<DenavitHartenberg<double>, 6> table = {{{0, 0.08916, 1, 0},
+                                                           {-0.425, 0, 0, 1},
+                                                           {-0.39225, 0, 0, 1},
+                                                           {0, 0.10915, 1, 0},
+                                                           {0, 0.09465, -1, 0},
+                                                           {0, 0.0823, 0, 1}}};
+  const std::array<InertialParameters<double>, 6> links = {
+      make_inertial_parameters<double>(3.7, {0, -0.02561, 0.00193}, {0.01, 0.0002, 0.0098, -0.0001, 0.0003, 0.0067}),
+      make_inertial_parameters<double>(8.393, {0.2125, 0, 0.11336}, {0.015, 0.0008, 0.226, -0.0011, 0.0004, 0.226}),
+      make_inertial_parameters<double>(2.33, {0.15, 0, 0.0265}, {0.0041, -0.0003, 0.0312, 0.0005, 0.0002, 0.0312}),
+      make_inertial_parameters<double>(1.219, {0, -0.0018, 0.01634}, {0.0026, 0.0001, 0.0025, -5e-05, 8e-05, 0.0022}),
+      make_inertial_parameters<double>(1.219, {0, 0.0018, 0.01634}, {0.0026, -0.0001, 0.0025, 6e-05, 5e-05, 0.0022}),
+      make_inertial_parameters<double>(0.1879, {0, 0, -0.001159}, {0.0001, 1e-05, 0.00011, -5e-06, 4e-06, 0.00014})};
+  ArmModel<double, 6> arm = make_standard_dh_arm<double, 6>(table, links);
+  constexpr std::array<double, 6> kCoulomb = {5.0, 5.0, 4.0, 1.5, 1.5, 1.2};
+  constexpr std::array<double, 6> kViscous = {2.0, 2.0, 1.5, 0.5, 0.5, 0.4};
+  for (std::size_t i = 0; i < 6; ++i) {
+    arm.actuation[i].coulomb_friction = kCoulomb[i];
+    arm.actuation[i].viscous_friction = kViscous[i];
+  }
+  return arm;
+}
+
+}  // namespace detail
+
+/// The publication's arm, six revolute joints, without payload.
+struct KawasakiArm {
+  static constexpr ArmModel<double, 6> kModel = detail::make_kawasaki(false);
+};
+
+/// The publication's arm with the variation of its terminal link.
+struct KawasakiArmWithPayload {
+  static constexpr ArmModel<double, 6> kModel = detail::make_kawasaki(true);
+};
+
+/// UR5 as in the reference vectors.
+struct Ur5Arm {
+  static constexpr ArmModel<double, 6> kModel = detail::make_ur5();
+};
+
+}  // namespace heft::model
