@@ -65,10 +65,13 @@ constexpr Int<J == M ? 1 : 0> component(const UnitVector<M>&) {
   return {};
 }
 
-/// What a caller of the recursion can look at on the way out: nothing.
+/// What a caller takes from the recursion on its way out: nothing. A visitor answers each link with the visitor of
+/// the next, so that it can carry values whose types change from link to link.
 struct NoVisitor {
-  template <int J, typename W, typename Products, typename WD, typename A>
-  constexpr void operator()(std::integral_constant<int, J>, const W&, const Products&, const WD&, const A&) const {}
+  template <int J, typename Frame, typename U, typename WD, typename A>
+  constexpr NoVisitor step(const Frame&, const U&, const WD&, const A&) const {
+    return {};
+  }
 };
 
 /// One link outward, the rest of the arm by recursion, back with the wrench in parent axes. Starts at joint
@@ -77,23 +80,22 @@ template <int J, int Root, typename Arm, typename Parameters, typename W, typena
           typename Acceleration, typename Torque, typename Visitor>
 constexpr auto static_newton_euler(const Parameters& parameters, const JointTrigonometry<Arm>& trig, const W& w_parent,
                                    const WD& wd_parent, const A& at_joint, const typename Arm::Vector& q,
-                                   const Velocity& qd, const Acceleration& qdd, Torque& tau, Visitor& visitor) {
+                                   const Velocity& qd, const Acceleration& qdd, Torque& tau, const Visitor& visitor) {
   using Scalar = typename Arm::Scalar;
   const auto frame = Arm::template frame<J>(trig.joint[J], q[J]);
   const auto w = link_velocity(frame, w_parent, component<J>(qd));
   const auto spin = relative_spin(frame, w, component<J>(qd));
   const auto wd = link_angular_acceleration(frame, wd_parent, spin, component<J>(qdd));
   const auto a = link_acceleration(frame, at_joint, spin, component<J>(qdd));
-  const auto products = velocity_products(w);
-  const auto u = u_matrix(products, wd);
+  const auto u = u_matrix(velocity_products(w), wd);
   const auto link = parameters.template link<J>();
-  visitor(std::integral_constant<int, J>{}, w, products, wd, a);
+  const auto next_visitor = visitor.template step<J>(frame, u, wd, a);
 
   const auto outboard = [&] {
     if constexpr (J + 1 < Arm::kNumJoints) {
       const auto next = Arm::template frame<J + 1>(trig.joint[J + 1], q[J + 1]);
       return static_newton_euler<J + 1, Root, Arm>(parameters, trig, w, wd, a + u_times(u, next.position), q, qd, qdd,
-                                                   tau, visitor);
+                                                   tau, next_visitor);
     } else {
       return make_wrench(Zero3{}, Zero3{});
     }
@@ -127,14 +129,14 @@ constexpr auto static_newton_euler(const Parameters& parameters, const JointTrig
 /// @param trig         of the same q
 /// @param q,qd,qdd     joint positions, velocities, accelerations, n [rad, rad/s, rad/s²; m on a prismatic joint]
 /// @param tau          joint torques, n [N·m; N], along positive q, gravity included, friction not
-/// @param visitor      called with every link's motion on the way out; for code that shares the forward pass
+/// @param visitor      shares the forward pass, see structural::NoVisitor
 /// Cost, publication's arm: bench/operation_count prints it.
 template <typename Arm, typename Parameters, typename Visitor = structural::NoVisitor>
   requires(Arm::kIsStatic)
 inline void inverse_dynamics(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
                              const typename Arm::Vector& q, const typename Arm::Vector& qd,
                              const typename Arm::Vector& qdd, typename Arm::Vector& tau,
-                             Visitor&& visitor = Visitor{}) noexcept {
+                             const Visitor& visitor = Visitor{}) noexcept {
   using namespace structural;
   // The base does not turn, so a_0 + U_0 p = a_0.
   static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd, tau,

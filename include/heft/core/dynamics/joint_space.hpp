@@ -40,10 +40,9 @@ template <int M, typename Arm, typename Parameters, typename Matrix>
 constexpr void static_mass_columns(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
                                    const typename Arm::Vector& q, Matrix& mass) {
   MassColumn<M, Matrix> column{mass};
-  NoVisitor visitor;
   // Torques for q̈ = e_M at rest without gravity; joints before M stand still.
   static_newton_euler<M, M, Arm>(parameters, trig, Zero3{}, Zero3{}, Zero3{}, q, ZeroVector{}, UnitVector<M>{}, column,
-                                 visitor);
+                                 NoVisitor{});
   if constexpr (M + 1 < Arm::kNumJoints) {
     static_mass_columns<M + 1, Arm>(parameters, trig, q, mass);
   }
@@ -57,9 +56,8 @@ template <typename Arm, typename Parameters>
 inline void gravity_torque(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
                            const typename Arm::Vector& q, typename Arm::Vector& tau) noexcept {
   using namespace structural;
-  NoVisitor visitor;
   static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, ZeroVector{},
-                                 ZeroVector{}, tau, visitor);
+                                 ZeroVector{}, tau, NoVisitor{});
 }
 
 /// Bias torque: Coriolis, centrifugal and gravity, the torque for q̈ = 0.
@@ -69,9 +67,8 @@ inline void bias_torque(const Parameters& parameters, const JointTrigonometry<Ar
                         const typename Arm::Vector& q, const typename Arm::Vector& qd,
                         typename Arm::Vector& tau) noexcept {
   using namespace structural;
-  NoVisitor visitor;
   static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, ZeroVector{},
-                                 tau, visitor);
+                                 tau, NoVisitor{});
 }
 
 /// Mass matrix of the rigid links (without rotor inertia), compile-time geometry.

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstddef>
+#include <utility>
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
@@ -114,12 +115,32 @@ constexpr std::array<double, 9> group_placement(int g0, int j) {
   return c;
 }
 
-/// Last joint before `limit` of the run of parallel, equally directed revolute axes that starts at joint g0.
+/// True when the parent of joint g0 never turns along its axis, whatever the posture: the base, or a first link whose
+/// axis is perpendicular to it.
+template <typename Description>
+constexpr bool parent_turns_across_only(int g0) {
+  if (g0 != 1) {
+    return g0 == 0;
+  }
+  const auto& model = Description::kModel;
+  const auto& R = model.joints[1].rotation;
+  double along = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      along += model.joints[0].axis[i] * R[3 * i + k] * model.joints[1].axis[k];
+    }
+  }
+  return model.joints[0].type == JointType::kPrismatic || (along < kSnap && along > -kSnap);
+}
+
+/// Last joint before `limit` of the run of parallel, equally directed revolute axes that starts at joint g0; g0 itself
+/// where there is no such run.
 template <typename Description>
 constexpr int parallel_run_end(int g0, int limit) {
   const auto& model = Description::kModel;
   const auto& first = model.joints[static_cast<std::size_t>(g0)];
-  if (first.type != JointType::kRevolute || coordinate_axis(first.axis) < 0) {
+  if (first.type != JointType::kRevolute || coordinate_axis(first.axis) < 0 ||
+      !parent_turns_across_only<Description>(g0)) {
     return g0;
   }
   int last = g0;
@@ -246,7 +267,7 @@ constexpr auto group_sums(const Trig& trig, const Axis& axis, const Velocity& qd
 ///
 /// With ω = w⊥ + a s (w⊥ common, s the sum of joint velocities) the acceleration from joint m to joint m + 1 is
 /// w⊥ × (w⊥ × r) + 2 a s (w⊥·r) − s² r⊥ + ẇ⊥ × r + s̈ a × r, where the velocity part of ω̇ is already in the
-/// factor 2. Holds when the parent does not turn along the axis, which the caller has made sure of by type.
+/// factor 2. Holds when the parent does not turn along the axis: parent_turns_across_only().
 template <int G0, int G1, typename Arm, typename Trig, typename W, typename Acc, std::size_t C, typename Velocity,
           typename Accelerations, typename Then>
 constexpr auto pass_group(const Trig& trig, const W& w_parent, const std::array<Acc, C>& acc_parent, const Velocity& qd,
@@ -300,15 +321,24 @@ constexpr void write_reduced_row(const P& probe, const Products& products, const
       ...);
 }
 
-/// Links First..n-1: rows of all joints from First on.
-template <int J, typename Arm, typename Layout, typename Trig, typename W, typename Acc, std::size_t C,
-          typename Accelerations, typename... Probes>
-constexpr void write_terminal_rows(const Trig& trig, const W& w_parent, const std::array<Acc, C>& acc_parent,
+/// Takes what a link gives and writes its entries into the rows of all joints from First to the link's own.
+template <typename Scalar, typename Layout, std::size_t C>
+struct TerminalRowSink {
+  std::array<TerminalRows<Scalar, Layout>, C>& rows;
+
+  template <int J, typename U, typename Acc, typename... Probes>
+  constexpr void link(const std::array<U, C>& u, const std::array<Acc, C>& acc, const Probes&... probes) const {
+    int row = 0;
+    (write_reduced_row<Scalar, Layout, J>(probes, u[0].v, u, acc, rows, row++, std::make_index_sequence<10>{}), ...);
+  }
+};
+
+/// Links First..n-1: their motion and the probes of all joints from First on go to the sink.
+template <int J, typename Arm, typename Trig, typename W, typename Acc, std::size_t C, typename Accelerations,
+          typename Sink, typename... Probes>
+constexpr void pass_terminal_links(const Trig& trig, const W& w_parent, const std::array<Acc, C>& acc_parent,
                                    const typename Arm::Vector& q, const typename Arm::Vector& qd,
-                                   const Accelerations& qdd,
-                                   std::array<TerminalRows<typename Arm::Scalar, Layout>, C>& rows,
-                                   const Probes&... inboard) {
-  using Scalar = typename Arm::Scalar;
+                                   const Accelerations& qdd, const Sink& sink, const Probes&... inboard) {
   const auto frame = Arm::template frame<J>(trig.joint[J], q[J]);
   const auto w = link_velocity(frame, w_parent, qd[J]);
   const auto spin = relative_spin(frame, w, qd[J]);
@@ -319,35 +349,32 @@ constexpr void write_terminal_rows(const Trig& trig, const W& w_parent, const st
   const auto products = velocity_products(w);
   const auto u = mapped(acc, [&](const auto& channel, std::size_t) { return u_matrix(products, channel.wd); });
   const auto go_on = [&](const auto&... probes) {
-    int row = 0;
-    (write_reduced_row<Scalar, Layout, J>(probes, products, u, acc, rows, row++, std::make_index_sequence<10>{}), ...);
+    sink.template link<J>(u, acc, probes...);
     if constexpr (J + 1 < Arm::kNumJoints) {
       const auto next = Arm::template frame<J + 1>(trig.joint[J + 1], q[J + 1]);
       const auto at_next = mapped(acc, [&](const auto& channel, std::size_t c) {
         return make_acceleration(channel.wd, channel.a + u_times(u[c], next.position));
       });
-      write_terminal_rows<J + 1, Arm, Layout>(trig, w, at_next, q, qd, qdd, rows, probes...);
+      pass_terminal_links<J + 1, Arm>(trig, w, at_next, q, qd, qdd, sink, probes...);
     }
   };
   go_on(carried(frame, inboard)..., own_probe(frame));
 }
 
 /// Links before First: only their motion is wanted.
-template <int J, typename Arm, typename Layout, typename Trig, typename W, typename Acc, std::size_t C,
-          typename Accelerations>
+template <int J, int First, typename Arm, typename Trig, typename W, typename Acc, std::size_t C,
+          typename Accelerations, typename Sink>
 constexpr void pass_inboard_links(const Trig& trig, const W& w_parent, const std::array<Acc, C>& acc_parent,
                                   const typename Arm::Vector& q, const typename Arm::Vector& qd,
-                                  const Accelerations& qdd,
-                                  std::array<TerminalRows<typename Arm::Scalar, Layout>, C>& rows) {
+                                  const Accelerations& qdd, const Sink& sink) {
   using Description = typename Arm::Description;
-  constexpr int kFirst = Layout::kFirstJoint;
-  if constexpr (J >= kFirst) {
-    write_terminal_rows<J, Arm, Layout>(trig, w_parent, acc_parent, q, qd, qdd, rows);
+  if constexpr (J >= First) {
+    pass_terminal_links<J, Arm>(trig, w_parent, acc_parent, q, qd, qdd, sink);
   } else {
-    constexpr int kEnd = parallel_run_end<Description>(J, kFirst);
+    constexpr int kEnd = parallel_run_end<Description>(J, First);
     if constexpr (kEnd > J) {
       pass_group<J, kEnd, Arm>(trig, w_parent, acc_parent, qd, qdd, [&](const auto& w, const auto& acc) {
-        pass_inboard_links<kEnd + 1, Arm, Layout>(trig, w, acc, q, qd, qdd, rows);
+        pass_inboard_links<kEnd + 1, First, Arm>(trig, w, acc, q, qd, qdd, sink);
       });
     } else {
       const auto frame = Arm::template frame<J>(trig.joint[J], q[J]);
@@ -360,9 +387,19 @@ constexpr void pass_inboard_links(const Trig& trig, const W& w_parent, const std
         const auto a = link_acceleration(frame, parent.a, spin, component<J>(qdd[c]));
         return make_acceleration(wd, a + (centripetal + cross(wd, next.position)));
       });
-      pass_inboard_links<J + 1, Arm, Layout>(trig, w, acc, q, qd, qdd, rows);
+      pass_inboard_links<J + 1, First, Arm>(trig, w, acc, q, qd, qdd, sink);
     }
   }
+}
+
+/// The whole pass, base to tip.
+template <typename Arm, int First, std::size_t C, typename Trig, typename Accelerations, typename Sink>
+constexpr void pass_links(const Trig& trig, const typename Arm::Vector& q, const typename Arm::Vector& qd,
+                          const Accelerations& qdd, const Sink& sink) {
+  const auto base = make_acceleration(Zero3{}, Arm::base_acceleration());
+  std::array<std::remove_cv_t<decltype(base)>, C> start;
+  start.fill(base);
+  pass_inboard_links<0, First, Arm>(trig, Zero3{}, start, q, qd, qdd, sink);
 }
 
 }  // namespace structural
@@ -417,12 +454,9 @@ inline void terminal_rows(const TerminalTrigonometry<Arm, First>& trig, const ty
                           const typename Arm::Vector& qd, const std::array<typename Arm::Vector, C>& qdd,
                           typename Arm::Scalar sign_width,
                           std::array<TerminalRows<typename Arm::Scalar, TerminalLayout<Arm, First>>, C>& rows) noexcept {
-  using namespace structural;
   using Layout = TerminalLayout<Arm, First>;
-  const auto base = make_acceleration(Zero3{}, Arm::base_acceleration());
-  std::array<std::remove_cv_t<decltype(base)>, C> start;
-  start.fill(base);
-  pass_inboard_links<0, Arm, Layout>(trig, Zero3{}, start, q, qd, qdd, rows);
+  structural::pass_links<Arm, First, C>(trig, q, qd, qdd,
+                                        structural::TerminalRowSink<typename Arm::Scalar, Layout, C>{rows});
   for (std::size_t c = 0; c < C; ++c) {
     friction_rows<Arm, Layout>(qd, sign_width, rows[c]);
   }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
+#include <utility>
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/terminal_rows.hpp"
@@ -178,7 +180,7 @@ class TerminalLinkEstimator {
   /// the end of a log.
   Status solve_now() noexcept {
     Record record;
-    if (Form == EstimatorForm::kFactored && running_) {
+    if (kIsFactored && running_) {
       return Status::kOk;
     }
     begin_solve(config_.use_instruments);
@@ -221,6 +223,9 @@ class TerminalLinkEstimator {
   }
 
  private:
+  static constexpr bool kIsFactored = Form == EstimatorForm::kFactored;
+  struct Nothing {};
+
   static std::array<Scalar, kRows> filled(Scalar value) {
     std::array<Scalar, kRows> all{};
     for (Scalar& entry : all) {
@@ -317,7 +322,7 @@ class TerminalLinkEstimator {
     }
     if (config_.use_instruments) {
       add_instrumental(r, weighted(r, instruments[i], weight), w, y);
-    } else if (Form == EstimatorForm::kFactored && running_) {
+    } else if (kIsFactored && running_) {
       add_instrumental(r, weighted(r, w, weight), w, y);
     }
   }
@@ -345,30 +350,34 @@ class TerminalLinkEstimator {
   }
 
   void add_instrumental(int r, const Row& z, const Row& w, const Scalar& y) noexcept {
-    if (Form == EstimatorForm::kFactored && running_) {
-      if (factored_.add(r, z, w, y) != Status::kOk) {
-        // A pivot was lost: collect afresh from the estimate in hand.
-        const Row keep = estimate_;
-        const EstimateSource had = source_;
-        Row precision;
-        precision.fill(config_.prior_precision);
-        instrumental_.reset(keep, precision);
-        least_squares_.reset(keep, precision);
-        running_ = false;
-        source_ = had == EstimateSource::kPrior ? had : EstimateSource::kLeastSquares;
-        samples_ = 0;
-        solved_at_ = 0;
-        status_ = Status::kSingular;
+    if constexpr (kIsFactored) {
+      if (running_) {
+        if (factored_.add(r, z, w, y) != Status::kOk) {
+          collect_afresh();
+        }
+        return;
       }
-      return;
     }
     instrumental_.add(r, z, w, y);
+  }
+
+  // After a lost pivot: new sums from the estimate in hand, which stays what it is until they are good.
+  void collect_afresh() noexcept {
+    Row precision;
+    precision.fill(config_.prior_precision);
+    instrumental_.reset(estimate_, precision);
+    least_squares_.reset(estimate_, precision);
+    running_ = false;
+    source_ = EstimateSource::kLeastSquares;
+    samples_ = 0;
+    solved_at_ = 0;
+    status_ = Status::kSingular;
   }
 
   // Least squares is kept beside the instruments until these are trusted; alone when there are none.
   bool needs_least_squares() const noexcept {
     return config_.use_instruments ? source_ != EstimateSource::kInstrumental
-                                   : !(Form == EstimatorForm::kFactored && running_);
+                                   : !(kIsFactored && running_);
   }
 
   // The usual size of a row's innovation follows its magnitude, slowly and cut at the gate, so that a change that
@@ -387,10 +396,12 @@ class TerminalLinkEstimator {
   }
 
   void work(Record& record) noexcept {
-    if (Form == EstimatorForm::kFactored && running_) {
-      estimate_ = factored_.solution();
-      record.new_estimate = true;
-      return;
+    if constexpr (kIsFactored) {
+      if (running_) {
+        estimate_ = factored_.solution();
+        record.new_estimate = true;
+        return;
+      }
     }
     if (solver_.busy()) {
       constexpr int kTotal = StagedSolver<Scalar, Layout>::total_work();
@@ -431,38 +442,35 @@ class TerminalLinkEstimator {
     estimate_ = solver_.solution();
     record.new_estimate = true;
     source_ = solving_instruments_ ? EstimateSource::kInstrumental : EstimateSource::kLeastSquares;
-    if (Form == EstimatorForm::kFactored && solving_instruments_ == config_.use_instruments) {
-      hand_over();
+    if constexpr (kIsFactored) {
+      if (solving_instruments_ == config_.use_instruments) {
+        hand_over();
+      }
     }
   }
 
   // From accumulated equations to factors, with everything seen up to this sample.
   void hand_over() noexcept {
-    if (config_.use_instruments) {
-      running_ = factored_.start(instrumental_.matrix(), instrumental_.right_side()) == Status::kOk;
-    } else {
-      running_ = start_from_least_squares();
+    auto matrix = config_.use_instruments ? instrumental_.matrix() : least_squares_.matrix();
+    if (!config_.use_instruments) {
+      for (std::size_t i = 1; i < static_cast<std::size_t>(kParameters); ++i) {
+        for (std::size_t j = 0; j < i; ++j) {
+          matrix[i][j] = matrix[j][i];
+        }
+      }
     }
+    running_ = factored_.start(matrix, config_.use_instruments ? instrumental_.right_side()
+                                                               : least_squares_.right_side()) == Status::kOk;
     if (running_) {
       estimate_ = factored_.solution();
     }
-  }
-
-  bool start_from_least_squares() noexcept {
-    auto full = least_squares_.matrix();
-    for (std::size_t i = 1; i < static_cast<std::size_t>(kParameters); ++i) {
-      for (std::size_t j = 0; j < i; ++j) {
-        full[i][j] = full[j][i];
-      }
-    }
-    return factored_.start(full, least_squares_.right_side()) == Status::kOk;
   }
 
   Config config_{};
   ReducedParameters<Scalar, Description> nominal_{};
   Row prior_{}, estimate_{};
   NormalEquations<Scalar, Layout> instrumental_, least_squares_;
-  FactoredEquations<Scalar, Layout, false> factored_;
+  [[no_unique_address]] std::conditional_t<kIsFactored, FactoredEquations<Scalar, Layout, false>, Nothing> factored_;
   StagedSolver<Scalar, Layout> solver_;
   std::array<Scalar, kRows> usual_{};
   Scalar gain_{1}, amplification_{0};
