@@ -13,13 +13,13 @@ namespace heft::data {
 /// Time series of an arm. SI units. Matrices are samples × joints; a channel that the log does not
 /// have is a matrix with 0 columns.
 struct Log {
-  std::string path;       ///< where it was read from, for messages
-  Eigen::VectorXd time;   ///< [s], strictly increasing
-  Eigen::MatrixXd q;      ///< joint positions [rad, m]
-  Eigen::MatrixXd qd;     ///< velocities
-  Eigen::MatrixXd qdd;    ///< accelerations
-  Eigen::MatrixXd tau;    ///< joint torques [N·m, N]
-  Eigen::MatrixXd current;///< motor currents `i1..` [A]
+  std::string path;         ///< where it was read from, for messages
+  Eigen::VectorXd time;     ///< [s], strictly increasing
+  Eigen::MatrixXd q;        ///< joint positions [rad, m]
+  Eigen::MatrixXd qd;       ///< velocities
+  Eigen::MatrixXd qdd;      ///< accelerations
+  Eigen::MatrixXd tau;      ///< joint torques [N·m, N]
+  Eigen::MatrixXd current;  ///< motor currents `i1..` [A]
   Eigen::MatrixXd qref, qdref, temperature;
   /// Every other numeric column by its header, carried along (for instance tauref1, qlink2).
   std::vector<std::pair<std::string, Eigen::VectorXd>> extra;
@@ -34,8 +34,8 @@ struct LogRequirements {
   std::string robot_name;  ///< named in the message when the joint count differs
   bool velocity{false};
   bool acceleration{false};
-  bool torque{false};      ///< tau, or current with torque_constant
-  int min_samples{2};      ///< fewer end in an error that says so
+  bool torque{false};  ///< tau, or current with torque_constant
+  int min_samples{2};  ///< fewer end in an error that says so
   /// [N·m/A] per joint (one value serves all); used as tau = constant · i when tau is missing.
   std::vector<double> torque_constant;
 };
@@ -43,7 +43,8 @@ struct LogRequirements {
 /// Reads and checks a log.
 /// @param notes  one line for each thing worth telling (unknown columns), may be null
 /// @throws DataError naming file, line and column, what was found and what was expected.
-Log read_log(const std::string& path, const LogRequirements& needs, std::vector<std::string>* notes = nullptr);
+Log read_log(const std::string& path, const LogRequirements& needs,
+             std::vector<std::string>* notes = nullptr);
 
 /// The log as CSV text (header, then rows, full precision), columns in the contract's order, extras last.
 std::string to_csv(const Log& log);

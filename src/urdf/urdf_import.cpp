@@ -1,0 +1,810 @@
+#include "heft/urdf/urdf_import.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <set>
+
+#include <console_bridge/console.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <urdf_model/model.h>
+#include <urdf_parser/urdf_parser.h>
+#include <Eigen/Dense>
+
+#include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
+#include "xml_outline.hpp"
+
+namespace heft::urdf {
+namespace {
+
+// -----------------------------------------------------------------------------------------------------
+// The text: what is where, and whether it hangs together.
+
+std::string quoted(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    text += fmt::format("{}\"{}\"", k == 0 ? "" : (k + 1 == names.size() ? " and " : ", "), names[k]);
+  }
+  return text;
+}
+
+/// The file as messages speak of it: name, lines of its links and joints.
+class Document {
+ public:
+  Document(const std::string& text, const std::string& name) : name_(name) {
+    if (text.find_first_not_of(" \t\r\n") == std::string::npos)
+      fail("the file is empty; expected a URDF (<robot ...>)");
+    try {
+      root_ = outline_xml(text);
+    } catch (const XmlOutlineError& error) {
+      throw UrdfError(fmt::format("{}:{}: not XML: {}; expected a URDF (<robot ...>); repair the file", name_,
+                                  error.line, error.what()));
+    }
+    check_root();
+    for (const XmlElement& element : root_.children) {
+      if (element.tag == "link") add(element, links_);
+      if (element.tag == "joint") add(element, joints_);
+    }
+    if (links_.empty())
+      fail_at(root_, "the robot has no <link>; expected links and joints; check that this is the right file");
+  }
+
+  // Its maps point into its own elements.
+  Document(const Document&) = delete;
+  Document& operator=(const Document&) = delete;
+
+  const std::map<std::string, const XmlElement*>& links() const { return links_; }
+  const std::map<std::string, const XmlElement*>& joints() const { return joints_; }
+  const XmlElement& root() const { return root_; }
+
+  const XmlElement* link(const std::string& name) const { return find(links_, name); }
+  const XmlElement* joint(const std::string& name) const { return find(joints_, name); }
+
+  template <typename... Args>
+  [[noreturn]] void fail(fmt::format_string<Args...> format, Args&&... args) const {
+    throw UrdfError(fmt::format("{}: {}", name_, fmt::format(format, std::forward<Args>(args)...)));
+  }
+
+  template <typename... Args>
+  [[noreturn]] void fail_at(const XmlElement& element, fmt::format_string<Args...> format,
+                            Args&&... args) const {
+    throw UrdfError(at(element, fmt::format(format, std::forward<Args>(args)...)));
+  }
+
+  /// `file:line: text`
+  std::string at(const XmlElement& element, const std::string& text) const {
+    return fmt::format("{}:{}: {}", name_, element.line, text);
+  }
+
+  /// The child of an element where it has one, otherwise the element itself: the best line for a message.
+  static const XmlElement& nearest(const XmlElement& element, std::initializer_list<std::string_view> path) {
+    const XmlElement* found = &element;
+    for (const std::string_view tag : path) {
+      const XmlElement* next = found->child(tag);
+      if (next == nullptr) break;
+      found = next;
+    }
+    return *found;
+  }
+
+ private:
+  static const XmlElement* find(const std::map<std::string, const XmlElement*>& elements,
+                                const std::string& name) {
+    const auto found = elements.find(name);
+    return found == elements.end() ? nullptr : found->second;
+  }
+
+  void check_root() const {
+    const auto is_xacro = [](const XmlElement& element) { return element.tag.starts_with("xacro:"); };
+    if (root_.tag != "robot") {
+      fail_at(root_, "the root element is <{}>; expected <robot>; {}", root_.tag,
+              root_.tag == "sdf" ? "this is an SDF file, convert it to URDF" : "check that this is a URDF");
+    }
+    const auto found = std::find_if(root_.children.begin(), root_.children.end(), is_xacro);
+    if (found != root_.children.end()) {
+      fail_at(*found, "<{}>: this is a xacro file; expected plain URDF; expand it first (xacro IN > OUT)",
+              found->tag);
+    }
+  }
+
+  void add(const XmlElement& element, std::map<std::string, const XmlElement*>& elements) const {
+    const std::string* name = element.attribute("name");
+    if (name == nullptr || name->empty()) {
+      fail_at(element, "<{}> without a name; expected name=\"...\"; give it one", element.tag);
+    }
+    const auto [before, is_new] = elements.emplace(*name, &element);
+    if (!is_new) {
+      fail_at(element, "{} \"{}\" is there already (line {}); expected every name once; rename one",
+              element.tag, *name, before->second->line);
+    }
+  }
+
+  std::string name_;
+  XmlElement root_;
+  std::map<std::string, const XmlElement*> links_;
+  std::map<std::string, const XmlElement*> joints_;
+};
+
+/// Joints that name links, one parent for each link, no loop, one root. urdfdom lets some of these pass
+/// (a link with two parents) and names others without a line.
+void check_structure(const Document& document) {
+  static const std::set<std::string> kTypes{"revolute", "continuous", "prismatic",
+                                            "fixed",    "floating",   "planar"};
+  std::map<std::string, const XmlElement*> parent_joint;  // by child link
+  std::multimap<std::string, std::string> children;       // by parent link
+  for (const XmlElement& joint : document.root().children) {
+    if (joint.tag != "joint") continue;
+    const std::string& name = *joint.attribute("name");
+    const std::string* type = joint.attribute("type");
+    if (type == nullptr || !kTypes.contains(*type)) {
+      document.fail_at(
+          joint, "joint \"{}\": found {}; expected type revolute, continuous, prismatic or fixed; correct it",
+          name, type == nullptr ? "no type" : fmt::format("type \"{}\"", *type));
+    }
+    std::array<std::string, 2> ends;
+    const std::array<const char*, 2> tags{"parent", "child"};
+    for (std::size_t k = 0; k < 2; ++k) {
+      const XmlElement* end = joint.child(tags[k]);
+      const std::string* link = end == nullptr ? nullptr : end->attribute("link");
+      if (link == nullptr) {
+        document.fail_at(joint, "joint \"{}\": found no <{} link=\"...\">; expected one; add it", name,
+                         tags[k]);
+      }
+      if (document.link(*link) == nullptr) {
+        document.fail_at(*end,
+                         "joint \"{}\": its {} link \"{}\" does not exist; expected the name of a <link>; "
+                         "correct the name or add the link",
+                         name, tags[k], *link);
+      }
+      ends[k] = *link;
+    }
+    if (ends[0] == ends[1]) {
+      document.fail_at(joint,
+                       "joint \"{}\": link \"{}\" is its own parent: a loop; expected an open tree of links",
+                       name, ends[0]);
+    }
+    const auto [before, is_new] = parent_joint.emplace(ends[1], &joint);
+    if (!is_new) {
+      document.fail_at(
+          joint,
+          "link \"{}\" is the child of two joints, \"{}\" (line {}) and \"{}\": a loop; expected an open "
+          "tree of links; cut the loop at one joint",
+          ends[1], *before->second->attribute("name"), before->second->line, name);
+    }
+    children.emplace(ends[0], ends[1]);
+  }
+
+  std::vector<std::string> roots;
+  std::set<std::string> reached;
+  for (const auto& [name, element] : document.links()) {
+    if (!parent_joint.contains(name)) roots.push_back(name);
+  }
+  if (roots.size() > 1) {
+    document.fail("links {} have no parent: the robot is in pieces; expected one root; join them by joints",
+                  quoted(roots));
+  }
+  std::vector<std::string> waiting = roots;
+  while (!waiting.empty()) {
+    const std::string name = waiting.back();
+    waiting.pop_back();
+    reached.insert(name);
+    const auto [first, last] = children.equal_range(name);
+    for (auto child = first; child != last; ++child) waiting.push_back(child->second);
+  }
+  // Every link has at most one parent here, so what is not reached from the root goes round in a circle.
+  for (const auto& [child, joint] : parent_joint) {
+    if (reached.contains(child)) continue;
+    std::vector<std::string> circle;
+    std::set<std::string> seen;
+    for (std::string link = child; seen.insert(link).second;) {
+      circle.push_back(link);
+      link = *parent_joint.at(link)->child("parent")->attribute("link");
+    }
+    document.fail_at(
+        *joint,
+        "joint \"{}\": links {} go round in a loop; expected an open tree of links; cut the loop at one "
+        "joint",
+        *joint->attribute("name"), quoted(circle));
+  }
+}
+
+// -----------------------------------------------------------------------------------------------------
+// urdfdom, with its messages caught.
+
+/// Collects what urdfdom says through console_bridge, which would go to standard error otherwise.
+class MessageCatcher : public console_bridge::OutputHandler {
+ public:
+  MessageCatcher() : previous_(console_bridge::getOutputHandler()), level_(console_bridge::getLogLevel()) {
+    console_bridge::setLogLevel(console_bridge::CONSOLE_BRIDGE_LOG_ERROR);
+    console_bridge::useOutputHandler(this);
+  }
+  ~MessageCatcher() override {
+    console_bridge::useOutputHandler(previous_);
+    console_bridge::setLogLevel(level_);
+  }
+  MessageCatcher(const MessageCatcher&) = delete;
+  MessageCatcher& operator=(const MessageCatcher&) = delete;
+
+  void log(const std::string& text, console_bridge::LogLevel, const char*, int) override {
+    if (!text_.empty()) text_ += "; ";
+    text_ += text;
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  console_bridge::OutputHandler* previous_;
+  console_bridge::LogLevel level_;
+  std::string text_;
+};
+
+/// The link or joint that urdfdom speaks of; null when its text names none.
+const XmlElement* element_named_in(const std::string& text, const Document& document) {
+  const XmlElement* first = nullptr;
+  std::size_t place = std::string::npos;
+  for (const auto* elements : {&document.joints(), &document.links()}) {
+    for (const auto& [name, element] : *elements) {
+      for (const std::string& form : {"[" + name + "]", "'" + name + "'"}) {
+        const std::size_t found = text.find(form);
+        if (found < place) {
+          place = found;
+          first = element;
+        }
+      }
+    }
+  }
+  return first;
+}
+
+/// The text with everything blanked out that has no part in dynamics (shapes, colours, other tools'
+/// elements), so that what urdfdom complains about matters. Line breaks stay.
+std::string without_looks(std::string text, const Document& document) {
+  const auto blank = [&text](const XmlElement& element) {
+    for (std::size_t k = element.begin; k < element.end; ++k) {
+      if (text[k] != '\n') text[k] = ' ';
+    }
+  };
+  for (const XmlElement& element : document.root().children) {
+    if (element.tag != "link" && element.tag != "joint") blank(element);
+    for (const XmlElement& child : element.children) {
+      if (child.tag == "visual" || child.tag == "collision") blank(child);
+    }
+  }
+  return text;
+}
+
+/// @throws UrdfError also when urdfdom returns a model but has complained: it then keeps half-read links.
+::urdf::ModelInterfaceSharedPtr parse(const std::string& text, const Document& document) {
+  // console_bridge has one output handler for the whole process.
+  static std::mutex mutex;
+  const std::lock_guard<std::mutex> lock(mutex);
+  MessageCatcher catcher;
+  ::urdf::ModelInterfaceSharedPtr model;
+  std::string said;
+  try {
+    model = ::urdf::parseURDF(without_looks(text, document));
+  } catch (const std::exception& error) {
+    said = error.what();
+  }
+  if (said.empty()) said = catcher.text();
+  if (model && said.empty()) return model;
+  if (said.empty()) said = "no reason given";
+  if (const XmlElement* element = element_named_in(said, document)) {
+    document.fail_at(*element, "urdfdom refuses the file: {}; correct this element", said);
+  }
+  document.fail("urdfdom refuses the file: {}; correct it", said);
+}
+
+// -----------------------------------------------------------------------------------------------------
+// Geometry.
+
+/// Placement of frame B in frame A: components in A are R times components in B plus p.
+struct Placement {
+  Eigen::Matrix3d R{Eigen::Matrix3d::Identity()};
+  Eigen::Vector3d p{Eigen::Vector3d::Zero()};
+};
+
+Placement operator*(const Placement& a, const Placement& b) { return {a.R * b.R, a.R * b.p + a.p}; }
+
+double snapped(double value, double tolerance) {
+  for (const double exact : {0.0, 1.0, -1.0}) {
+    if (std::abs(value - exact) <= tolerance) return exact;
+  }
+  return value;
+}
+
+/// See load_urdf on why entries near 0 and ±1 are made exact.
+Eigen::Matrix3d snapped(const Eigen::Matrix3d& rotation) {
+  const auto snap = [&](double tolerance) -> Eigen::Matrix3d {
+    return rotation.unaryExpr([tolerance](double value) { return snapped(value, tolerance); });
+  };
+  const Eigen::Matrix3d coarse = snap(1e-8);
+  if ((coarse.transpose() * coarse - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-14)
+    return coarse;
+  return snap(1e-12);
+}
+
+/// A picometre is rounding from merged fixed joints, never a dimension.
+Eigen::Vector3d snapped(const Eigen::Vector3d& position) {
+  return position.unaryExpr([](double value) { return std::abs(value) < 1e-12 ? 0.0 : value; });
+}
+
+Placement placement_of(const ::urdf::Pose& pose) {
+  double x = 0.0, y = 0.0, z = 0.0, w = 1.0;
+  pose.rotation.getQuaternion(x, y, z, w);
+  return {snapped(Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix()),
+          Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z)};
+}
+
+/// Mass, first moment and inertia about the origin of a link frame, of one body or several together.
+struct Body {
+  double mass{0.0};
+  Eigen::Vector3d first_moment{Eigen::Vector3d::Zero()};
+  Eigen::Matrix3d inertia{Eigen::Matrix3d::Zero()};
+
+  /// Adds a body given by mass, centre of mass and inertia about the centre of mass, all in this frame.
+  void add(double m, const Eigen::Vector3d& c, const Eigen::Matrix3d& about_com) {
+    mass += m;
+    first_moment += m * c;
+    inertia += about_com + m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  }
+
+  InertialParameters<double> parameters() const {
+    return {mass,          first_moment.x(), first_moment.y(), first_moment.z(), inertia(0, 0),
+            inertia(0, 1), inertia(1, 1),    inertia(0, 2),    inertia(1, 2),    inertia(2, 2)};
+  }
+};
+
+Eigen::Matrix3d inertia_of(const ::urdf::Inertial& inertial) {
+  Eigen::Matrix3d inertia;
+  inertia << inertial.ixx, inertial.ixy, inertial.ixz, inertial.ixy, inertial.iyy, inertial.iyz, inertial.ixz,
+      inertial.iyz, inertial.izz;
+  return inertia;
+}
+
+/// Why no body has this inertia about its centre of mass; empty when one can.
+std::string impossibility(const Eigen::Matrix3d& inertia) {
+  constexpr const char* kRemedy = "check units and about-point";
+  const Eigen::Vector3d diagonal = inertia.diagonal();
+  const double tolerance = 1e-6 * inertia.cwiseAbs().maxCoeff();  // published numbers are rounded
+  constexpr std::array<const char*, 3> kNames{"Ixx", "Iyy", "Izz"};
+  for (int largest = 0; largest < 3; ++largest) {
+    const int a = largest == 0 ? 1 : 0;
+    const int b = largest == 2 ? 1 : 2;
+    if (diagonal[a] + diagonal[b] < diagonal[largest] - tolerance) {
+      return fmt::format("{}+{}={:.6g} < {}={:.6g} kg·m²; {}", kNames[static_cast<std::size_t>(a)],
+                         kNames[static_cast<std::size_t>(b)], diagonal[a] + diagonal[b],
+                         kNames[static_cast<std::size_t>(largest)], diagonal[largest], kRemedy);
+    }
+  }
+  const Eigen::Vector3d moments =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  const std::string shown =
+      fmt::format("principal moments {:.6g}, {:.6g}, {:.6g} kg·m²", moments[0], moments[1], moments[2]);
+  if (!(moments[0] > 0.0)) return fmt::format("{}: expected all positive; {}", shown, kRemedy);
+  if (moments[0] + moments[1] < moments[2] - tolerance) {
+    return fmt::format("{}: the largest exceeds the sum of the others; {}", shown, kRemedy);
+  }
+  return {};
+}
+
+// -----------------------------------------------------------------------------------------------------
+// The chain.
+
+bool moves(const ::urdf::Joint& joint) { return joint.type != ::urdf::Joint::FIXED; }
+
+using LinkPtr = ::urdf::LinkConstSharedPtr;
+
+/// Picks the chain out of the tree and turns it into a robot.
+class ChainBuilder {
+ public:
+  ChainBuilder(const Document& document, const ::urdf::ModelInterface& model, const UrdfOptions& options,
+               std::vector<std::string>* warnings)
+      : document_(document), model_(model), options_(options), warnings_(warnings) {}
+
+  model::Robot build() {
+    model::Robot robot;
+    robot.name = model_.getName();
+    const LinkPtr base = find_base();
+    const LinkPtr tip = find_tip(base);
+    robot.base_link = base->name;
+    robot.tip_link = tip->name;
+    robot.gravity = gravity_in_base();
+
+    Placement pending;  // of the next joint's parent link in the last moving link
+    for (const ::urdf::JointSharedPtr& joint : joints_between(base, tip)) {
+      on_chain_.insert(joint->name);
+      pending = pending * checked_placement(*joint);
+      if (!moves(*joint)) continue;
+      robot.joints.push_back(make_joint(*joint, pending));
+      pending = Placement{};
+    }
+    const Eigen::Matrix3d tip_rotation = snapped(pending.R);
+    const Eigen::Vector3d tip_position = snapped(pending.p);
+    store(tip_rotation, robot.tip_rotation);
+    store(tip_position, robot.tip_position);
+    if (robot.joints.empty()) {
+      document_.fail(
+          "no joint moves between \"{}\" and \"{}\"; expected at least one revolute, continuous or prismatic "
+          "joint; name other links",
+          base->name, tip->name);
+    }
+    for (std::size_t k = 0; k < robot.joints.size(); ++k)
+      fill_link(robot.joints[k], k + 1 == robot.joints.size());
+    return robot;
+  }
+
+ private:
+  void warn(const std::string& text) {
+    if (warnings_ != nullptr) warnings_->push_back(text);
+  }
+
+  static void store(const Eigen::Matrix3d& rotation, std::array<double, 9>& out) {
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column)
+        out[static_cast<std::size_t>(3 * row + column)] = rotation(row, column);
+    }
+  }
+
+  static void store(const Eigen::Vector3d& vector, std::array<double, 3>& out) {
+    out = {vector.x(), vector.y(), vector.z()};
+  }
+
+  LinkPtr named_link(const std::string& name, const char* role) const {
+    const LinkPtr link = model_.getLink(name);
+    if (!link) {
+      std::vector<std::string> names;
+      for (const auto& [known, unused] : model_.links_) names.push_back(known);
+      document_.fail("there is no link \"{}\" for the {}; the links are {}; name one of them", name, role,
+                     quoted(names));
+    }
+    return link;
+  }
+
+  LinkPtr find_base() const {
+    if (!options_.base_link.empty()) return named_link(options_.base_link, "base");
+    return model_.getRoot();
+  }
+
+  /// Links that move on their own and have no moving joint outboard.
+  static void last_moving_links(const LinkPtr& link, bool moving, std::vector<LinkPtr>& found) {
+    const std::size_t before = found.size();
+    std::function<void(const LinkPtr&)> outward = [&](const LinkPtr& at) {
+      for (const auto& joint : at->child_joints) {
+        const LinkPtr child = child_of(at, joint->name);
+        if (moves(*joint)) {
+          last_moving_links(child, true, found);
+        } else {
+          outward(child);
+        }
+      }
+    };
+    outward(link);
+    if (moving && found.size() == before) found.push_back(link);
+  }
+
+  static LinkPtr child_of(const LinkPtr& link, const std::string& joint_name) {
+    for (const auto& child : link->child_links) {
+      if (child->parent_joint->name == joint_name) return child;
+    }
+    return nullptr;
+  }
+
+  /// Where a chain ends: the one frame fixed outermost to its last moving link, or that link when there are
+  /// several.
+  LinkPtr end_frame(const LinkPtr& last, bool& several) const {
+    std::vector<LinkPtr> leaves;
+    std::function<void(const LinkPtr&)> outward = [&](const LinkPtr& at) {
+      if (at->child_links.empty()) leaves.push_back(at);
+      for (const auto& child : at->child_links) outward(child);
+    };
+    outward(last);
+    several = leaves.size() > 1;
+    return several ? last : leaves.front();
+  }
+
+  std::vector<LinkPtr> path_from_root(LinkPtr link) const {
+    std::vector<LinkPtr> path;
+    for (; link; link = link->getParent()) path.push_back(link);
+    std::reverse(path.begin(), path.end());
+    return path;
+  }
+
+  LinkPtr find_tip(const LinkPtr& base) {
+    if (!options_.tip_link.empty()) return named_link(options_.tip_link, "tip");
+    std::vector<LinkPtr> ends;
+    last_moving_links(base, false, ends);
+    if (ends.empty()) {
+      document_.fail(
+          "no joint moves outboard of \"{}\"; expected at least one revolute, continuous or prismatic joint; "
+          "check that this is the right file",
+          base->name);
+    }
+    bool several = false;
+    if (ends.size() > 1) refuse_branches(base, ends);
+    LinkPtr tip = end_frame(ends.front(), several);
+    if (several) {
+      warn(document_.at(*document_.link(tip->name),
+                        fmt::format("link \"{}\": several frames are fixed to the last moving link; "
+                                    "it is taken as the tip itself; name the tip link to choose another",
+                                    tip->name)));
+    }
+    return tip;
+  }
+
+  [[noreturn]] void refuse_branches(const LinkPtr& base, const std::vector<LinkPtr>& ends) const {
+    std::vector<std::string> candidates;
+    std::vector<LinkPtr> common = path_from_root(ends.front());
+    for (const LinkPtr& end : ends) {
+      bool several = false;
+      candidates.push_back(end_frame(end, several)->name);
+      const std::vector<LinkPtr> path = path_from_root(end);
+      std::size_t shared = 0;
+      while (shared < common.size() && shared < path.size() && common[shared] == path[shared]) ++shared;
+      common.resize(shared);
+    }
+    // The link where they part is a tip too, if something moves on the way to it.
+    std::string parting;
+    for (LinkPtr link = common.back(); link && link != base; link = link->getParent()) {
+      if (moves(*link->parent_joint))
+        parting = fmt::format(", or \"{}\" where they part", common.back()->name);
+    }
+    document_.fail(
+        "more than one chain begins at \"{}\"; candidate tips are {}{}; expected one chain; name the tip "
+        "link",
+        base->name, quoted(candidates), parting);
+  }
+
+  std::vector<::urdf::JointSharedPtr> joints_between(const LinkPtr& base, const LinkPtr& tip) const {
+    std::vector<::urdf::JointSharedPtr> joints;
+    for (LinkPtr link = tip; link != base; link = link->getParent()) {
+      if (!link || !link->parent_joint) {
+        document_.fail(
+            "the tip link \"{}\" is not outboard of the base link \"{}\"; expected a chain from base to tip; "
+            "name other links",
+            tip->name, base->name);
+      }
+      joints.push_back(link->parent_joint);
+    }
+    std::reverse(joints.begin(), joints.end());
+    return joints;
+  }
+
+  Placement checked_placement(const ::urdf::Joint& joint) const {
+    const Placement placement = placement_of(joint.parent_to_joint_origin_transform);
+    if (!placement.p.allFinite() || !placement.R.allFinite()) {
+      const XmlElement& element = *document_.joint(joint.name);
+      document_.fail_at(Document::nearest(element, {"origin"}),
+                        "joint \"{}\": its origin is not finite; expected numbers", joint.name);
+    }
+    return placement;
+  }
+
+  std::array<double, 3> gravity_in_base() const {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> mount(
+        options_.mount_rotation.data());
+    const Eigen::Map<const Eigen::Vector3d> gravity(options_.gravity.data());
+    if (!gravity.allFinite()) document_.fail("gravity is not finite; expected three numbers [m/s²]");
+    if (!mount.allFinite() ||
+        (mount.transpose() * mount - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() > 1e-6 ||
+        mount.determinant() < 0.0) {
+      document_.fail(
+          "the mounting is not a rotation matrix; expected orthonormal rows and determinant 1; check its "
+          "entries");
+    }
+    Eigen::Vector3d turned = snapped(Eigen::Matrix3d(mount)).transpose() * gravity;
+    // Rounding must not make a level base look tilted.
+    const double rounding = 1e-15 * gravity.norm();
+    turned = turned.unaryExpr([rounding](double value) { return std::abs(value) <= rounding ? 0.0 : value; });
+    return {turned.x(), turned.y(), turned.z()};
+  }
+
+  model::RobotJoint make_joint(const ::urdf::Joint& joint, const Placement& placement) const {
+    const XmlElement& element = *document_.joint(joint.name);
+    model::RobotJoint result;
+    result.name = joint.name;
+    result.link_name = joint.child_link_name;
+    const bool prismatic = joint.type == ::urdf::Joint::PRISMATIC;
+    if (!prismatic && joint.type != ::urdf::Joint::REVOLUTE && joint.type != ::urdf::Joint::CONTINUOUS) {
+      document_.fail_at(
+          element,
+          "joint \"{}\": type \"{}\" is on the chain; expected revolute, continuous, prismatic or fixed; "
+          "name a base link behind it or change its type",
+          joint.name, *element.attribute("type"));
+    }
+    if (joint.mimic) {
+      document_.fail_at(Document::nearest(element, {"mimic"}),
+                        "joint \"{}\" mimics \"{}\"; expected joints that move on their "
+                        "own; name a tip link before it, or fix the joint",
+                        joint.name, joint.mimic->joint_name);
+    }
+    result.joint.type = prismatic ? JointType::kPrismatic : JointType::kRevolute;
+    store(snapped(placement.R), result.joint.rotation);
+    store(snapped(placement.p), result.joint.position);
+
+    const Eigen::Vector3d axis(joint.axis.x, joint.axis.y, joint.axis.z);
+    if (!axis.allFinite() || axis.norm() < 1e-9) {
+      document_.fail_at(Document::nearest(element, {"axis"}),
+                        "joint \"{}\": its axis is ({:.6g} {:.6g} {:.6g}); expected a "
+                        "direction other than zero; correct <axis xyz>",
+                        joint.name, axis.x(), axis.y(), axis.z());
+    }
+    const Eigen::Vector3d unit =
+        axis.normalized().unaryExpr([](double value) { return snapped(value, 1e-12); });
+    store(unit, result.joint.axis);
+
+    read_limits(joint, element, result);
+    if (joint.dynamics) {
+      const double friction = joint.dynamics->friction;
+      const double damping = joint.dynamics->damping;
+      if (!std::isfinite(friction) || !std::isfinite(damping) || friction < 0.0 || damping < 0.0) {
+        document_.fail_at(Document::nearest(element, {"dynamics"}),
+                          "joint \"{}\": friction {:.6g} and damping {:.6g}; expected "
+                          "finite numbers not below zero; correct <dynamics>",
+                          joint.name, friction, damping);
+      }
+      result.actuation.coulomb_friction = friction;
+      result.actuation.viscous_friction = damping;
+    }
+    return result;
+  }
+
+  void read_limits(const ::urdf::Joint& joint, const XmlElement& element, model::RobotJoint& result) const {
+    if (!joint.limits) return;  // a continuous joint; check_limits has seen to the others
+    const XmlElement& line = Document::nearest(element, {"limit"});
+    const ::urdf::JointLimits& limits = *joint.limits;
+    if (joint.type != ::urdf::Joint::CONTINUOUS) {
+      if (!(limits.lower < limits.upper)) {
+        document_.fail_at(line,
+                          "joint \"{}\": position limits from {:.6g} to {:.6g}; expected lower below upper; "
+                          "correct <limit>",
+                          joint.name, limits.lower, limits.upper);
+      }
+      result.lower = limits.lower;
+      result.upper = limits.upper;
+    }
+    if (!(limits.velocity >= 0.0) || !(limits.effort >= 0.0)) {
+      document_.fail_at(
+          line,
+          "joint \"{}\": velocity limit {:.6g} and effort limit {:.6g}; expected numbers not below zero; "
+          "correct <limit>",
+          joint.name, limits.velocity, limits.effort);
+    }
+    if (limits.velocity > 0.0) result.velocity_limit = limits.velocity;
+    if (limits.effort > 0.0) result.effort_limit = limits.effort;
+  }
+
+  /// Inertia of the link that a joint moves, with everything fixed to it.
+  void fill_link(model::RobotJoint& joint, bool is_last) {
+    Body body;
+    attach(model_.getLink(joint.link_name), Placement{}, body);
+    const XmlElement& element = *document_.link(joint.link_name);
+    if (body.mass == 0.0) {
+      if (is_last) {
+        document_.fail_at(
+            element,
+            "link \"{}\" is the last that moves and has no mass, nor has anything fixed to it; expected "
+            "<inertial> with a positive mass; add it or name another tip link",
+            joint.link_name);
+      }
+      warn(document_.at(
+          element,
+          fmt::format("link \"{}\" moves but has no mass, nor has anything fixed to it; it is taken as "
+                      "massless",
+                      joint.link_name)));
+    }
+    joint.link = body.parameters();
+  }
+
+  void attach(const LinkPtr& link, const Placement& placement, Body& body) {
+    if (link->inertial) add_inertial(*link, placement, body);
+    for (const auto& joint : link->child_joints) {
+      const LinkPtr child = child_of(link, joint->name);
+      if (!moves(*joint)) {
+        attach(child, placement * checked_placement(*joint), body);
+      } else if (!on_chain_.contains(joint->name)) {
+        warn(document_.at(
+            *document_.joint(joint->name),
+            fmt::format(
+                "joint \"{}\" moves but is not on the chain: link \"{}\" and what it carries ({:.6g} kg) "
+                "are left out",
+                joint->name, child->name, mass_outboard(child))));
+      }
+    }
+  }
+
+  static double mass_outboard(const LinkPtr& link) {
+    double mass = link->inertial ? link->inertial->mass : 0.0;
+    for (const auto& child : link->child_links) mass += mass_outboard(child);
+    return mass;
+  }
+
+  void add_inertial(const ::urdf::Link& link, const Placement& placement, Body& body) {
+    const ::urdf::Inertial& inertial = *link.inertial;
+    const XmlElement& element = *document_.link(link.name);
+    const Placement own = placement * placement_of(inertial.origin);
+    const Eigen::Matrix3d inertia = inertia_of(inertial);
+    if (!(inertial.mass > 0.0) || !std::isfinite(inertial.mass)) {
+      document_.fail_at(Document::nearest(element, {"inertial", "mass"}),
+                        "link \"{}\": mass {:.6g} kg; expected a positive "
+                        "number on a moving link; correct it, or remove <inertial> from a link without mass",
+                        link.name, inertial.mass);
+    }
+    if (!own.p.allFinite() || !own.R.allFinite() || !inertia.allFinite()) {
+      document_.fail_at(Document::nearest(element, {"inertial"}),
+                        "link \"{}\": its inertial values are not all finite; expected "
+                        "numbers; correct them",
+                        link.name);
+    }
+    if (const std::string reason = impossibility(inertia); !reason.empty()) {
+      const std::string message = document_.at(Document::nearest(element, {"inertial", "inertia"}),
+                                               fmt::format("link \"{}\": {}", link.name, reason));
+      if (options_.refuse_impossible_inertia) throw UrdfError(message);
+      warn(message);
+    }
+    const Eigen::Matrix3d turned = own.R * inertia * own.R.transpose();
+    body.add(inertial.mass, snapped(own.p), 0.5 * (turned + turned.transpose()));
+  }
+
+  const Document& document_;
+  const ::urdf::ModelInterface& model_;
+  const UrdfOptions& options_;
+  std::vector<std::string>* warnings_;
+  std::set<std::string> on_chain_;
+};
+
+/// Revolute and prismatic joints have limits. Asked of the text, since urdfdom fills in zeros and names no
+/// line.
+void check_limits(const Document& document) {
+  for (const auto& [name, joint] : document.joints()) {
+    const std::string& type = *joint->attribute("type");
+    if (type != "revolute" && type != "prismatic") continue;
+    const XmlElement* limit = joint->child("limit");
+    if (limit == nullptr) {
+      document.fail_at(*joint,
+                       "joint \"{}\": found no <limit>; expected lower, upper, velocity and effort on a {} "
+                       "joint; add it{}",
+                       name, type, type == "revolute" ? " or make the joint continuous" : "");
+    }
+    for (const char* attribute : {"lower", "upper", "velocity", "effort"}) {
+      // A limit of zero may be left out by the format's rule, but not both ends of the range.
+      const bool is_range = attribute == std::string_view("lower") || attribute == std::string_view("upper");
+      const bool other_end = limit->attribute("lower") != nullptr || limit->attribute("upper") != nullptr;
+      if (limit->attribute(attribute) == nullptr && !(is_range && other_end)) {
+        document.fail_at(
+            *limit,
+            "joint \"{}\": <limit> has no {}; expected lower, upper, velocity and effort on a {} joint; "
+            "add it",
+            name, attribute, type);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+model::Robot load_urdf_string(const std::string& text, const std::string& name, const UrdfOptions& options,
+                              std::vector<std::string>* warnings) {
+  const Document document(text, name);
+  check_structure(document);
+  check_limits(document);
+  const ::urdf::ModelInterfaceSharedPtr model = parse(text, document);
+  return ChainBuilder(document, *model, options, warnings).build();
+}
+
+model::Robot load_urdf(const std::string& path, const UrdfOptions& options,
+                       std::vector<std::string>* warnings) {
+  std::string text;
+  try {
+    text = host::read_file(path, "URDF");
+  } catch (const InputError& error) {
+    throw UrdfError(error.what());
+  }
+  return load_urdf_string(text, path, options, warnings);
+}
+
+}  // namespace heft::urdf
