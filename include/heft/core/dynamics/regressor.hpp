@@ -174,8 +174,8 @@ struct LinkRegressorSink {
 /// Columns for parameters in inner link axes into columns for parameters in user link axes: with h' = T h and
 /// I' = T I Tᵀ, Y h' = (Y T) h and the six inertia columns likewise.
 /// @param T  row-major, user axes to inner axes
-template <typename Scalar, int N>
-inline void turn_link_columns(const std::array<Scalar, 9>& T, LinkRegressor<Scalar, N>& Y, int link) noexcept {
+template <typename Scalar, typename Matrix>
+inline void turn_link_columns(const std::array<Scalar, 9>& T, Matrix& Y, int link) noexcept {
   const int first = kParametersPerLink * link;
   constexpr int kAt[3][3] = {{kIxx, kIxy, kIxz}, {kIxy, kIyy, kIyz}, {kIxz, kIyz, kIzz}};
   for (int row = 0; row <= link; ++row) {
@@ -210,23 +210,22 @@ inline void turn_link_columns(const std::array<Scalar, 9>& T, LinkRegressor<Scal
 /// Inertial columns of the regressor with compile-time geometry: tau = Y x with x the ten parameters of every
 /// link about its link frame.
 ///
+/// @tparam Matrix  LinkRegressor, or FullRegressor, whose first 10n columns are then written
 /// @param Y  n × 10n; row i is the torque of joint i [N·m, N] per unit of each parameter
-template <typename Arm>
+template <typename Arm, typename Matrix>
   requires(Arm::kIsStatic)
 inline void link_regressor(const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,
-                           const typename Arm::Vector& qd, const typename Arm::Vector& qdd,
-                           LinkRegressor<typename Arm::Scalar, Arm::kNumJoints>& Y) noexcept {
+                           const typename Arm::Vector& qd, const typename Arm::Vector& qdd, Matrix& Y) noexcept {
   using namespace structural;
-  using Scalar = typename Arm::Scalar;
-  LinkRegressorSink<Scalar, LinkRegressor<Scalar, Arm::kNumJoints>> sink{Y};
+  LinkRegressorSink<typename Arm::Scalar, Matrix> sink{Y};
   static_regressor<0, 0, Arm>(trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd, sink);
 }
 
 /// The same with run-time geometry. Cost: 6 joints about 1500 multiplications and 1200 additions.
-template <typename Scalar, int N>
+template <typename Scalar, int N, typename Matrix>
 inline void link_regressor(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
                            const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
-                           const JointVector<Scalar, N>& qdd, LinkRegressor<Scalar, N>& Y) noexcept {
+                           const JointVector<Scalar, N>& qdd, Matrix& Y) noexcept {
   using namespace structural;
   using V = Dense3<Scalar>;
   std::array<Probe<V, V>, N> probes;
@@ -283,9 +282,7 @@ template <typename Scalar, int N>
 inline void full_regressor(const DynamicArm<Scalar, N>& arm, const JointVector<Scalar, N>& q,
                            const JointVector<Scalar, N>& qd, const JointVector<Scalar, N>& qdd, Scalar sign_width,
                            FullRegressor<Scalar, N>& Y) noexcept {
-  LinkRegressor<Scalar, N> links;
-  link_regressor(arm, joint_trigonometry<DynamicArm<Scalar, N>>(q), q, qd, qdd, links);
-  Y.template leftCols<kParametersPerLink * N>() = links;
+  link_regressor(arm, joint_trigonometry<DynamicArm<Scalar, N>>(q), q, qd, qdd, Y);
   actuation_regressor<Scalar, N>(qd, qdd, sign_width, Y);
 }
 
@@ -295,11 +292,8 @@ template <typename Arm>
 inline void full_regressor(const typename Arm::Vector& q, const typename Arm::Vector& qd,
                            const typename Arm::Vector& qdd, typename Arm::Scalar sign_width,
                            FullRegressor<typename Arm::Scalar, Arm::kNumJoints>& Y) noexcept {
-  constexpr int kN = Arm::kNumJoints;
-  LinkRegressor<typename Arm::Scalar, kN> links;
-  link_regressor<Arm>(joint_trigonometry<Arm>(q), q, qd, qdd, links);
-  Y.template leftCols<kParametersPerLink * kN>() = links;
-  actuation_regressor<typename Arm::Scalar, kN>(qd, qdd, sign_width, Y);
+  link_regressor<Arm>(joint_trigonometry<Arm>(q), q, qd, qdd, Y);
+  actuation_regressor<typename Arm::Scalar, Arm::kNumJoints>(qd, qdd, sign_width, Y);
 }
 
 }  // namespace heft

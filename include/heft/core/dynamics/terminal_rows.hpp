@@ -404,6 +404,20 @@ constexpr void pass_links(const Trig& trig, const typename Arm::Vector& q, const
 
 }  // namespace structural
 
+namespace structural {
+
+/// Joints that continue a run of parallel axes when the links before First are passed.
+template <typename Arm, int First>
+inline constexpr std::array<bool, static_cast<std::size_t>(Arm::kNumJoints)> kContinuesRun = [] {
+  std::array<bool, static_cast<std::size_t>(Arm::kNumJoints)> in_run{};
+  for (int j = 1; j < First; ++j) {
+    in_run[static_cast<std::size_t>(j)] = parallel_run_start<typename Arm::Description>(j, First) < j;
+  }
+  return in_run;
+}();
+
+}  // namespace structural
+
 /// Sines and cosines for terminal_rows: joints before First in a run of parallel axes carry the sum of the
 /// angles of the run up to them, all others their own angle.
 template <typename Arm, int First>
@@ -415,13 +429,14 @@ struct TerminalTrigonometry {
 template <typename Arm, int First>
 inline TerminalTrigonometry<Arm, First> terminal_trigonometry(const typename Arm::Vector& q) noexcept {
   using Scalar = typename Arm::Scalar;
-  using Description = typename Arm::Description;
   constexpr int kN = Arm::kNumJoints;
   constexpr int kSkip = Arm::kFirstAngleIsFree ? 1 : 0;
   std::array<Scalar, kN> angles;
-  for (int j = 0; j < kN; ++j) {
-    const bool in_run = j < First && structural::parallel_run_start<Description>(j, First) < j;
-    angles[static_cast<std::size_t>(j)] = in_run ? angles[static_cast<std::size_t>(j - 1)] + q[j] : q[j];
+  // A first angle that no torque depends on is taken as zero, in the sums as well.
+  angles[0] = Arm::kFirstAngleIsFree ? Scalar(0) : q[0];
+  for (int j = 1; j < kN; ++j) {
+    const std::size_t i = static_cast<std::size_t>(j);
+    angles[i] = structural::kContinuesRun<Arm, First>[i] ? angles[i - 1] + q[j] : q[j];
   }
   TerminalTrigonometry<Arm, First> trig;
   trig.joint[0] = {Scalar(0), Scalar(1)};

@@ -15,16 +15,23 @@ namespace heft {
 
 /// Estimates what was added to the terminal link: Δτ = R Δx + c Δm, the corrected equation (39') with the mass as
 /// a parameter of its own, in the contract's ten parameters, and the change of Coulomb and viscous friction of
-/// the last joint.
+/// the last joint, or of the last FrictionJoints joints. The friction of every joint whose row is used may change
+/// (a warmer gear, a heavier load): what has no parameter of its own then goes into the load.
 ///
 /// Runs on the residual of a model that is known to fit without payload, over rows k..n. On an arm like the UR5
 /// the mass shows from k ≤ 4 on; what the motion does not determine keeps the prior, zero, and is marked.
 ///
 /// @tparam N  number of joints
-template <typename Scalar, int N>
+/// @tparam FrictionJoints  joints, counted from the last, whose friction may change
+template <typename Scalar, int N, int FrictionJoints = 1>
 class PayloadEstimator {
+  static_assert(FrictionJoints >= 0 && FrictionJoints <= N, "no more friction joints than joints");
+
  public:
-  static constexpr int kParameters = 12;
+  /// Ten inertial parameters, then Coulomb and viscous of each friction joint, the innermost first.
+  static constexpr int kParameters = 10 + 2 * FrictionJoints;
+  /// First joint whose friction may change, from 0.
+  static constexpr int kFirstFrictionJoint = N - FrictionJoints;
   using Vector = JointVector<Scalar, N>;
   using Estimator = RecursiveLeastSquares<Scalar, kParameters>;
   using Row = typename Estimator::Row;
@@ -33,26 +40,36 @@ class PayloadEstimator {
     int first_row{0};                ///< k − 1
     Scalar forgetting_factor{1};     ///< a sample
     Vector noise_std = Vector::Ones();  ///< of the torque residual of each joint [N·m, N]
+    /// Neighbouring samples that tell as much as one alone, because the residual is correlated in time; ≥ 1.
+    /// Does not move the estimate, but makes its standard deviations hold.
+    Scalar correlated_samples{1};
     Scalar gate{5};                  ///< standard deviations; 0 never rejects
     Scalar mass_prior{10};           ///< prior standard deviation of the mass [kg]
     Scalar length_prior{static_cast<Scalar>(0.3)};  ///< a length [m] that scales the priors of first moment and inertia
     Scalar friction_prior{5};        ///< prior standard deviation of the friction changes [N·m], [N·m·s/rad]
     bool estimate_friction{true};
-    Scalar standstill_speed{0};      ///< samples with every joint slower are left out: friction hides the sign there
+    /// Rows of slower joints are left out: at rest friction takes up any torque below its level, so such a row
+    /// says nothing. 0: none.
+    Scalar standstill_speed{0};
     Scalar sign_width{static_cast<Scalar>(0.01)};
   };
 
   struct Record {
-    std::array<Scalar, static_cast<std::size_t>(N)> innovation{};  ///< of the rows used [N·m]
+    std::array<Scalar, static_cast<std::size_t>(N)> innovation{};  ///< of the rows used or rejected [N·m]
+    /// Variance that a single innovation has; 0 where the row was left out.
+    std::array<Scalar, static_cast<std::size_t>(N)> innovation_variance{};
+    std::array<bool, static_cast<std::size_t>(N)> used{};
     int rows_used{0};
     int rows_rejected{0};
-    bool standstill{false};
+    int rows_at_rest{0};
+    bool standstill{false};  ///< every row was left out
   };
 
   /// @return kOutOfRange, state kept
   Status configure(const Config& config) noexcept {
     if (config.first_row < 0 || config.first_row >= N || !(config.mass_prior > Scalar(0)) ||
-        !(config.length_prior > Scalar(0)) || !(config.friction_prior > Scalar(0))) {
+        !(config.length_prior > Scalar(0)) || !(config.friction_prior > Scalar(0)) ||
+        !(config.correlated_samples >= Scalar(1)) || config.standstill_speed < Scalar(0)) {
       return Status::kOutOfRange;
     }
     for (int i = 0; i < N; ++i) {
@@ -73,14 +90,17 @@ class PayloadEstimator {
       variance[i] = inertia * inertia;
     }
     const Scalar friction = config.estimate_friction ? config.friction_prior : static_cast<Scalar>(1e-6);
-    variance[10] = friction * friction;
-    variance[11] = friction * friction;
+    for (std::size_t i = 10; i < static_cast<std::size_t>(kParameters); ++i) {
+      variance[i] = friction * friction;
+    }
     typename Estimator::Config settings;
     settings.forgetting_factor = config.forgetting_factor;
     settings.gate = config.gate;
+    settings.gate_noise_share = Scalar(1) / config.correlated_samples;
     const Status status = estimator_.configure(settings, prior, variance);
     if (status == Status::kOk) {
       config_ = config;
+      settings_ = settings;
       prior_variance_ = variance;
     }
     return status;
@@ -92,12 +112,22 @@ class PayloadEstimator {
   /// @param residual  measured torque less the torque of the model without payload, n [N·m]
   /// @return kNonFiniteInput, kNotConfigured: nothing changed
   Status update(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& residual, Record& record) noexcept {
+    Vector sign;
+    for (int i = 0; i < N; ++i) {
+      sign[i] = velocity_sign(qd[i], config_.sign_width);
+    }
+    return update(Y, qd, sign, residual, record);
+  }
+
+  /// The same with the sign of the velocities given: where torque and motion come through a low-pass, the sign
+  /// must come through it too.
+  Status update(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& sign, const Vector& residual,
+                Record& record) noexcept {
     record = Record{};
     bool finite = true;
-    bool moving = !(config_.standstill_speed > Scalar(0));
     for (int i = 0; i < N; ++i) {
-      finite = finite && residual[i] - residual[i] == Scalar(0) && qd[i] - qd[i] == Scalar(0);
-      moving = moving || qd[i] > config_.standstill_speed || qd[i] < -config_.standstill_speed;
+      finite = finite && residual[i] - residual[i] == Scalar(0) && qd[i] - qd[i] == Scalar(0) &&
+               sign[i] - sign[i] == Scalar(0);
       for (int c = kParametersPerLink * (N - 1); c < kParametersPerLink * N; ++c) {
         finite = finite && Y(i, c) - Y(i, c) == Scalar(0);
       }
@@ -105,33 +135,44 @@ class PayloadEstimator {
     if (!finite) {
       return Status::kNonFiniteInput;
     }
-    if (!moving) {
-      record.standstill = true;
-      return Status::kOk;
-    }
     for (int i = config_.first_row; i < N; ++i) {
-      const Row w = row(Y, qd, i);
+      const std::size_t at = static_cast<std::size_t>(i);
+      if (qd[i] < config_.standstill_speed && qd[i] > -config_.standstill_speed) {
+        ++record.rows_at_rest;
+        continue;
+      }
       typename Estimator::Record taken;
-      const Status status =
-          estimator_.update(w, residual[i], config_.noise_std[i] * config_.noise_std[i], taken);
+      const Scalar noise = config_.noise_std[i] * config_.noise_std[i] * config_.correlated_samples;
+      const Status status = estimator_.update(row(Y, qd, sign, i), residual[i], noise, taken);
       if (status != Status::kOk) {
         return status;
       }
-      record.innovation[static_cast<std::size_t>(i)] = taken.innovation;
+      record.innovation[at] = taken.innovation;
+      record.innovation_variance[at] = taken.innovation_variance;
+      record.used[at] = taken.used;
       ++(taken.used ? record.rows_used : record.rows_rejected);
     }
+    record.standstill = record.rows_at_rest == N - config_.first_row;
     return Status::kOk;
   }
 
-  /// Row i of the problem: ten columns of the last link, then Coulomb and viscous of the last joint.
+  /// Row i of the problem: ten columns of the last link, then Coulomb and viscous of the friction joints.
   Row row(const LinkRegressor<Scalar, N>& Y, const Vector& qd, int i) const noexcept {
+    Vector sign = Vector::Zero();
+    sign[i] = velocity_sign(qd[i], config_.sign_width);
+    return row(Y, qd, sign, i);
+  }
+
+  /// The same with the sign of the velocities given.
+  Row row(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& sign, int i) const noexcept {
     Row w{};
     for (int c = 0; c < kParametersPerLink; ++c) {
       w[static_cast<std::size_t>(c)] = Y(i, kParametersPerLink * (N - 1) + c);
     }
-    if (i == N - 1) {
-      w[10] = velocity_sign(qd[i], config_.sign_width);
-      w[11] = qd[i];
+    if (i >= kFirstFrictionJoint) {
+      const std::size_t first = static_cast<std::size_t>(10 + 2 * (i - kFirstFrictionJoint));
+      w[first] = sign[i];
+      w[first + 1] = qd[i];
     }
     return w;
   }
@@ -144,10 +185,18 @@ class PayloadEstimator {
     }
     return p;
   }
-  Scalar coulomb_change() const noexcept { return estimator_.solution()[10]; }
-  Scalar viscous_change() const noexcept { return estimator_.solution()[11]; }
+  /// Change of the friction of joint i; 0 for a joint that is no friction joint.
+  Scalar coulomb_change(int i = N - 1) const noexcept { return friction_change(i, 0); }
+  Scalar viscous_change(int i = N - 1) const noexcept { return friction_change(i, 1); }
 
-  /// Standard deviation of parameter i (0..11) for white residuals of the configured size.
+  /// Takes up the prior's variances again and keeps the estimate: after a change of load.
+  void restart() noexcept {
+    if (prior_variance_[0] > Scalar(0)) {
+      static_cast<void>(estimator_.configure(settings_, estimator_.solution(), prior_variance_));
+    }
+  }
+
+  /// Standard deviation of parameter i for residuals of the configured size and correlation.
   Scalar standard_deviation(int i) const noexcept {
     using std::sqrt;
     return sqrt(estimator_.variance(i));
@@ -163,7 +212,14 @@ class PayloadEstimator {
   Estimator& estimator() noexcept { return estimator_; }
 
  private:
+  Scalar friction_change(int i, int which) const noexcept {
+    return i < kFirstFrictionJoint || i >= N
+               ? Scalar(0)
+               : estimator_.solution()[static_cast<std::size_t>(10 + 2 * (i - kFirstFrictionJoint) + which)];
+  }
+
   Config config_{};
+  typename Estimator::Config settings_{};
   Row prior_variance_{};
   Estimator estimator_;
 };

@@ -16,8 +16,10 @@ namespace heft {
 /// Measurement update by Bierman's algorithm (G. J. Bierman, Factorization Methods for Discrete Sequential
 /// Estimation, 1977, ch. V). Cost of update(): 1.5 p² + 5.5 p multiplications, p divisions; no allocation.
 ///
-/// Does not wind up: forgetting inflates only the directions the row informs about (it acts through that row's
-/// own update), and no variance grows past its initial value.
+/// Does not wind up. Forgetting divides D by λ after each row that carries information; to balance it, each such row is
+/// followed by one pseudo-measurement of one parameter in turn, "you are where you are", whose weight is such that
+/// without any other information the variance returns to its initial value and no higher (leakage towards the prior covariance).
+/// It moves no estimate and costs a second update(), with λ < 1 only.
 ///
 /// @tparam P  number of parameters p
 template <typename Scalar, int P>
@@ -29,12 +31,16 @@ class RecursiveLeastSquares {
     Scalar forgetting_factor{1};   ///< λ a row, 0 < λ ≤ 1; 1 forgets nothing
     Scalar noise_variance{1};      ///< of the measurement, > 0 [squared unit of y]
     Scalar gate{0};                ///< rejects a row whose innovation exceeds gate standard deviations; 0: never
+    /// Share of the noise variance that one row shows. Below 1 where the noise is correlated in time and
+    /// noise_variance is raised for it: weight and variances then count the information rightly, while the gate
+    /// goes by the scatter of single rows.
+    Scalar gate_noise_share{1};
   };
 
   /// What happened to a row.
   struct Record {
     Scalar innovation{0};           ///< y − w x before the update
-    Scalar innovation_variance{0};  ///< w P wᵀ + noise variance
+    Scalar innovation_variance{0};  ///< w P wᵀ + gate_noise_share · noise variance
     Scalar test_ratio{0};           ///< innovation² / (gate² variance); above 1 is rejected
     bool used{false};
   };
@@ -42,7 +48,8 @@ class RecursiveLeastSquares {
   /// Takes prior and settings. @return kOutOfRange, state kept
   Status configure(const Config& config, const Row& prior, const Row& variance) noexcept {
     if (!(config.forgetting_factor > Scalar(0)) || config.forgetting_factor > Scalar(1) ||
-        !(config.noise_variance > Scalar(0)) || config.gate < Scalar(0)) {
+        !(config.noise_variance > Scalar(0)) || config.gate < Scalar(0) || !(config.gate_noise_share > Scalar(0)) ||
+        config.gate_noise_share > Scalar(1)) {
       return Status::kOutOfRange;
     }
     for (const Scalar& v : variance) {
@@ -57,6 +64,12 @@ class RecursiveLeastSquares {
     for (Row& row : u_) {
       row.fill(Scalar(0));
     }
+    Scalar power = Scalar(1);
+    for (int i = 0; i < P; ++i) {
+      power = power * config.forgetting_factor;
+    }
+    leak_noise_ = power < Scalar(1) ? power / (Scalar(1) - power) : Scalar(1);
+    leak_ = 0;
     configured_ = true;
     return Status::kOk;
   }
@@ -96,7 +109,7 @@ class RecursiveLeastSquares {
       innovation -= w[j] * x_[j];
     }
     record.innovation = innovation;
-    record.innovation_variance = information + noise;
+    record.innovation_variance = information + config_.gate_noise_share * noise;
     if (config_.gate > Scalar(0)) {
       record.test_ratio = innovation * innovation / (config_.gate * config_.gate * record.innovation_variance);
       if (record.test_ratio > Scalar(1)) {
@@ -104,30 +117,12 @@ class RecursiveLeastSquares {
       }
     }
 
-    // Bierman's update, column by column; b collects the unscaled gain.
-    Row b{};
-    Scalar alpha = noise;
-    Scalar inverse = Scalar(1) / alpha;
+    const Row gain = reduce(f, g, noise);
     for (std::size_t j = 0; j < kSize; ++j) {
-      const Scalar previous = alpha;
-      const Scalar previous_inverse = inverse;
-      alpha += f[j] * g[j];
-      inverse = Scalar(1) / alpha;
-      d_[j] = d_[j] * previous * inverse;
-      b[j] = g[j];
-      const Scalar lambda = -f[j] * previous_inverse;
-      for (std::size_t i = 0; i < j; ++i) {
-        const Scalar u = u_[i][j];
-        u_[i][j] = u + lambda * b[i];
-        b[i] += u * g[j];
-      }
-    }
-    const Scalar gain = innovation * inverse;
-    for (std::size_t j = 0; j < kSize; ++j) {
-      x_[j] += b[j] * gain;
+      x_[j] += gain[j] * innovation;
     }
     if (config_.forgetting_factor < Scalar(1) && information > Scalar(0)) {
-      forget(f, g, information, noise);
+      forget();
     }
     record.used = true;
     ++updates_;
@@ -156,6 +151,17 @@ class RecursiveLeastSquares {
     return variance(unit);
   }
 
+  /// Entry (i, j) of P = U D Uᵀ.
+  Scalar covariance(int i, int j) const noexcept {
+    const std::size_t low = static_cast<std::size_t>(i < j ? i : j);
+    const std::size_t high = static_cast<std::size_t>(i < j ? j : i);
+    Scalar sum = (low == high ? Scalar(1) : u_[low][high]) * d_[high];
+    for (std::size_t k = high + 1; k < kSize; ++k) {
+      sum += u_[low][k] * d_[k] * u_[high][k];
+    }
+    return sum;
+  }
+
   /// Rows used so far.
   long updates() const noexcept { return updates_; }
 
@@ -169,18 +175,57 @@ class RecursiveLeastSquares {
  private:
   static constexpr std::size_t kSize = static_cast<std::size_t>(P);
 
-  // Directional: only factors this row has informed about (f_j² d_j is its share) are relaxed towards 1/λ.
-  void forget(const Row& f, const Row& g, const Scalar& information, const Scalar& noise) noexcept {
-    const Scalar strength = (Scalar(1) / config_.forgetting_factor - Scalar(1)) / (information + noise);
+  // Bierman's update of U and D, column by column. f = Uᵀ wᵀ, g = D f. Returns the gain P wᵀ / (w P wᵀ + noise).
+  Row reduce(const Row& f, const Row& g, const Scalar& noise) noexcept {
+    Row b{};
+    Scalar alpha = noise;
+    Scalar inverse = Scalar(1) / alpha;
     for (std::size_t j = 0; j < kSize; ++j) {
-      const Scalar inflated = d_[j] * (Scalar(1) + strength * f[j] * g[j] * static_cast<Scalar>(P));
-      d_[j] = inflated > ceiling_[j] ? (d_[j] > ceiling_[j] ? d_[j] : ceiling_[j]) : inflated;
+      const Scalar previous = alpha;
+      const Scalar previous_inverse = inverse;
+      alpha += f[j] * g[j];
+      inverse = Scalar(1) / alpha;
+      d_[j] = d_[j] * previous * inverse;
+      b[j] = g[j];
+      const Scalar lambda = -f[j] * previous_inverse;
+      for (std::size_t i = 0; i < j; ++i) {
+        const Scalar u = u_[i][j];
+        u_[i][j] = u + lambda * b[i];
+        b[i] += u * g[j];
+      }
     }
+    for (Scalar& entry : b) {
+      entry = entry * inverse;
+    }
+    return b;
+  }
+
+  // Division by λ, then the leak of one parameter. Each is reached once in p rows, over which its information falls by
+  // λ^p: a pseudo-measurement of information (1 − λ^p) / (λ^p ceiling) lets the variance swing up to the ceiling.
+  void forget() noexcept {
+    const Scalar inverse = Scalar(1) / config_.forgetting_factor;
+    for (Scalar& d : d_) {
+      d = d * inverse;
+    }
+    const std::size_t k = leak_;
+    leak_ = leak_ + 1 == kSize ? 0 : leak_ + 1;
+    Row f{};
+    Row g{};
+    f[k] = Scalar(1);
+    for (std::size_t j = k + 1; j < kSize; ++j) {
+      f[j] = u_[k][j];
+    }
+    for (std::size_t j = k; j < kSize; ++j) {
+      g[j] = d_[j] * f[j];
+    }
+    static_cast<void>(reduce(f, g, ceiling_[k] * leak_noise_));
   }
 
   Config config_{};
   std::array<Row, kSize> u_{};  ///< strictly upper triangle of U; ones on the diagonal not stored
   Row d_{}, ceiling_{}, x_{};
+  Scalar leak_noise_{1};  ///< λ^p / (1 − λ^p)
+  std::size_t leak_{0};
   long updates_{0};
   bool configured_{false};
 };

@@ -54,6 +54,12 @@ class StagedSolver {
     return stage_ == Stage::kDone;
   }
 
+  /// Drops the solve that is under way.
+  void reset() noexcept {
+    stage_ = Stage::kDone;
+    status_ = Status::kNotExcited;
+  }
+
   bool busy() const noexcept { return stage_ != Stage::kDone; }
 
   /// kOk, or kSingular when the diagonal is not positive or a pivot vanished.

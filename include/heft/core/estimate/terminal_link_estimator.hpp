@@ -128,7 +128,7 @@ class TerminalLinkEstimator {
     solved_at_ = 0;
     running_ = false;
     usual_.fill(Scalar(0));
-    solver_ = StagedSolver<Scalar, Layout>{};
+    solver_.reset();
     amplification_ = Scalar(0);
     status_ = Status::kNotExcited;
   }
@@ -142,10 +142,9 @@ class TerminalLinkEstimator {
   /// @return kNonFiniteInput: the sample is refused, nothing changed; kNotConfigured
   Status update(const Vector& q, const Vector& qd, const Vector& qdd, const Vector& instrument, const Vector& tau,
                 Record& record) noexcept {
-    std::array<Rows, 2> rows{};
     terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {qdd, instrument}, config_.sign_width,
-                                 rows);
-    return update_rows(rows[0], rows[1], qd, tau, record);
+                                 rows_);
+    return update_rows(rows_[0], rows_[1], qd, tau, record);
   }
 
   /// Takes rows that were computed elsewhere, for instance with the forward pass of the controller.
@@ -450,17 +449,12 @@ class TerminalLinkEstimator {
   }
 
   // From accumulated equations to factors, with everything seen up to this sample.
-  void hand_over() noexcept {
-    auto matrix = config_.use_instruments ? instrumental_.matrix() : least_squares_.matrix();
-    if (!config_.use_instruments) {
-      for (std::size_t i = 1; i < static_cast<std::size_t>(kParameters); ++i) {
-        for (std::size_t j = 0; j < i; ++j) {
-          matrix[i][j] = matrix[j][i];
-        }
-      }
-    }
-    running_ = factored_.start(matrix, config_.use_instruments ? instrumental_.right_side()
-                                                               : least_squares_.right_side()) == Status::kOk;
+  void hand_over() noexcept
+    requires(kIsFactored)
+  {
+    const auto& equations = config_.use_instruments ? instrumental_ : least_squares_;
+    running_ =
+        factored_.start(equations.matrix(), equations.right_side(), !config_.use_instruments) == Status::kOk;
     if (running_) {
       estimate_ = factored_.solution();
     }
@@ -472,6 +466,7 @@ class TerminalLinkEstimator {
   NormalEquations<Scalar, Layout> instrumental_, least_squares_;
   [[no_unique_address]] std::conditional_t<kIsFactored, FactoredEquations<Scalar, Layout, false>, Nothing> factored_;
   StagedSolver<Scalar, Layout> solver_;
+  std::array<Rows, 2> rows_{};  ///< entries that a row does not reach stay zero
   std::array<Scalar, kRows> usual_{};
   Scalar gain_{1}, amplification_{0};
   long samples_{0}, solved_at_{0};

@@ -26,7 +26,9 @@ constexpr Scalar velocity_sign(Scalar velocity, Scalar width) noexcept {
     return Scalar(-1);
   }
   const Scalar x2 = x * x;
-  return x * (Scalar(27) + x2) / (Scalar(27) + Scalar(9) * x2);
+  const Scalar s = x * (Scalar(27) + x2) / (Scalar(27) + Scalar(9) * x2);
+  // Rounding just inside |x| = 3 may step over 1.
+  return s > Scalar(1) ? Scalar(1) : s < Scalar(-1) ? Scalar(-1) : s;
 }
 
 /// Friction torque F sign(q̇) + d q̇ + offset, link side [N·m, N].
