@@ -26,7 +26,8 @@ class Node {
       : json_(&json), file_(std::move(file)), path_(std::move(path)) {}
 
   [[noreturn]] void fail(const std::string& found, const std::string& expected) const {
-    throw ModelError(fmt::format("{}: {}: {}; expected {}", file_, path_.empty() ? "/" : path_, found, expected));
+    throw ModelError(
+        fmt::format("{}: {}: {}; expected {}", file_, path_.empty() ? "/" : path_, found, expected));
   }
   bool has(const char* key) const { return json_->is_object() && json_->contains(key); }
   Node at(const char* key, const std::string& expected) const {
@@ -61,7 +62,9 @@ class Node {
     if (!json_->is_string()) fail(fmt::format("found {}", json_->dump()), "a text");
     return json_->get<std::string>();
   }
-  std::string text_or_empty(const char* key) const { return has(key) ? at(key, "a text").text() : std::string{}; }
+  std::string text_or_empty(const char* key) const {
+    return has(key) ? at(key, "a text").text() : std::string{};
+  }
   std::vector<std::string> texts_or_empty(const char* key) const {
     std::vector<std::string> texts;
     if (!has(key)) return texts;
@@ -69,6 +72,7 @@ class Node {
     for (std::size_t k = 0; k < list.array_size("a list of texts"); ++k) texts.push_back(list.at(k).text());
     return texts;
   }
+
  private:
   const Json* json_;
   std::string file_;
@@ -76,8 +80,10 @@ class Node {
 };
 
 const std::set<std::string>& known_fields() {
-  static const std::set<std::string> fields{"format", "version", "robot", "num_joints", "units", "parameter_order", "links",
-                                            "joints", "standard_deviations", "covariance", "provenance"};
+  static const std::set<std::string> fields{"format",     "version",   "robot",
+                                            "num_joints", "units",     "parameter_order",
+                                            "links",      "joints",    "standard_deviations",
+                                            "covariance", "provenance"};
   return fields;
 }
 
@@ -104,21 +110,23 @@ ModelFile make_model(const Robot& robot) {
 void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes) {
   const std::string where = model.path.empty() ? "model" : model.path;
   if (model.num_joints() != robot.num_joints()) {
-    throw ModelError(fmt::format("{}: the model has {} joints; expected {}, as robot \"{}\" has; "
-                                 "use the model with the URDF that it was made with",
-                                 where, model.num_joints(), robot.num_joints(), robot.name));
+    throw ModelError(
+        fmt::format("{}: the model has {} joints; expected {}, as robot \"{}\" has; "
+                    "use the model with the URDF that it was made with",
+                    where, model.num_joints(), robot.num_joints(), robot.name));
   }
   for (std::size_t k = 0; k < robot.joints.size(); ++k) {
     const std::string name = name_at(model.joint_names, k);
     if (!name.empty() && name != robot.joints[k].name) {
-      throw ModelError(fmt::format("{}: /joints/{}/name: found \"{}\"; expected \"{}\", as in robot \"{}\"; "
-                                   "use the model with the URDF that it was made with",
-                                   where, k, name, robot.joints[k].name, robot.name));
+      throw ModelError(
+          fmt::format("{}: /joints/{}/name: found \"{}\"; expected \"{}\", as in robot \"{}\"; "
+                      "use the model with the URDF that it was made with",
+                      where, k, name, robot.joints[k].name, robot.name));
     }
   }
   if (notes != nullptr && !model.robot.empty() && model.robot != robot.name) {
-    notes->push_back(fmt::format("{}: the model was made for robot \"{}\" and is used with \"{}\"", where, model.robot,
-                                 robot.name));
+    notes->push_back(fmt::format("{}: the model was made for robot \"{}\" and is used with \"{}\"", where,
+                                 model.robot, robot.name));
   }
   for (std::size_t k = 0; k < robot.joints.size(); ++k) {
     robot.joints[k].link = model.links[k];
@@ -134,19 +142,22 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
     // The library's message starts with "[json.exception...] "; what follows names line and column.
     const std::string reason = error.what();
     const std::size_t end = reason.find("] ");
-    throw ModelError(fmt::format("{}: not valid JSON: {}", path, end == std::string::npos ? reason : reason.substr(end + 2)));
+    throw ModelError(fmt::format("{}: not valid JSON: {}", path,
+                                 end == std::string::npos ? reason : reason.substr(end + 2)));
   } catch (const Json::out_of_range& error) {
     throw ModelError(fmt::format("{}: a number is too large for double precision", path));
   }
   const Node root(json, path, "");
   const std::string format = root.at("format", fmt::format("\"{}\"", kFormat)).text();
   if (format != kFormat) {
-    throw ModelError(fmt::format("{}: /format: found \"{}\"; expected \"{}\"; is this a heft model?", path, format, kFormat));
+    throw ModelError(fmt::format("{}: /format: found \"{}\"; expected \"{}\"; is this a heft model?", path,
+                                 format, kFormat));
   }
   const double version = root.at("version", fmt::format("{}", kVersion)).number();
   if (version != kVersion) {
-    throw ModelError(fmt::format("{}: /version: found {}; this heft reads version {}; use the heft that wrote the file",
-                                 path, version, kVersion));
+    throw ModelError(
+        fmt::format("{}: /version: found {}; this heft reads version {}; use the heft that wrote the file",
+                    path, version, kVersion));
   }
 
   ModelFile model;
@@ -181,7 +192,8 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
       joint.expect_object();
       model.joint_names[k] = joint.text_or_empty("name");
       model.actuation[k] = {joint.number_or_zero("rotor_inertia"), joint.number_or_zero("coulomb_friction"),
-                            joint.number_or_zero("viscous_friction"), joint.number_or_zero("friction_offset")};
+                            joint.number_or_zero("viscous_friction"),
+                            joint.number_or_zero("friction_offset")};
     }
   }
   const std::size_t num_parameters = 14 * num_joints;
@@ -190,7 +202,8 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
     const Node list = root.at("standard_deviations", expected);
     list.expect_size(num_parameters, expected);
     Eigen::VectorXd deviations(static_cast<Eigen::Index>(num_parameters));
-    for (std::size_t i = 0; i < num_parameters; ++i) deviations[static_cast<Eigen::Index>(i)] = list.at(i).number(true);
+    for (std::size_t i = 0; i < num_parameters; ++i)
+      deviations[static_cast<Eigen::Index>(i)] = list.at(i).number(true);
     model.standard_deviations = deviations;
   }
   if (root.has("covariance")) {
@@ -241,7 +254,8 @@ std::string to_json(const ModelFile& model) {
   json["joints"] = Json::array();
   for (std::size_t k = 0; k < model.links.size(); ++k) {
     json["links"].push_back({{"name", name_at(model.link_names, k)}, {"parameters", model.links[k]}});
-    const JointActuation<double> actuation = k < model.actuation.size() ? model.actuation[k] : JointActuation<double>{};
+    const JointActuation<double> actuation =
+        k < model.actuation.size() ? model.actuation[k] : JointActuation<double>{};
     json["joints"].push_back({{"name", name_at(model.joint_names, k)},
                               {"rotor_inertia", actuation.rotor_inertia},
                               {"coulomb_friction", actuation.coulomb_friction},
@@ -250,13 +264,15 @@ std::string to_json(const ModelFile& model) {
   }
   if (model.standard_deviations) {
     json["standard_deviations"] = Json::array();
-    for (const double value : *model.standard_deviations) json["standard_deviations"].push_back(number_or_null(value));
+    for (const double value : *model.standard_deviations)
+      json["standard_deviations"].push_back(number_or_null(value));
   }
   if (model.covariance) {
     json["covariance"] = Json::array();
     for (Eigen::Index r = 0; r < model.covariance->rows(); ++r) {
       Json row = Json::array();
-      for (Eigen::Index c = 0; c < model.covariance->cols(); ++c) row.push_back(number_or_null((*model.covariance)(r, c)));
+      for (Eigen::Index c = 0; c < model.covariance->cols(); ++c)
+        row.push_back(number_or_null((*model.covariance)(r, c)));
       json["covariance"].push_back(std::move(row));
     }
   }

@@ -1,0 +1,71 @@
+/// @file
+/// One self-contained HTML page: no outside file, no script, readable in the dark and on paper.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heft/report/plot.hpp"
+#include "heft/report/table.hpp"
+
+namespace heft::report {
+
+/// A number worth a tile of its own at the top of a page.
+struct Fact {
+  std::string label;  ///< "mass found"
+  std::string value;  ///< "2.81 kg"
+  std::string note;   ///< "± 0.03, true 2.805"; may be empty
+};
+
+/// How a verdict is tinted.
+enum class Tone { kGood, kNeutral, kBad };
+
+/// Collects the parts of a page in order and writes it. All text is plain and is escaped here.
+///
+/// @code
+/// Report report("Payload");
+/// report.verdict("The load weighs 2.81 kg ± 0.03 kg.", Tone::kGood);
+/// report.plot({"Mass", "time [s]", "mass [kg]", {line("estimate", time, mass)}});
+/// report.write("payload.html");
+/// @endcode
+class Report {
+ public:
+  explicit Report(std::string title, std::string subtitle = {});
+
+  /// The answer in one sentence; stands under the title.
+  Report& verdict(const std::string& sentence, Tone tone = Tone::kNeutral);
+  Report& facts(const std::vector<Fact>& facts);
+  Report& heading(const std::string& text);
+  Report& paragraph(const std::string& text);
+  /// A smaller, set-off paragraph: definitions, limits, what contradicts expectation.
+  Report& note(const std::string& text);
+  Report& preformatted(const std::string& text);
+  Report& table(const Table& table, const std::string& caption = {});
+  Report& plot(const PlotSpec& spec);
+  /// Small multiples (one plot a joint) with one legend, that of the first plot.
+  Report& plots(const std::string& title, std::vector<PlotSpec> specs);
+
+  /// The whole page. Cost: one gnuplot process a plot.
+  std::string html() const;
+  /// Writes the page; it appears whole or not at all.
+  /// @throws InputError when the folder does not exist or cannot be written.
+  void write(const std::string& path) const;
+
+ private:
+  /// Finished HTML, or a plot that html() draws: a report that is never written costs no drawing.
+  struct Part {
+    std::string html;
+    std::optional<PlotSpec> drawing{};
+  };
+  void add_figure(PlotSpec spec, bool with_legend);
+
+  std::string title_;
+  std::string subtitle_;
+  std::vector<Part> parts_;
+};
+
+/// Text safe inside HTML elements and quoted attributes.
+std::string escape_html(const std::string& text);
+
+}  // namespace heft::report
