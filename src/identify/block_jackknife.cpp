@@ -1,0 +1,118 @@
+#include "heft/identify/block_jackknife.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include <Eigen/Cholesky>
+
+namespace heft::identify {
+
+double interval_factor(int degrees_of_freedom) {
+  if (degrees_of_freedom < 1) return std::numeric_limits<double>::infinity();
+  // Exact for one and two degrees of freedom; from three on the expansion in 1/ν about the normal quantile
+  // (Abramowitz and Stegun 26.7.5), off by less than 0.3 % at three and 0.02 % from five on.
+  if (degrees_of_freedom == 1) return 12.7062;
+  if (degrees_of_freedom == 2) return 4.30265;
+  constexpr double z = 1.959963984540054;
+  const double nu = degrees_of_freedom;
+  const double z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z, z9 = z7 * z * z;
+  return z + (z3 + z) / (4 * nu) + (5 * z5 + 16 * z3 + 3 * z) / (96 * nu * nu) +
+         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * nu * nu * nu) +
+         (79 * z9 + 776 * z7 + 1482 * z5 - 1920 * z3 - 945 * z) / (92160 * nu * nu * nu * nu);
+}
+
+BlockJackknife::BlockJackknife(Eigen::VectorXd prior, Eigen::VectorXd variance)
+    : prior_(std::move(prior)), variance_(std::move(variance)) {}
+
+BlockJackknife::Block& BlockJackknife::at(int block) {
+  if (block >= num_blocks()) blocks_.resize(static_cast<std::size_t>(block) + 1);
+  Block& b = blocks_[static_cast<std::size_t>(block)];
+  if (b.A.size() == 0) {
+    b.A = Eigen::MatrixXd::Zero(prior_.size(), prior_.size());
+    b.r = Eigen::VectorXd::Zero(prior_.size());
+  }
+  return b;
+}
+
+void BlockJackknife::add(int block, const Eigen::VectorXd& w, double y, double noise_variance) {
+  Block& b = at(block);
+  b.A.selfadjointView<Eigen::Lower>().rankUpdate(w, 1.0 / noise_variance);
+  b.r += w * (y / noise_variance);
+  ++b.rows;
+}
+
+void BlockJackknife::add_dependence(int block, const Eigen::VectorXd& w, const Eigen::VectorXd& d, double noise_variance) {
+  Block& b = at(block);
+  if (b.H.size() == 0) b.H = Eigen::MatrixXd::Zero(prior_.size(), d.size());
+  b.H.noalias() += (w / noise_variance) * d.transpose();
+}
+
+bool BlockJackknife::is_empty(int block) const {
+  return block >= num_blocks() || blocks_[static_cast<std::size_t>(block)].rows == 0;
+}
+
+std::vector<int> BlockJackknife::present(const std::vector<int>& members) const {
+  std::vector<int> all(members);
+  if (all.empty()) {
+    all.resize(blocks_.size());
+    std::iota(all.begin(), all.end(), 0);
+  }
+  std::erase_if(all, [&](int b) { return is_empty(b); });
+  return all;
+}
+
+BlockJackknife::Result BlockJackknife::solve(const std::vector<int>& members, int merge) const {
+  Eigen::MatrixXd A = variance_.cwiseInverse().asDiagonal();
+  Eigen::VectorXd r = prior_.cwiseQuotient(variance_);
+  struct Sum {
+    Eigen::MatrixXd A;
+    Eigen::VectorXd r;
+  };
+  std::vector<Sum> sums;
+  int previous = -1;
+  for (const int b : present(members)) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    const Eigen::MatrixXd full = block.A.selfadjointView<Eigen::Lower>();
+    A += full;
+    r += block.r;
+    // Blocks are merged by their place in time, so that an empty one leaves a gap and not a shift.
+    if (b / merge != previous) sums.push_back({Eigen::MatrixXd::Zero(A.rows(), A.cols()), Eigen::VectorXd::Zero(r.size())});
+    previous = b / merge;
+    sums.back().A += full;
+    sums.back().r += block.r;
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> factors(A);
+  Result result;
+  result.estimate = factors.solve(r);
+  result.information_inverse = factors.solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
+  result.covariance = Eigen::MatrixXd::Zero(A.rows(), A.cols());
+  result.blocks = static_cast<int>(sums.size());
+  result.interval_factor = identify::interval_factor(result.blocks - 1);
+  if (result.blocks < 2) return result;
+  for (const Sum& sum : sums) {
+    const Eigen::VectorXd d = (A - sum.A).ldlt().solve(r - sum.r) - result.estimate;
+    result.covariance.noalias() += d * d.transpose();
+  }
+  result.covariance *= static_cast<double>(result.blocks - 1) / static_cast<double>(result.blocks);
+  return result;
+}
+
+Eigen::MatrixXd BlockJackknife::dependence(const std::vector<int>& members) const {
+  Eigen::MatrixXd A = variance_.cwiseInverse().asDiagonal();
+  Eigen::MatrixXd H;
+  for (const int b : present(members)) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    A += Eigen::MatrixXd(block.A.selfadjointView<Eigen::Lower>());
+    if (block.H.size() == 0) continue;
+    if (H.size() == 0) {
+      H = block.H;
+    } else {
+      H += block.H;
+    }
+  }
+  if (H.size() == 0) return H;
+  return -A.ldlt().solve(H);
+}
+
+}  // namespace heft::identify

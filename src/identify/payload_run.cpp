@@ -1,0 +1,475 @@
+#include "heft/identify/payload_run.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "causal_signals.hpp"
+#include "change_detector.hpp"
+#include "heft/core/estimate/payload_estimator.hpp"
+#include "heft/core/inertia.hpp"
+#include "heft/host/error.hpp"
+#include "heft/identify/block_jackknife.hpp"
+#include "heft/identify/recursive_fit.hpp"
+#include "heft/model/dynamics.hpp"
+
+namespace heft::identify {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// A parameter counts as identified when the data have reduced its prior standard deviation to less than this share.
+constexpr double kIdentified = 0.1;
+/// Length of the shortest blocks that sums are kept for [s].
+constexpr double kFineBlock = 0.5;
+
+void check(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
+  const int n = robot.num_joints();
+  if (options.first_joint < 1 || options.first_joint > n) {
+    throw DataError(fmt::format("rows from joint {}: robot \"{}\" has {} joints; expected 1 to {}", options.first_joint,
+                                robot.name, n, n));
+  }
+  if (log.num_joints() != n || log.tau.cols() != n) {
+    throw DataError(fmt::format("{}: {} joint positions and {} torques; expected {} of each, as robot \"{}\" has", log.path,
+                                log.num_joints(), log.tau.cols(), n, robot.name));
+  }
+  if (log.num_samples() < 2) throw DataError(fmt::format("{}: {} samples; expected at least 2", log.path, log.num_samples()));
+}
+
+/// Ten parameters about the last link frame into ten about the flange frame.
+Eigen::Matrix<double, 10, 10> to_flange(const model::Robot& robot) {
+  std::array<double, 9> turn{};
+  std::array<double, 3> origin{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
+      turn[3 * i + j] = robot.tip_rotation[3 * j + i];
+      origin[i] -= robot.tip_rotation[3 * j + i] * robot.tip_position[j];
+    }
+  }
+  Eigen::Matrix<double, 10, 10> T;
+  for (std::size_t c = 0; c < 10; ++c) {
+    InertialParameters<double> unit{};
+    unit[c] = 1.0;
+    const InertialParameters<double> column = to_inertial_parameters(moved(to_pseudo_inertia(unit), turn, origin));
+    for (std::size_t r = 0; r < 10; ++r) T(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = column[r];
+  }
+  return T;
+}
+
+/// Whether some motion shows the mass in the rows of joints first..n: its column over random states does not lie
+/// in the span of the other nine.
+bool mass_is_visible(const model::Dynamics& dynamics, int first) {
+  const int n = dynamics.num_joints();
+  const int rows = n - first;
+  const int states = 40;
+  std::mt19937 generator(2);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  Eigen::MatrixXd W(states * rows, 9);
+  Eigen::VectorXd y(states * rows);
+  Eigen::VectorXd q(n), qd(n), qdd(n);
+  for (int k = 0; k < states; ++k) {
+    for (int i = 0; i < n; ++i) {
+      q[i] = 3.0 * uniform(generator);
+      qd[i] = 2.0 * uniform(generator);
+      qdd[i] = 5.0 * uniform(generator);
+    }
+    const Eigen::MatrixXd Y = dynamics.regressor(q, qd, qdd).middleCols(10 * (n - 1), 10);
+    y.segment(k * rows, rows) = Y.col(0).tail(rows);
+    W.middleRows(k * rows, rows) = Y.rightCols(9).bottomRows(rows);
+  }
+  const Eigen::VectorXd rest = y - W * W.completeOrthogonalDecomposition().solve(y);
+  return rest.norm() > 1e-8 * std::sqrt(static_cast<double>(y.size()));
+}
+
+template <int N>
+class Run {
+  using Estimator = PayloadEstimator<double, N, N>;
+  using Vector = JointVector<double, N>;
+  static constexpr int kP = Estimator::kParameters;
+
+  /// Stretch of the log under one load.
+  struct Segment {
+    double begin;
+    std::vector<int> blocks;
+  };
+
+ public:
+  Run(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options)
+      : dynamics_(robot), log_(log), options_(options), x_(dynamics_.parameters()), T_(to_flange(robot)) {
+    if (options_.torque_at_joint) x_.segment(10 * N, 3 * N).setZero();
+  }
+
+  PayloadRun run() {
+    PayloadRun result;
+    result.first_joint = options_.first_joint;
+    result.samples = log_.num_samples();
+    result.cutoff = options_.cutoff > 0            ? options_.cutoff
+                    : options_.residual.has_value() ? options_.residual->cutoff
+                                                    : choose_cutoff(log_);
+    if (!(result.cutoff > 0)) result.cutoff = choose_cutoff(log_);
+    cutoff_ = result.cutoff;
+    result.mass_visible = mass_is_visible(dynamics_, options_.first_joint - 1);
+    period_ = (log_.time[log_.num_samples() - 1] - log_.time[0]) / static_cast<double>(log_.num_samples() - 1);
+
+    if (options_.residual) {
+      residual_ = *options_.residual;
+    } else {
+      learn_residual();
+    }
+    pass(result, 1.0);
+    conclude(result);
+    return result;
+  }
+
+ private:
+  bool is_used(int i) const { return i >= options_.first_joint - 1; }
+
+  /// Without statistics of the model: run once with the noise guessed, and take the scatter of the innovations.
+  void learn_residual() {
+    residual_.std.resize(N);
+    residual_.correlation_time = Eigen::VectorXd::Constant(N, 0.5);
+    for (int i = 0; i < N; ++i) residual_.std[i] = 0.05 * log_.tau.col(i).cwiseAbs().maxCoeff() + 1e-6;
+    PayloadRun scratch;
+    pass(scratch, 0.5);
+    for (int i = 0; i < N; ++i) {
+      double squares = 0.0;
+      long count = 0;
+      for (const double e : innovations_.col(i)) {
+        if (!std::isfinite(e)) continue;
+        squares += e * e;
+        ++count;
+      }
+      if (count > 100) residual_.std[i] = std::max(1e-6, std::sqrt(squares / static_cast<double>(count)));
+      residual_.correlation_time[i] = correlation_time(innovations_.col(i), period_);
+    }
+  }
+
+  /// The recursion over the log.
+  void pass(PayloadRun& result, double progress_share) {
+    const double together = residual_.correlated_samples(period_);
+    typename Estimator::Config config;
+    config.first_row = options_.first_joint - 1;
+    config.noise_std = residual_.std;
+    config.correlated_samples = together;
+    config.gate = options_.gate;
+    config.forgetting_factor = options_.forgetting_factor;
+    config.standstill_speed = options_.standstill_speed;
+    config.estimate_friction = !options_.torque_at_joint;
+    config.friction_prior = 1.0;
+    for (int i = 0; i < N; ++i) {
+      // Friction may change by as much as there is, or by what the joint's scatter suggests.
+      const auto& drive = dynamics_.robot().joints[static_cast<std::size_t>(i)].actuation;
+      config.friction_prior = std::max({config.friction_prior, std::abs(drive.coulomb_friction),
+                                        std::abs(drive.viscous_friction), 3.0 * residual_.std[i]});
+    }
+    auto estimator = std::make_unique<Estimator>();
+    if (estimator->configure(config) != Status::kOk) {
+      throw Error("payload: the estimator refused its settings; the gate must not be negative and the forgetting factor must lie in (0, 1]");
+    }
+    prior_variance_ = Eigen::VectorXd::Constant(kP, 0.0);
+    for (int i = 0; i < kP; ++i) prior_variance_[i] = estimator->estimator().variance(i);
+    jackknife_ = std::make_unique<BlockJackknife>(Eigen::VectorXd::Zero(kP), prior_variance_);
+    segments_ = {{log_.time[0], {}}};
+    innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), N, kNaN);
+    for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest}) count->setZero(N);
+    const Eigen::Index samples = log_.num_samples();
+    result.time = log_.time;
+    result.mass_history = Eigen::VectorXd::Constant(samples, kNaN);
+    result.mass_std_history = Eigen::VectorXd::Constant(samples, kNaN);
+    result.left_out = 0;
+
+    CausalSignals<N> signals(dynamics_.robot(), cutoff_);
+    ChangeDetector<N> detector;
+    double spread = 1.0;  // robust standard deviation of the mass over the recursion's own
+    int last_block = -1;
+    double previous = log_.time[0];
+    for (Eigen::Index k = 0; k < samples; ++k) {
+      if (options_.progress && k % 256 == 0) {
+        options_.progress(1.0 - progress_share + progress_share * static_cast<double>(k) / static_cast<double>(samples));
+      }
+      const double time = log_.time[k];
+      const double step = time - previous;
+      previous = time;
+      if (!signals.take(log_, k)) {
+        ++result.left_out;
+        continue;
+      }
+      if (!signals.settled()) continue;
+      Eigen::MatrixXd Y = dynamics_.regressor(signals.q(), signals.qd(), signals.qdd());
+      set_coulomb_columns(Y, signals.sign());
+      const LinkRegressor<double, N> links = Y.leftCols(10 * N);
+      const Vector residual = signals.tau() - Y * x_;
+      typename Estimator::Record record;
+      if (estimator->update(links, signals.qd(), signals.sign(), residual, record) != Status::kOk) {
+        ++result.left_out;
+        continue;
+      }
+
+      const int block = static_cast<int>((time - log_.time[0]) / kFineBlock);
+      bool alarm = false;
+      double since = time;
+      for (int i = 0; i < N; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (!is_used(i)) continue;
+        if (!(record.innovation_variance[at] > 0)) {
+          ++result.rows_at_rest[i];
+          detector.rest(i);
+          continue;
+        }
+        ++(record.used[at] ? result.rows_used : result.rows_rejected)[i];
+        if (record.used[at]) innovations_(k, i) = record.innovation[at];
+        if (detector.take(i, record.innovation[at] / std::sqrt(record.innovation_variance[at]), time, step)) {
+          alarm = true;
+          since = std::min(since, detector.since());
+        }
+        if (!record.used[at]) continue;
+        const double noise = residual_.std[i] * residual_.std[i] * together;
+        const auto row = estimator->row(links, signals.qd(), signals.sign(), i);
+        const Eigen::VectorXd w = Eigen::Map<const Eigen::VectorXd>(row.data(), kP);
+        jackknife_->add(block, w, residual[i], noise);
+        if (options_.model_covariance) jackknife_->add_dependence(block, w, Y.row(i).transpose(), noise);
+      }
+      if (block != last_block) {
+        segments_.back().blocks.push_back(block);
+        last_block = block;
+        spread = running_spread(*estimator);
+      }
+      if (alarm) {
+        // Blocks in which the old load and the new one may be mixed belong to neither.
+        const int mixed = static_cast<int>((since - log_.time[0]) / kFineBlock);
+        std::erase_if(segments_.back().blocks, [&](int b) { return b >= mixed; });
+        segments_.push_back({since, {}});
+        skip_until_ = block;
+        estimator->restart();
+        detector.reset();
+      }
+      if (!segments_.back().blocks.empty() && segments_.back().blocks.back() <= skip_until_) segments_.back().blocks.clear();
+      result.mass_history[k] = estimator->payload()[0];
+      const double own = estimator->standard_deviation(0);
+      if (own < kIdentified * std::sqrt(prior_variance_[0])) result.mass_std_history[k] = spread * own;
+    }
+  }
+
+  /// How much wider the mass scatters than the recursion believes, from the blocks so far; at least 1.
+  double running_spread(const Estimator& estimator) const {
+    const double own = estimator.standard_deviation(0);
+    if (!(own < kIdentified * std::sqrt(prior_variance_[0]))) return 1.0;
+    const auto solution = jackknife_->solve(segments_.back().blocks, merge());
+    if (solution.blocks < 3) return 1.0;
+    return std::max(1.0, std::sqrt(solution.covariance(0, 0)) / own * solution.interval_factor / 1.96);
+  }
+
+  int merge() const {
+    const double duration = log_.time[log_.num_samples() - 1] - log_.time[0];
+    return std::max(1, static_cast<int>(std::ceil(residual_.block_length(duration) / kFineBlock - 1e-9)));
+  }
+
+  struct Solved {
+    BlockJackknife::Result jackknife;
+    Eigen::MatrixXd covariance;    ///< residual and model
+    Eigen::MatrixXd model_part;
+    bool has_mass{false};
+    double mass{0.0}, std{kNaN};
+  };
+
+  Solved solve(const Segment& segment) const {
+    Solved solved;
+    // An empty list would mean all blocks.
+    solved.jackknife = jackknife_->solve(segment.blocks.empty() ? std::vector<int>{1 << 28} : segment.blocks, merge());
+    solved.covariance = solved.jackknife.covariance;
+    solved.model_part = Eigen::MatrixXd::Zero(kP, kP);
+    if (options_.model_covariance && !segment.blocks.empty()) {
+      const Eigen::MatrixXd G = jackknife_->dependence(segment.blocks);
+      if (G.size() > 0) solved.model_part = G * *options_.model_covariance * G.transpose();
+    }
+    solved.covariance += solved.model_part;
+    solved.mass = solved.jackknife.estimate[0];
+    solved.std = std::sqrt(solved.covariance(0, 0) + options_.zero_mass_std * options_.zero_mass_std);
+    solved.has_mass = identified(solved, Eigen::VectorXd::Unit(kP, 0));
+    return solved;
+  }
+
+  /// Whether the combination a·x is told by the data: prior shrunk enough, in theory and as it scatters.
+  bool identified(const Solved& solved, const Eigen::VectorXd& a) const {
+    const double prior = a.dot(prior_variance_.cwiseProduct(a));
+    const double told = a.dot(solved.jackknife.information_inverse * a);
+    const double scatter = a.dot(solved.covariance * a);
+    return solved.jackknife.blocks >= 3 && told < kIdentified * kIdentified * prior &&
+           scatter < kIdentified * kIdentified * prior;
+  }
+
+  void conclude(PayloadRun& result) {
+    // An alarm that did not move the mass was no change of load (a contact, friction): put the parts together.
+    std::vector<Segment> segments;
+    std::vector<Solved> solved;
+    for (const Segment& segment : segments_) {
+      const Solved present = solve(segment);
+      if (!segments.empty()) {
+        const Solved& before = solved.back();
+        const double apart = std::abs(present.mass - before.mass);
+        const double scatter = std::hypot(present.std, before.std);
+        const bool changed = present.has_mass && before.has_mass && apart > 3.0 * scatter;
+        // A short part at either end in which the mass is not told says nothing against a change.
+        const bool untold = !present.has_mass || !before.has_mass;
+        if (!changed && !untold) {
+          segments.back().blocks.insert(segments.back().blocks.end(), segment.blocks.begin(), segment.blocks.end());
+          solved.back() = solve(segments.back());
+          continue;
+        }
+        if (untold && !present.has_mass && &segment != &segments_.back()) continue;
+        if (!before.has_mass) {
+          segments.back() = segment;
+          solved.back() = present;
+          continue;
+        }
+      }
+      segments.push_back(segment);
+      solved.push_back(present);
+    }
+    for (std::size_t s = 1; s < segments.size(); ++s) {
+      if (!solved[s].has_mass) continue;
+      result.changes.push_back({segments[s].begin, solved[s - 1].mass, solved[s].mass, solved[s].std});
+    }
+    const Solved& final_state = solved.back();
+    result.load_since = segments.back().begin;
+    state(result, final_state);
+    result.block = merge() * kFineBlock;
+    result.blocks = final_state.jackknife.blocks;
+    find_convergence(result);
+    if (!result.mass.identifiable[0]) explain(result, segments.size() > 1);
+  }
+
+  void state(PayloadRun& result, const Solved& solved) const {
+    const Eigen::VectorXd& x = solved.jackknife.estimate;
+    const double factor = solved.jackknife.interval_factor;
+    for (std::size_t i = 0; i < 10; ++i) result.on_last_link[i] = x[static_cast<Eigen::Index>(i)];
+    Eigen::MatrixXd F = Eigen::MatrixXd::Zero(10, kP);
+    F.leftCols(10) = T_;
+    Eigen::MatrixXd covariance = solved.covariance;
+    covariance(0, 0) += options_.zero_mass_std * options_.zero_mass_std;
+
+    const auto fill = [&](Estimated& out, const Eigen::MatrixXd& rows) {
+      const Eigen::Index size = rows.rows();
+      out.value = rows * x;
+      out.std.resize(size);
+      out.half_width.resize(size);
+      out.identifiable.clear();
+      for (Eigen::Index r = 0; r < size; ++r) {
+        const bool known = identified(solved, rows.row(r).transpose());
+        out.identifiable.push_back(known);
+        out.std[r] = known ? std::sqrt(rows.row(r) * covariance * rows.row(r).transpose()) : kNaN;
+        out.half_width[r] = factor * out.std[r];
+      }
+    };
+    fill(result.mass, F.topRows(1));
+    fill(result.first_moment, F.middleRows(1, 3));
+    fill(result.inertia, F.bottomRows(6));
+    Eigen::MatrixXd coulomb = Eigen::MatrixXd::Zero(N, kP), viscous = coulomb;
+    for (int i = 0; i < N; ++i) {
+      coulomb(i, 10 + 2 * i) = 1.0;
+      viscous(i, 11 + 2 * i) = 1.0;
+    }
+    fill(result.coulomb_change, coulomb);
+    fill(result.viscous_change, viscous);
+
+    result.mass_std_residual = std::sqrt(solved.jackknife.covariance(0, 0));
+    result.mass_std_model = std::sqrt(solved.model_part(0, 0));
+    result.mass_std_zero = options_.zero_mass_std;
+
+    // Centre of mass c = h / m, δc = (δh − c δm) / m.
+    result.com.value = Eigen::VectorXd::Constant(3, kNaN);
+    result.com.std = result.com.half_width = result.com.value;
+    result.com.identifiable.assign(3, false);
+    const double m = result.mass.value[0];
+    if (result.mass.identifiable[0] && std::abs(m) > result.mass.half_width[0]) {
+      for (Eigen::Index r = 0; r < 3; ++r) {
+        if (!result.first_moment.identifiable[static_cast<std::size_t>(r)]) continue;
+        const double c = result.first_moment.value[r] / m;
+        const Eigen::RowVectorXd slope = (F.row(1 + r) - c * F.row(0)) / m;
+        result.com.value[r] = c;
+        result.com.std[r] = std::sqrt(slope * covariance * slope.transpose());
+        result.com.half_width[r] = factor * result.com.std[r];
+        result.com.identifiable[static_cast<std::size_t>(r)] = true;
+      }
+    }
+  }
+
+  void find_convergence(PayloadRun& result) const {
+    if (!result.mass.identifiable[0]) return;
+    const double m = result.mass.value[0];
+    const double tolerance = std::max(result.mass.half_width[0], 0.05 * std::abs(m));
+    std::optional<double> since;
+    for (Eigen::Index k = 0; k < result.time.size(); ++k) {
+      if (result.time[k] < result.load_since || std::isnan(result.mass_history[k])) continue;
+      const bool there = std::isfinite(result.mass_std_history[k]) && std::abs(result.mass_history[k] - m) <= tolerance;
+      if (!there) since.reset();
+      else if (!since) since = result.time[k];
+    }
+    result.converged_at = since;
+  }
+
+  void explain(PayloadRun& result, bool after_change) const {
+    const int k = options_.first_joint;
+    if (!result.mass_visible) {
+      result.missing = fmt::format("the torques of joints {}..{} do not depend on the mass of the load, whatever the motion, only on its "
+                                   "first moment and inertia; use more rows (--rows with a smaller K)", k, N);
+      return;
+    }
+    std::string still, moving;
+    for (int i = k - 1; i < N; ++i) {
+      std::string& list = result.rows_used[i] * period_ < 2.0 ? still : moving;
+      list += fmt::format("{}{}", list.empty() ? "" : ", ", i + 1);
+    }
+    if (moving.empty()) {
+      result.missing = fmt::format("the arm stands still (no joint of {}..{} is faster than {:g} rad/s for 2 s), and at rest friction hides "
+                                   "the load; record a motion in which the joints turn both ways and the load changes its attitude "
+                                   "to gravity", k, N, options_.standstill_speed);
+    } else if (!still.empty()) {
+      result.missing = fmt::format("joint {} stands still, and with joint {} moving alone the mass cannot be told from the load's first "
+                                   "moment; record a motion in which several joints, the wrist among them, turn both ways at the same time",
+                                   still, moving);
+    } else {
+      result.missing = fmt::format("{} the motion is too small or too short to tell the mass from the rest; record a longer motion, "
+                                   "with larger angles, in which the load changes its attitude to gravity",
+                                   after_change ? "after the last change of load" : "as recorded,");
+    }
+  }
+
+  model::Dynamics dynamics_;
+  const data::Log& log_;
+  PayloadRunOptions options_;
+  Eigen::VectorXd x_;
+  Eigen::Matrix<double, 10, 10> T_;
+  ResidualStatistics residual_;
+  double cutoff_{0.0}, period_{0.0};
+  int skip_until_{-1};
+  Eigen::VectorXd prior_variance_;
+  std::unique_ptr<BlockJackknife> jackknife_;
+  std::vector<Segment> segments_;
+  Eigen::MatrixXd innovations_;
+};
+
+template <int N>
+PayloadRun run_sized(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
+  if constexpr (N > model::kMaxJoints) {
+    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name, robot.num_joints(),
+                                 model::kMaxJoints));
+  } else {
+    if (robot.num_joints() == N) return Run<N>(robot, log, options).run();
+    return run_sized<N + 1>(robot, log, options);
+  }
+}
+
+}  // namespace
+
+PayloadRun run_payload(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
+  check(robot, log, options);
+  return run_sized<1>(robot, log, options);
+}
+
+}  // namespace heft::identify

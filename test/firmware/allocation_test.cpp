@@ -1,0 +1,140 @@
+// Gate 4: the control cycle takes nothing from the heap, in ten thousand cycles of a Release build.
+#include <cstdlib>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "firmware/log_table.hpp"
+#include "firmware/replay.hpp"
+#include "heft/core/dynamics/regressor.hpp"
+#include "heft/core/estimate/instruments.hpp"
+#include "heft/core/estimate/payload_estimator.hpp"
+#include "support/allocation_counter.hpp"
+
+namespace heft {
+namespace {
+
+using firmware::LogRow;
+
+constexpr int kCycles = 10'000;
+
+class Allocation : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!test::allocations_are_counted()) GTEST_SKIP() << "malloc belongs to a sanitizer in this build";
+  }
+};
+
+// The motion need not make sense as a robot's; a white one determines the estimate.
+LogRow random_row(std::mt19937& generator) {
+  std::uniform_real_distribution<float> uniform(-1.0F, 1.0F);
+  LogRow row{};
+  for (int i = 0; i < firmware::kNumJoints; ++i) {
+    row.q[i] = uniform(generator);
+    row.qd[i] = uniform(generator);
+    row.qdd[i] = uniform(generator);
+    row.q_ref[i] = row.q[i];
+    row.qd_ref[i] = row.qd[i];
+    row.qdd_ref[i] = row.qdd[i] + 0.1F * uniform(generator);
+    row.tau[i] = uniform(generator);
+  }
+  return row;
+}
+
+// Allocations of kCycles calls of `cycle` with a row of a log.
+template <typename Cycle>
+test::AllocationCount allocations_of(Cycle&& cycle) {
+  std::mt19937 generator(7);
+  test::AllocationCount total;
+  for (int i = 0; i < kCycles; ++i) {
+    const LogRow row = random_row(generator);
+    const test::AllocationCount before = test::allocation_count();
+    cycle(row);
+    const test::AllocationCount spent = test::allocation_count() - before;
+    total.operator_new += spent.operator_new;
+    total.malloc += spent.malloc;
+  }
+  return total;
+}
+
+template <typename Scalar>
+void expect_cycle_without_allocation() {
+  const auto replay = std::make_unique<firmware::Replay<Scalar>>();
+  ASSERT_EQ(replay->configure(), Status::kOk);
+  int refused = 0;
+  const test::AllocationCount spent =
+      allocations_of([&](const LogRow& row) { refused += replay->step(row) == Status::kOk ? 0 : 1; });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_EQ(refused, 0);
+}
+
+// What the replay leaves out: the factored form with delayed accelerations as instruments, and the payload.
+template <typename Scalar>
+void expect_other_estimators_without_allocation() {
+  using Arm = StaticArm<Scalar, firmware::PaperArm>;
+  using Vector = typename Arm::Vector;
+  const auto vector = [](const float* values) -> Vector {
+    return Eigen::Map<const Eigen::Matrix<float, firmware::kNumJoints, 1>>(values).cast<Scalar>();
+  };
+  const auto terminal = std::make_unique<TerminalLinkEstimator<Arm, 4, EstimatorForm::kFactored>>();
+  const auto payload = std::make_unique<PayloadEstimator<Scalar, firmware::kNumJoints>>();
+  const auto regressor = std::make_unique<LinkRegressor<Scalar, firmware::kNumJoints>>();
+  DelayedMean<Scalar, firmware::kNumJoints, 8> instrument;
+  ASSERT_EQ(terminal->configure({}, {}, Vector::Zero(), Vector::Zero()), Status::kOk);
+  ASSERT_EQ(payload->configure({}), Status::kOk);
+  ASSERT_EQ(instrument.configure(3, 4), Status::kOk);
+  int refused = 0;
+  const test::AllocationCount spent = allocations_of([&](const LogRow& row) {
+    const Vector q = vector(row.q);
+    const Vector qd = vector(row.qd);
+    const Vector qdd = vector(row.qdd);
+    const Vector tau = vector(row.tau);
+    typename TerminalLinkEstimator<Arm, 4, EstimatorForm::kFactored>::Record terminal_record;
+    typename PayloadEstimator<Scalar, firmware::kNumJoints>::Record payload_record;
+    refused +=
+        terminal->update(q, qd, qdd, instrument.update(qdd), tau, terminal_record) == Status::kOk ? 0 : 1;
+    link_regressor<Arm>(joint_trigonometry<Arm>(q), q, qd, qdd, *regressor);
+    refused += payload->update(*regressor, qd, tau, payload_record) == Status::kOk ? 0 : 1;
+  });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_EQ(refused, 0);
+}
+
+TEST_F(Allocation, CycleInDoubleTakesNothingFromTheHeap) { expect_cycle_without_allocation<double>(); }
+
+TEST_F(Allocation, CycleInFloatTakesNothingFromTheHeap) { expect_cycle_without_allocation<float>(); }
+
+TEST_F(Allocation, OtherEstimatorsInDoubleTakeNothingFromTheHeap) {
+  expect_other_estimators_without_allocation<double>();
+}
+
+TEST_F(Allocation, OtherEstimatorsInFloatTakeNothingFromTheHeap) {
+  expect_other_estimators_without_allocation<float>();
+}
+
+// The two bad specimens: what the gate must see.
+TEST_F(Allocation, VectorInTheLoopIsCaught) {
+  const test::AllocationCount spent = allocations_of([](const LogRow& row) {
+    const std::vector<float> copy(row.q, row.q + firmware::kNumJoints);
+    volatile float sink = copy[0];
+    static_cast<void>(sink);
+  });
+  EXPECT_EQ(spent.operator_new, static_cast<std::uint64_t>(kCycles));
+  EXPECT_GE(spent.malloc, static_cast<std::uint64_t>(kCycles));
+}
+
+TEST_F(Allocation, MallocInTheLoopIsCaught) {
+  const test::AllocationCount spent = allocations_of([](const LogRow&) {
+    void* volatile block = std::malloc(64);
+    std::free(block);
+  });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, static_cast<std::uint64_t>(kCycles));
+}
+
+}  // namespace
+}  // namespace heft

@@ -1,0 +1,70 @@
+/// @file
+/// Two arms at compile time for the firmware tests, as `heft export` would write them.
+#pragma once
+
+#include <array>
+
+#include "heft/core/arm_model.hpp"
+#include "heft/core/denavit_hartenberg.hpp"
+
+namespace heft::firmware {
+
+/// The six-joint arm of Kawasaki and Nishimura, tables 1 and 2; kg, m, N·m.
+struct PaperArm {
+  static constexpr ArmModel<double, 6> kModel = [] {
+    constexpr std::array<DenavitHartenberg<double>, 6> kTable = {
+        {{.a = -0.011, .sin_alpha = 1, .cos_alpha = 0},
+         {.a = -0.08},
+         {.a = -0.0886},
+         {.sin_alpha = 1, .cos_alpha = 0},
+         {.d = 0.1, .sin_alpha = 1, .cos_alpha = 0},
+         {}}};
+    constexpr auto kLink = [](double mass, std::array<double, 3> com, double inertia) {
+      return make_inertial_parameters<double>(mass, com, {inertia, 0, inertia, 0, 0, inertia});
+    };
+    ArmModel<double, 6> arm = make_standard_dh_arm<double, 6>(
+        kTable, {kLink(0.8, {-0.04, -0.08, 0}, 0.01), kLink(0.4, {-0.04, 0.02, 0}, 0.005),
+                 kLink(0.35, {-0.07, 0.035, 0}, 0.005), kLink(0.2, {0, 0, 0}, 0.001),
+                 kLink(0.05, {-0.01, -0.03, 0}, 0.0005), kLink(0.05, {0.01, 0.01, 0}, 0.0001)});
+    constexpr std::array<double, 6> kCoulomb = {0.47, 1.25, 1.25, 0.45, 0.25, 0.1};
+    for (std::size_t i = 0; i < kCoulomb.size(); ++i) arm.actuation[i].coulomb_friction = kCoulomb[i];
+    return arm;
+  }();
+};
+
+/// The arm whose log is replayed: a load of 60 g gripped askew, and more friction in the last two joints. No
+/// parameter that the estimator finds is zero, so that each can be compared relative to itself.
+constexpr ArmModel<double, 6> loaded_arm() {
+  ArmModel<double, 6> arm = PaperArm::kModel;
+  const InertialParameters<double> on_wrist = make_inertial_parameters<double>(
+      0.02, {0.02, 0.01, 0.04}, {0.0003, 0.0001, 0.0002, -0.0001, 0.0001, 0.0004});
+  const InertialParameters<double> in_hand = make_inertial_parameters<double>(
+      0.06, {0.06, 0.05, 0.03}, {0.0003, -0.00005, 0.0002, 0.0001, -0.0001, 0.0003});
+  for (std::size_t i = 0; i < on_wrist.size(); ++i) {
+    arm.links[4][i] += on_wrist[i];
+    arm.links[5][i] += in_hand[i];
+  }
+  arm.actuation[4].viscous_friction = 0.02;
+  arm.actuation[5].viscous_friction = 0.01;
+  arm.actuation[5].coulomb_friction += 0.15;
+  return arm;
+}
+
+/// A seven-joint arm with alternating quarter turns; the numbers are invented.
+struct SevenJointArm {
+  static constexpr ArmModel<double, 7> kModel = [] {
+    std::array<DenavitHartenberg<double>, 7> table{};
+    std::array<InertialParameters<double>, 7> links{};
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      const bool even = i % 2 == 0;
+      const double elbow = i == 3 ? 0.08 : 0.0;
+      table[i] = {.a = elbow, .d = even ? 0.3 : 0.0, .sin_alpha = even ? -1.0 : 1.0, .cos_alpha = 0.0};
+      const double mass = 4.0 - 0.5 * static_cast<double>(i);
+      links[i] = make_inertial_parameters<double>(mass, {0.01, 0.05, -0.02},
+                                                  {0.02, 0.001, 0.03, -0.001, 0.002, 0.01});
+    }
+    return make_modified_dh_arm<double, 7>(table, links);
+  }();
+};
+
+}  // namespace heft::firmware

@@ -1,0 +1,232 @@
+// Every public template of core, instantiated for float and double and 6 and 7 joints, so that the symbol and
+// stack gates see header-only code too.
+#include "arms.hpp"
+#include "heft/core/arm_geometry.hpp"
+#include "heft/core/control/joint_controller.hpp"
+#include "heft/core/control/terminal_link_cycle.hpp"
+#include "heft/core/dynamics/inverse_dynamics.hpp"
+#include "heft/core/dynamics/joint_space.hpp"
+#include "heft/core/dynamics/lumped_regressor.hpp"
+#include "heft/core/dynamics/regressor.hpp"
+#include "heft/core/dynamics/terminal_rows.hpp"
+#include "heft/core/estimate/covariance_recursion.hpp"
+#include "heft/core/estimate/factored_equations.hpp"
+#include "heft/core/estimate/instruments.hpp"
+#include "heft/core/estimate/normal_equations.hpp"
+#include "heft/core/estimate/payload_estimator.hpp"
+#include "heft/core/estimate/recursive_least_squares.hpp"
+#include "heft/core/estimate/staged_solver.hpp"
+#include "heft/core/estimate/terminal_link_estimator.hpp"
+#include "heft/core/filter/state_variable_filter.hpp"
+#include "heft/core/friction/friction.hpp"
+#include "heft/core/status.hpp"
+
+namespace heft::firmware {
+
+template <typename Scalar, int N>
+struct DynamicInstances {
+  using Arm = DynamicArm<Scalar, N>;
+  using Trig = JointTrigonometry<Arm>;
+  using Vector = JointVector<Scalar, N>;
+
+  static void set_model(Arm& arm, const ArmModel<Scalar, N>& model) { arm.set_model(model); }
+  static void set_link(Arm& arm, int link, const InertialParameters<Scalar>& parameters) {
+    arm.set_link(link, parameters);
+  }
+  static void trigonometry(const Vector& q, Trig& trig) { trig = joint_trigonometry<Arm>(q); }
+  static void torque(const Arm& arm, const Trig& trig, const Vector& q, const Vector& qd, const Vector& qdd,
+                     Vector& tau) {
+    inverse_dynamics(arm, trig, q, qd, qdd, tau);
+  }
+  static void gravity(const Arm& arm, const Trig& trig, const Vector& q, Vector& tau) {
+    gravity_torque(arm, trig, q, tau);
+  }
+  static void bias(const Arm& arm, const Trig& trig, const Vector& q, const Vector& qd, Vector& tau) {
+    bias_torque(arm, trig, q, qd, tau);
+  }
+  static void mass(const Arm& arm, const Trig& trig, const Vector& q, MassMatrix<Scalar, N>& matrix) {
+    mass_matrix(arm, trig, q, matrix);
+  }
+  static Status acceleration(const MassMatrix<Scalar, N>& matrix, const Vector& bias, const Vector& rotor,
+                             const Vector& tau, Vector& qdd) {
+    return forward_dynamics<Scalar, N>(matrix, bias, rotor, tau, qdd);
+  }
+  static void links(const Arm& arm, const Trig& trig, const Vector& q, const Vector& qd, const Vector& qdd,
+                    LinkRegressor<Scalar, N>& Y) {
+    link_regressor(arm, trig, q, qd, qdd, Y);
+  }
+  static void full(const Arm& arm, const Vector& q, const Vector& qd, const Vector& qdd, Scalar sign_width,
+                   FullRegressor<Scalar, N>& Y) {
+    full_regressor(arm, q, qd, qdd, sign_width, Y);
+  }
+  static void lumped(const LinkRegressor<Scalar, N>& Y, const Vector& qd, Scalar sign_width,
+                     LumpedRegressor<Scalar, N>& W) {
+    lumped_regressor<Scalar, N>(Y, qd, sign_width, W);
+  }
+  static void lumps(const ArmModel<Scalar, N>& arm, LumpedParameters<Scalar, N>& x) { x = lumped_parameters(arm); }
+  static Status control(const JointFeedback<Scalar, N>& feedback, const Arm& arm,
+                        const FrictionFeedForward<Scalar, N>& friction,
+                        const JointReference<Scalar, N>& reference, const Vector& q, const Vector& qd,
+                        Vector& tau, ControlRecord& record) {
+    return computed_torque<Scalar, N>(feedback, arm, friction, reference, q, qd, tau, record);
+  }
+  static Scalar friction(const JointActuation<Scalar>& joint, Scalar velocity, Scalar sign_width) {
+    return friction_torque(joint, velocity, sign_width);
+  }
+};
+
+template <typename Scalar, typename Description>
+struct StaticInstances {
+  using Arm = StaticArm<Scalar, Description>;
+  using Trig = JointTrigonometry<Arm>;
+  using Vector = typename Arm::Vector;
+  static constexpr int kN = Arm::kNumJoints;
+  using Constant = ConstantParameters<Scalar, Description>;
+  using Reduced = ReducedParameters<Scalar, Description>;
+
+  template <typename Parameters>
+  struct With {
+    static void torque(const Parameters& parameters, const Trig& trig, const Vector& q, const Vector& qd,
+                       const Vector& qdd, Vector& tau) {
+      inverse_dynamics<Arm>(parameters, trig, q, qd, qdd, tau);
+    }
+    static void gravity(const Parameters& parameters, const Trig& trig, const Vector& q, Vector& tau) {
+      gravity_torque<Arm>(parameters, trig, q, tau);
+    }
+    static void bias(const Parameters& parameters, const Trig& trig, const Vector& q, const Vector& qd,
+                     Vector& tau) {
+      bias_torque<Arm>(parameters, trig, q, qd, tau);
+    }
+    static Status position_velocity(const JointFeedback<Scalar, kN>& feedback, const Parameters& parameters,
+                                    bool with_gravity, const JointReference<Scalar, kN>& reference,
+                                    const Vector& q, const Vector& qd, Vector& tau, ControlRecord& record) {
+      return pd_control<Arm>(feedback, parameters, with_gravity, reference, q, qd, tau, record);
+    }
+    static Status control(const JointFeedback<Scalar, kN>& feedback, const Parameters& parameters,
+                          const FrictionFeedForward<Scalar, kN>& friction, const Vector& rotor,
+                          const JointReference<Scalar, kN>& reference, const Vector& q, const Vector& qd,
+                          Vector& tau, ControlRecord& record) {
+      return computed_torque<Arm>(feedback, parameters, friction, rotor, reference, q, qd, tau, record);
+    }
+    static Status instrument(const Parameters& parameters, const Trig& trig, const Vector& q,
+                             const Vector& qd, const Vector& rotor, const Vector& tau, Vector& acceleration) {
+      return predicted_acceleration<Arm>(parameters, trig, q, qd, rotor, tau, acceleration);
+    }
+    static void mass(const Parameters& parameters, const Trig& trig, const Vector& q,
+                     MassMatrix<Scalar, kN>& matrix) {
+      mass_matrix<Arm>(parameters, trig, q, matrix);
+    }
+  };
+
+  static void payload(const Reduced& parameters, const InertialParameters<Scalar>& load, Reduced& corrected) {
+    corrected = corrected_for_payload(parameters, load);
+  }
+  static void trigonometry(const Vector& q, Trig& trig) { trig = joint_trigonometry<Arm>(q); }
+  static void links(const Trig& trig, const Vector& q, const Vector& qd, const Vector& qdd,
+                    LinkRegressor<Scalar, kN>& Y) {
+    link_regressor<Arm>(trig, q, qd, qdd, Y);
+  }
+  static void full(const Vector& q, const Vector& qd, const Vector& qdd, Scalar sign_width,
+                   FullRegressor<Scalar, kN>& Y) {
+    full_regressor<Arm>(q, qd, qdd, sign_width, Y);
+  }
+};
+
+/// The terminal-link problem from joint First (counted from 0) on.
+template <typename Scalar, typename Description, int First>
+struct TerminalInstances {
+  using Arm = StaticArm<Scalar, Description>;
+  using Vector = typename Arm::Vector;
+  using Layout = TerminalLayout<Arm, First>;
+  using Trig = TerminalTrigonometry<Arm, First>;
+  using Rows = TerminalRows<Scalar, Layout>;
+
+  static void trigonometry(const Vector& q, Trig& trig) { trig = terminal_trigonometry<Arm, First>(q); }
+  static void rows(const Trig& trig, const Vector& q, const Vector& qd, const std::array<Vector, 1>& qdd,
+                   Scalar sign_width, std::array<Rows, 1>& rows) {
+    terminal_rows<Arm, First, 1>(trig, q, qd, qdd, sign_width, rows);
+  }
+  static void rows_and_instruments(const Trig& trig, const Vector& q, const Vector& qd,
+                                   const std::array<Vector, 2>& qdd, Scalar sign_width,
+                                   std::array<Rows, 2>& rows) {
+    terminal_rows<Arm, First, 2>(trig, q, qd, qdd, sign_width, rows);
+  }
+  static void cycle(const ReducedParameters<Scalar, Description>& parameters, const JointTrigonometry<Arm>& joint_trig,
+                    const Vector& q, const Vector& qd, const Vector& commanded, const Vector& measured, Scalar sign_width,
+                    Vector& tau, std::array<Rows, 2>& rows) {
+    inverse_dynamics_with_rows<Arm, First>(parameters, joint_trig, q, qd, commanded, measured, sign_width, tau, rows);
+  }
+};
+
+template struct DynamicInstances<float, 6>;
+template struct DynamicInstances<float, 7>;
+template struct DynamicInstances<double, 6>;
+template struct DynamicInstances<double, 7>;
+
+template struct StaticInstances<float, PaperArm>;
+template struct StaticInstances<float, SevenJointArm>;
+template struct StaticInstances<double, PaperArm>;
+template struct StaticInstances<double, SevenJointArm>;
+
+template struct StaticInstances<float, PaperArm>::With<ConstantParameters<float, PaperArm>>;
+template struct StaticInstances<float, PaperArm>::With<ReducedParameters<float, PaperArm>>;
+template struct StaticInstances<float, SevenJointArm>::With<ConstantParameters<float, SevenJointArm>>;
+template struct StaticInstances<float, SevenJointArm>::With<ReducedParameters<float, SevenJointArm>>;
+template struct StaticInstances<double, PaperArm>::With<ConstantParameters<double, PaperArm>>;
+template struct StaticInstances<double, PaperArm>::With<ReducedParameters<double, PaperArm>>;
+template struct StaticInstances<double, SevenJointArm>::With<ConstantParameters<double, SevenJointArm>>;
+template struct StaticInstances<double, SevenJointArm>::With<ReducedParameters<double, SevenJointArm>>;
+
+template struct TerminalInstances<float, PaperArm, 0>;
+template struct TerminalInstances<double, PaperArm, 0>;
+template struct TerminalInstances<float, PaperArm, 4>;
+template struct TerminalInstances<double, PaperArm, 4>;
+template struct TerminalInstances<float, PaperArm, 5>;
+template struct TerminalInstances<double, PaperArm, 5>;
+template struct TerminalInstances<float, SevenJointArm, 5>;
+template struct TerminalInstances<double, SevenJointArm, 5>;
+
+}  // namespace heft::firmware
+
+// Class templates, with all their members.
+namespace heft {
+
+#define HEFT_INSTANTIATE_TERMINAL(Arm, First)                                       \
+  template class NormalEquations<Arm::Scalar, TerminalLayout<Arm, First>>;          \
+  template class StagedSolver<Arm::Scalar, TerminalLayout<Arm, First>>;             \
+  template class CovarianceRecursion<Arm::Scalar, TerminalLayout<Arm, First>>;      \
+  template class FactoredEquations<Arm::Scalar, TerminalLayout<Arm, First>, true>;  \
+  template class FactoredEquations<Arm::Scalar, TerminalLayout<Arm, First>, false>; \
+  template class TerminalLinkEstimator<Arm, First, EstimatorForm::kInformation>;    \
+  template class TerminalLinkEstimator<Arm, First, EstimatorForm::kFactored>
+
+#define HEFT_INSTANTIATE_JOINTS(Scalar, N)          \
+  template class PayloadEstimator<Scalar, N>;       \
+  template class JointAccelerationModel<Scalar, N>; \
+  template class DelayedMean<Scalar, N, 8>;         \
+  template class StateVariableFilter<Scalar, N>;    \
+  template class JointFeedback<Scalar, N>
+
+using SixFloat = StaticArm<float, firmware::PaperArm>;
+using SixDouble = StaticArm<double, firmware::PaperArm>;
+using SevenFloat = StaticArm<float, firmware::SevenJointArm>;
+using SevenDouble = StaticArm<double, firmware::SevenJointArm>;
+
+// k = 1 (the whole arm), k = 5, k = 6.
+HEFT_INSTANTIATE_TERMINAL(SixFloat, 0);
+HEFT_INSTANTIATE_TERMINAL(SixDouble, 0);
+HEFT_INSTANTIATE_TERMINAL(SixFloat, 4);
+HEFT_INSTANTIATE_TERMINAL(SixDouble, 4);
+HEFT_INSTANTIATE_TERMINAL(SixFloat, 5);
+HEFT_INSTANTIATE_TERMINAL(SixDouble, 5);
+HEFT_INSTANTIATE_TERMINAL(SevenFloat, 5);
+HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
+
+HEFT_INSTANTIATE_JOINTS(float, 6);
+HEFT_INSTANTIATE_JOINTS(double, 6);
+HEFT_INSTANTIATE_JOINTS(float, 7);
+HEFT_INSTANTIATE_JOINTS(double, 7);
+template class RecursiveLeastSquares<float, 12>;
+template class RecursiveLeastSquares<double, 12>;
+
+}  // namespace heft
