@@ -3,11 +3,14 @@
 #include <benchmark/benchmark.h>
 
 #include <array>
+#include <fstream>
 #include <random>
 
+#include <fmt/format.h>
 #include <kdl/chain.hpp>
 #include <kdl/chainidsolver_recursive_newton_euler.hpp>
 #include <kdl/jntarray.hpp>
+#include <nlohmann/json.hpp>
 
 #ifdef HEFT_WITH_PINOCCHIO
 #include <pinocchio/algorithm/regressor.hpp>
@@ -363,6 +366,38 @@ void payload_update(benchmark::State& state) {
 }
 BENCHMARK(payload_update)->Name("payload_update/run_time/double");
 
+/// The firmware image's figures, as its tests left them.
+void print_firmware_figures() {
+  std::ifstream in(HEFT_FIRMWARE_FIGURES);
+  if (!in) {
+    fmt::print(stderr, "\nfirmware image: no figures yet; `ctest -L firmware` makes them (needs arm-none-eabi-g++ and "
+                       "qemu-system-arm)\n");
+    return;
+  }
+  const nlohmann::json figures = nlohmann::json::parse(in, nullptr, false);
+  if (figures.is_discarded()) {
+    fmt::print(stderr, "\nfirmware image: {} is not JSON; run `ctest -L firmware` again\n", HEFT_FIRMWARE_FIGURES);
+    return;
+  }
+  fmt::print(stderr, "\nfirmware image: regressor rows, estimator and computed torque, replaying a log under QEMU\n"
+                     "{:<18} {:>9} {:>9} {:>14} {:>20} {:>8}\n",
+             "image", "flash [B]", "RAM [B]", "deepest stack", "instructions/sample", "worst");
+  for (const auto& image : figures.value("images", nlohmann::json::array())) {
+    fmt::print(stderr, "{:<18} {:>9} {:>9} {:>14} {:>20.0f} {:>8.0f}\n", image.value("image", "?"),
+               image.value("flash_bytes", 0L), image.value("ram_bytes", 0L), image.value("deepest_stack_bytes", 0L),
+               image.value("instructions_mean", 0.0), image.value("instructions_worst", 0.0));
+  }
+}
+
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) {
+    return 2;
+  }
+  benchmark::RunSpecifiedBenchmarks();
+  benchmark::Shutdown();
+  print_firmware_figures();
+  return 0;
+}

@@ -114,6 +114,9 @@ TEST(PdControl, WithGravityHoldsTheArmStill) {
   ASSERT_EQ(pd_control<Arm>(feedback, parameters, true, s.reference, s.q, s.qd, tau, record), Status::kOk);
   gravity_torque<Arm>(parameters, joint_trigonometry<Arm>(s.q), s.q, gravity);
   EXPECT_LT((tau - gravity).norm(), 1e-12);
+  const DynamicArm<double, 6> arm(model::Ur5Arm::kModel);
+  ASSERT_EQ((pd_control<double, 6>(feedback, arm, true, s.reference, s.q, s.qd, tau, record)), Status::kOk);
+  EXPECT_LT((tau - gravity).norm(), 1e-11);
   ASSERT_EQ(pd_control<Arm>(feedback, parameters, false, s.reference, s.q, s.qd, tau, record), Status::kOk);
   EXPECT_EQ(tau.norm(), 0.0);
 }

@@ -70,6 +70,11 @@ struct DynamicInstances {
                         Vector& tau, ControlRecord& record) {
     return computed_torque<Scalar, N>(feedback, arm, friction, reference, q, qd, tau, record);
   }
+  static Status position_velocity(const JointFeedback<Scalar, N>& feedback, const Arm& arm, bool with_gravity,
+                                  const JointReference<Scalar, N>& reference, const Vector& q, const Vector& qd,
+                                  Vector& tau, ControlRecord& record) {
+    return pd_control<Scalar, N>(feedback, arm, with_gravity, reference, q, qd, tau, record);
+  }
   static Scalar friction(const JointActuation<Scalar>& joint, Scalar velocity, Scalar sign_width) {
     return friction_torque(joint, velocity, sign_width);
   }

@@ -103,6 +103,7 @@ struct FrictionFeedForward {
 /// Position-velocity feedback, optionally with gravity: τ = Kp e + Kd ė (+ g(q)).
 /// @param parameters  of the arm as it is believed to be, a terminal-link correction included
 template <typename Arm, typename Parameters>
+  requires(Arm::kIsStatic)
 inline Status pd_control(const JointFeedback<typename Arm::Scalar, Arm::kNumJoints>& feedback,
                          const Parameters& parameters, bool with_gravity,
                          const JointReference<typename Arm::Scalar, Arm::kNumJoints>& reference,
@@ -112,6 +113,21 @@ inline Status pd_control(const JointFeedback<typename Arm::Scalar, Arm::kNumJoin
   if (with_gravity) {
     typename Arm::Vector gravity;
     gravity_torque<Arm>(parameters, joint_trigonometry<Arm>(q), q, gravity);
+    wanted += gravity;
+  }
+  return feedback.limit(wanted, tau, record);
+}
+
+/// The same with run-time geometry; the arm's own parameters are used.
+template <typename Scalar, int N>
+inline Status pd_control(const JointFeedback<Scalar, N>& feedback, const DynamicArm<Scalar, N>& arm, bool with_gravity,
+                         const JointReference<Scalar, N>& reference, const JointVector<Scalar, N>& q,
+                         const JointVector<Scalar, N>& qd, JointVector<Scalar, N>& tau,
+                         ControlRecord& record) noexcept {
+  JointVector<Scalar, N> wanted = feedback.feedback(reference, q, qd);
+  if (with_gravity) {
+    JointVector<Scalar, N> gravity;
+    gravity_torque(arm, joint_trigonometry<DynamicArm<Scalar, N>>(q), q, gravity);
     wanted += gravity;
   }
   return feedback.limit(wanted, tau, record);
