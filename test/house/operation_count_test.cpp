@@ -1,0 +1,73 @@
+// The counted cost of one estimator sample stays within what is promised. Counts are exact, so they can be asserted.
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <unistd.h>
+
+namespace {
+
+const nlohmann::json& counts() {
+  static const nlohmann::json document = [] {
+    const auto path = std::filesystem::temp_directory_path() / ("heft_operation_count_" + std::to_string(getpid()));
+    const std::string command = "\"" HEFT_OPERATION_COUNT "\" --json \"" + path.string() + "\" > /dev/null";
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    std::ifstream in(path);
+    nlohmann::json parsed = nlohmann::json::parse(in);
+    std::filesystem::remove(path);
+    return parsed;
+  }();
+  return document;
+}
+
+nlohmann::json form(const std::string& name, bool shared) {
+  for (const auto& f : counts().at("forms")) {
+    if (f.at("form") == name && f.at("shared_forward_pass") == shared && f.at("method") == "instrumental variables") {
+      return f;
+    }
+  }
+  return {};
+}
+
+void expect_mean(const nlohmann::json& f, double mul, double add) {
+  ASSERT_FALSE(f.is_null());
+  EXPECT_LE(f.at("mean").at("mul").get<double>(), mul);
+  EXPECT_LE(f.at("mean").at("add").get<double>(), add);
+}
+
+TEST(OperationCount, IsForEighteenParametersAndRowsFiveAndSix) {
+  EXPECT_EQ(counts().at("k"), 5);
+  EXPECT_EQ(counts().at("parameters"), 18);
+  EXPECT_EQ(counts().at("publication").at("mul"), 1800);
+}
+
+TEST(OperationCount, InformationFormWithItsSolves) {
+  const auto f = form("information", false);
+  expect_mean(f, 540, 550);
+  EXPECT_LE(f.at("worst_sample").at("mul").get<double>(), 900);
+  EXPECT_LE(f.at("worst_sample").at("add").get<double>(), 900);
+  EXPECT_EQ(f.at("solve_every"), 50);
+}
+
+TEST(OperationCount, InformationFormBesideComputedTorque) { expect_mean(form("information", true), 440, 490); }
+
+TEST(OperationCount, ExactEverySample) { expect_mean(form("factored", false), 1250, 1250); }
+
+TEST(OperationCount, WhatIsCountedIsWhatRuns) {
+  for (const auto& per_k : counts().at("all_k")) {
+    for (const auto& f : per_k.at("forms")) {
+      EXPECT_TRUE(f.at("same_numbers_as_double").get<bool>()) << per_k.at("k") << " " << f.at("form");
+    }
+  }
+}
+
+TEST(OperationCount, CheaperFormsGiveTheBatchEstimate) {
+  for (const auto& f : counts().at("forms")) {
+    EXPECT_LT(f.at("difference_to_batch").get<double>(), 1e-8) << f.at("form");
+  }
+}
+
+}  // namespace
