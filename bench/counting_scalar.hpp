@@ -14,7 +14,7 @@ namespace heft::bench {
 /// Operations counted so far, by kind.
 struct OperationCount {
   std::int64_t mul{0};
-  std::int64_t add{0};   ///< additions and subtractions
+  std::int64_t add{0};  ///< additions and subtractions
   std::int64_t div{0};
   std::int64_t sqrt{0};
   std::int64_t trig{0};  ///< single sines and cosines
@@ -22,11 +22,23 @@ struct OperationCount {
   std::int64_t cmp{0};   ///< comparisons
 
   OperationCount& operator+=(const OperationCount& o) {
-    mul += o.mul; add += o.add; div += o.div; sqrt += o.sqrt; trig += o.trig; neg += o.neg; cmp += o.cmp;
+    mul += o.mul;
+    add += o.add;
+    div += o.div;
+    sqrt += o.sqrt;
+    trig += o.trig;
+    neg += o.neg;
+    cmp += o.cmp;
     return *this;
   }
   friend OperationCount operator-(OperationCount a, const OperationCount& b) {
-    a.mul -= b.mul; a.add -= b.add; a.div -= b.div; a.sqrt -= b.sqrt; a.trig -= b.trig; a.neg -= b.neg; a.cmp -= b.cmp;
+    a.mul -= b.mul;
+    a.add -= b.add;
+    a.div -= b.div;
+    a.sqrt -= b.sqrt;
+    a.trig -= b.trig;
+    a.neg -= b.neg;
+    a.cmp -= b.cmp;
     return a;
   }
 };
@@ -41,32 +53,69 @@ inline OperationCount& counter() {
 class Counted {
  public:
   constexpr Counted() = default;
-  constexpr Counted(double v) : value_(v) {}  // NOLINT(google-explicit-constructor): constants read as in production code
+  constexpr Counted(double v)
+      : value_(v) {}  // NOLINT(google-explicit-constructor): constants read as in production code
   constexpr explicit Counted(int v) : value_(v) {}
   constexpr double value() const { return value_; }
   constexpr explicit operator double() const { return value_; }
 
-  friend Counted operator+(Counted a, Counted b) { ++counter().add; return Counted(a.value_ + b.value_); }
-  friend Counted operator-(Counted a, Counted b) { ++counter().add; return Counted(a.value_ - b.value_); }
-  friend Counted operator*(Counted a, Counted b) { ++counter().mul; return Counted(a.value_ * b.value_); }
-  friend Counted operator/(Counted a, Counted b) { ++counter().div; return Counted(a.value_ / b.value_); }
-  friend Counted operator-(Counted a) { ++counter().neg; return Counted(-a.value_); }
+  friend Counted operator+(Counted a, Counted b) {
+    ++counter().add;
+    return Counted(a.value_ + b.value_);
+  }
+  friend Counted operator-(Counted a, Counted b) {
+    ++counter().add;
+    return Counted(a.value_ - b.value_);
+  }
+  friend Counted operator*(Counted a, Counted b) {
+    ++counter().mul;
+    return Counted(a.value_ * b.value_);
+  }
+  friend Counted operator/(Counted a, Counted b) {
+    ++counter().div;
+    return Counted(a.value_ / b.value_);
+  }
+  friend Counted operator-(Counted a) {
+    ++counter().neg;
+    return Counted(-a.value_);
+  }
   Counted& operator+=(Counted b) { return *this = *this + b; }
   Counted& operator-=(Counted b) { return *this = *this - b; }
   Counted& operator*=(Counted b) { return *this = *this * b; }
   Counted& operator/=(Counted b) { return *this = *this / b; }
-  friend bool operator<(Counted a, Counted b) { ++counter().cmp; return a.value_ < b.value_; }
-  friend bool operator>(Counted a, Counted b) { ++counter().cmp; return a.value_ > b.value_; }
-  friend bool operator<=(Counted a, Counted b) { ++counter().cmp; return a.value_ <= b.value_; }
-  friend bool operator>=(Counted a, Counted b) { ++counter().cmp; return a.value_ >= b.value_; }
-  friend bool operator==(Counted a, Counted b) { ++counter().cmp; return a.value_ == b.value_; }
-  friend bool operator!=(Counted a, Counted b) { ++counter().cmp; return a.value_ != b.value_; }
+  friend bool operator<(Counted a, Counted b) {
+    ++counter().cmp;
+    return a.value_ < b.value_;
+  }
+  friend bool operator>(Counted a, Counted b) {
+    ++counter().cmp;
+    return a.value_ > b.value_;
+  }
+  friend bool operator<=(Counted a, Counted b) {
+    ++counter().cmp;
+    return a.value_ <= b.value_;
+  }
+  friend bool operator>=(Counted a, Counted b) {
+    ++counter().cmp;
+    return a.value_ >= b.value_;
+  }
+  friend bool operator==(Counted a, Counted b) {
+    ++counter().cmp;
+    return a.value_ == b.value_;
+  }
+  friend bool operator!=(Counted a, Counted b) {
+    ++counter().cmp;
+    return a.value_ != b.value_;
+  }
 
  private:
   double value_{0};
 };
 
-inline Counted sqrt(Counted a) { ++counter().sqrt; return Counted(std::sqrt(a.value())); }
+inline Counted sqrt(Counted a) {
+  ++counter().sqrt;
+  return Counted(std::sqrt(a.value()));
+}
 inline Counted abs(Counted a) { return Counted(std::abs(a.value())); }
 inline bool isfinite(Counted a) { return std::isfinite(a.value()); }
 
@@ -94,6 +143,14 @@ struct NumTraits<heft::bench::Counted> : NumTraits<double> {
   using NonInteger = heft::bench::Counted;
   using Nested = heft::bench::Counted;
   using Literal = heft::bench::Counted;
-  enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 1, ReadCost = 1, AddCost = 1, MulCost = 1 };
+  enum {
+    IsComplex = 0,
+    IsInteger = 0,
+    IsSigned = 1,
+    RequireInitialization = 1,
+    ReadCost = 1,
+    AddCost = 1,
+    MulCost = 1
+  };
 };
 }  // namespace Eigen

@@ -94,14 +94,16 @@ KDL::Chain kdl_chain() {
     const KDL::Vector com(p[kMcx] / p[kMass], p[kMcy] / p[kMass], p[kMcz] / p[kMass]);
     // About the centre of mass, then expressed for the tip frame, where KDL wants it.
     const double m = p[kMass];
-    const KDL::RotationalInertia about_com(
-        p[kIxx] - m * (com.y() * com.y() + com.z() * com.z()), p[kIyy] - m * (com.x() * com.x() + com.z() * com.z()),
-        p[kIzz] - m * (com.x() * com.x() + com.y() * com.y()), p[kIxy] + m * com.x() * com.y(),
-        p[kIxz] + m * com.x() * com.z(), p[kIyz] + m * com.y() * com.z());
+    const KDL::RotationalInertia about_com(p[kIxx] - m * (com.y() * com.y() + com.z() * com.z()),
+                                           p[kIyy] - m * (com.x() * com.x() + com.z() * com.z()),
+                                           p[kIzz] - m * (com.x() * com.x() + com.y() * com.y()),
+                                           p[kIxy] + m * com.x() * com.y(), p[kIxz] + m * com.x() * com.z(),
+                                           p[kIyz] + m * com.y() * com.z());
     const KDL::RigidBodyInertia at_joint(m, com, about_com);
-    chain.addSegment(KDL::Segment(
-        KDL::Joint(KDL::Vector::Zero(), KDL::Vector(joint.axis[0], joint.axis[1], joint.axis[2]), KDL::Joint::RotAxis),
-        tip, tip.Inverse() * at_joint));
+    chain.addSegment(
+        KDL::Segment(KDL::Joint(KDL::Vector::Zero(), KDL::Vector(joint.axis[0], joint.axis[1], joint.axis[2]),
+                                KDL::Joint::RotAxis),
+                     tip, tip.Inverse() * at_joint));
   }
   return chain;
 }
@@ -142,9 +144,9 @@ pinocchio::Model pinocchio_model() {
     const auto& joint = arm.joints[j];
     const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(joint.rotation.data());
     const pinocchio::SE3 placement(R, Eigen::Map<const Eigen::Vector3d>(joint.position.data()));
-    parent = model.addJoint(parent,
-                            pinocchio::JointModelRevoluteUnaligned(Eigen::Map<const Eigen::Vector3d>(joint.axis.data())),
-                            placement, "joint" + std::to_string(j));
+    parent = model.addJoint(
+        parent, pinocchio::JointModelRevoluteUnaligned(Eigen::Map<const Eigen::Vector3d>(joint.axis.data())),
+        placement, "joint" + std::to_string(j));
     const auto& p = arm.links[j];
     Eigen::Matrix<double, 10, 1> v;
     v << p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9];
@@ -171,7 +173,8 @@ void pinocchio_regressor(benchmark::State& state) {
   const auto& s = states<double>();
   std::size_t i = 0;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(pinocchio::computeJointTorqueRegressor(model, data, s.q[i], s.qd[i], s.qdd[i]).data());
+    benchmark::DoNotOptimize(
+        pinocchio::computeJointTorqueRegressor(model, data, s.q[i], s.qd[i], s.qdd[i]).data());
     i = (i + 1) % s.kCount;
   }
 }
@@ -183,12 +186,14 @@ void runtime_inverse_dynamics(benchmark::State& state) {
   ArmModel<Scalar, 6> arm;
   for (std::size_t j = 0; j < 6; ++j) {
     arm.joints[j].type = Description::kModel.joints[j].type;
-    for (std::size_t k = 0; k < 9; ++k) arm.joints[j].rotation[k] = static_cast<Scalar>(Description::kModel.joints[j].rotation[k]);
+    for (std::size_t k = 0; k < 9; ++k)
+      arm.joints[j].rotation[k] = static_cast<Scalar>(Description::kModel.joints[j].rotation[k]);
     for (std::size_t k = 0; k < 3; ++k) {
       arm.joints[j].position[k] = static_cast<Scalar>(Description::kModel.joints[j].position[k]);
       arm.joints[j].axis[k] = static_cast<Scalar>(Description::kModel.joints[j].axis[k]);
     }
-    for (std::size_t k = 0; k < 10; ++k) arm.links[j][k] = static_cast<Scalar>(Description::kModel.links[j][k]);
+    for (std::size_t k = 0; k < 10; ++k)
+      arm.links[j][k] = static_cast<Scalar>(Description::kModel.links[j][k]);
   }
   const DynamicArm<Scalar, 6> dynamic(arm);
   const auto& s = states<Scalar>();
@@ -230,7 +235,8 @@ void reduced_inverse_dynamics(benchmark::State& state) {
     i = (i + 1) % s.kCount;
   }
 }
-BENCHMARK(reduced_inverse_dynamics<double>)->Name("inverse_dynamics/heft_compile_time_live_parameters/double");
+BENCHMARK(reduced_inverse_dynamics<double>)
+    ->Name("inverse_dynamics/heft_compile_time_live_parameters/double");
 BENCHMARK(reduced_inverse_dynamics<float>)->Name("inverse_dynamics/heft_compile_time_live_parameters/float");
 
 template <typename Scalar>
@@ -316,8 +322,8 @@ void whole_cycle(benchmark::State& state) {
     const Vector commanded = commanded_acceleration<Scalar, 6>(feedback, reference, s.q[i], s.qd[i]);
     Vector wanted, command;
     ControlRecord control;
-    inverse_dynamics_with_rows<Arm, 4>(parameters, joint_trigonometry<Arm>(s.q[i]), s.q[i], s.qd[i], commanded,
-                                       s.qdd[i], Scalar(0), wanted, rows);
+    inverse_dynamics_with_rows<Arm, 4>(parameters, joint_trigonometry<Arm>(s.q[i]), s.q[i], s.qd[i],
+                                       commanded, s.qdd[i], Scalar(0), wanted, rows);
     wanted += friction.torque(reference.qd);
     bool ok = feedback.limit(wanted, command, control) == Status::kOk;
     ok = estimator.update_rows(rows[0], rows[1], s.qd[i], s.tau[i], record) == Status::kOk && ok;
@@ -370,22 +376,27 @@ BENCHMARK(payload_update)->Name("payload_update/run_time/double");
 void print_firmware_figures() {
   std::ifstream in(HEFT_FIRMWARE_FIGURES);
   if (!in) {
-    fmt::print(stderr, "\nfirmware image: no figures yet; `ctest -L firmware` makes them (needs arm-none-eabi-g++ and "
-                       "qemu-system-arm)\n");
+    fmt::print(
+        stderr,
+        "\nfirmware image: no figures yet; `ctest -L firmware` makes them (needs arm-none-eabi-g++ and "
+        "qemu-system-arm)\n");
     return;
   }
   const nlohmann::json figures = nlohmann::json::parse(in, nullptr, false);
   if (figures.is_discarded()) {
-    fmt::print(stderr, "\nfirmware image: {} is not JSON; run `ctest -L firmware` again\n", HEFT_FIRMWARE_FIGURES);
+    fmt::print(stderr, "\nfirmware image: {} is not JSON; run `ctest -L firmware` again\n",
+               HEFT_FIRMWARE_FIGURES);
     return;
   }
-  fmt::print(stderr, "\nfirmware image: regressor rows, estimator and computed torque, replaying a log under QEMU\n"
-                     "{:<18} {:>9} {:>9} {:>14} {:>20} {:>8}\n",
+  fmt::print(stderr,
+             "\nfirmware image: regressor rows, estimator and computed torque, replaying a log under QEMU\n"
+             "{:<18} {:>9} {:>9} {:>14} {:>20} {:>8}\n",
              "image", "flash [B]", "RAM [B]", "deepest stack", "instructions/sample", "worst");
   for (const auto& image : figures.value("images", nlohmann::json::array())) {
     fmt::print(stderr, "{:<18} {:>9} {:>9} {:>14} {:>20.0f} {:>8.0f}\n", image.value("image", "?"),
-               image.value("flash_bytes", 0L), image.value("ram_bytes", 0L), image.value("deepest_stack_bytes", 0L),
-               image.value("instructions_mean", 0.0), image.value("instructions_worst", 0.0));
+               image.value("flash_bytes", 0L), image.value("ram_bytes", 0L),
+               image.value("deepest_stack_bytes", 0L), image.value("instructions_mean", 0.0),
+               image.value("instructions_worst", 0.0));
   }
 }
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Dense>
 #include <fmt/format.h>
+#include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
 #include "counting_scalar.hpp"
@@ -158,11 +158,13 @@ std::vector<std::pair<std::string, OperationCount>> row_stages() {
   std::array<TerminalRows<Counted, Layout>, 2> two{};
   const structural::TerminalRowSink<Counted, Layout, 1> sink{one};
   const OperationCount pass = counted([&] {
-    structural::pass_links<Arm, First, 1>(trig, q, qd, std::array{a}, MeasuringSink<decltype(sink)>{sink, rows_one});
+    structural::pass_links<Arm, First, 1>(trig, q, qd, std::array{a},
+                                          MeasuringSink<decltype(sink)>{sink, rows_one});
   });
   const OperationCount trigonometry = counted([&] { (void)terminal_trigonometry<Arm, First>(q); });
-  const OperationCount both =
-      counted([&] { terminal_rows<Arm, First, 2>(trig, q, qd, {a, b}, Counted(0.0), two); });
+  const OperationCount both = counted([&] {
+    terminal_rows<Arm, First, 2>(trig, q, qd, {a, b}, Counted(0.0), two);
+  });
   OperationCount kinematics = pass - rows_one;
   kinematics += trigonometry;
   out.emplace_back("kinematics", kinematics);
@@ -186,7 +188,8 @@ Eigen::VectorXd batch(int count, bool least_squares) {
     terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, vector_of<double>(s.qd),
                                  {vector_of<double>(s.measured), vector_of<double>(s.instrument)}, 0.0, rows);
     for (std::size_t r = 0; r < static_cast<std::size_t>(Layout::kRows); ++r) {
-      const Eigen::Map<const Eigen::VectorXd> w(rows[0][r].data(), kP), z(rows[least_squares ? 0 : 1][r].data(), kP);
+      const Eigen::Map<const Eigen::VectorXd> w(rows[0][r].data(), kP),
+          z(rows[least_squares ? 0 : 1][r].data(), kP);
       phi += z * w.transpose();
       right += z * s.tau[static_cast<std::size_t>(First) + r];
     }
@@ -222,7 +225,8 @@ Result run(const std::string& name, bool shared, bool least_squares) {
     }
     const auto parameters = nominal<Scalar>();
     OperationCount row_cost, update_cost;
-    const EstimateSource steady = least_squares ? EstimateSource::kLeastSquares : EstimateSource::kInstrumental;
+    const EstimateSource steady =
+        least_squares ? EstimateSource::kLeastSquares : EstimateSource::kInstrumental;
     for (int j = 0; j < kSamples; ++j) {
       const Sample& s = samples()[static_cast<std::size_t>(j)];
       const auto q = vector_of<Scalar>(s.q), qd = vector_of<Scalar>(s.qd), a = vector_of<Scalar>(s.measured),
@@ -234,7 +238,8 @@ Result run(const std::string& name, bool shared, bool least_squares) {
       if (shared) {
         const auto trig = joint_trigonometry<Arm>(q);
         typename Arm::Vector command;
-        const OperationCount alone = counted([&] { inverse_dynamics<Arm>(parameters, trig, q, qd, b, command); });
+        const OperationCount alone =
+            counted([&] { inverse_dynamics<Arm>(parameters, trig, q, qd, b, command); });
         const OperationCount with = counted([&] {
           inverse_dynamics_with_rows<Arm, First>(parameters, trig, q, qd, b, a, Scalar(0.0), command, rows);
         });
@@ -243,10 +248,12 @@ Result run(const std::string& name, bool shared, bool least_squares) {
         for_rows = counted([&] {
           if (least_squares) {
             std::array<Rows, 1> single{};
-            terminal_rows<Arm, First, 1>(terminal_trigonometry<Arm, First>(q), q, qd, {a}, Scalar(0.0), single);
+            terminal_rows<Arm, First, 1>(terminal_trigonometry<Arm, First>(q), q, qd, {a}, Scalar(0.0),
+                                         single);
             rows[0] = rows[1] = single[0];
           } else {
-            terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {a, b}, Scalar(0.0), rows);
+            terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {a, b}, Scalar(0.0),
+                                         rows);
           }
         });
       }
@@ -295,9 +302,9 @@ Result run(const std::string& name, bool shared, bool least_squares) {
   result.same_numbers = std::memcmp(counting.data(), plain.data(), plain.size() * sizeof(double)) == 0;
   const Eigen::VectorXd reference = batch<First>(kSamples, least_squares);
   for (Eigen::Index i = 0; i < reference.size(); ++i) {
-    result.batch_difference = std::max(result.batch_difference,
-                                       std::abs(plain[static_cast<std::size_t>(i)] - reference[i]) /
-                                           reference.cwiseAbs().maxCoeff());
+    result.batch_difference =
+        std::max(result.batch_difference, std::abs(plain[static_cast<std::size_t>(i)] - reference[i]) /
+                                              reference.cwiseAbs().maxCoeff());
   }
   return result;
 }
@@ -321,8 +328,8 @@ Result run_covariance() {
     std::array<TerminalRows<Counted, Layout>, 2> rows{};
     OperationCount sample = counted([&] {
       terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd,
-                                   {vector_of<Counted>(s.measured), vector_of<Counted>(s.instrument)}, Counted(0.0),
-                                   rows);
+                                   {vector_of<Counted>(s.measured), vector_of<Counted>(s.instrument)},
+                                   Counted(0.0), rows);
     });
     const OperationCount update = counted([&] {
       for (int r = 0; r < Layout::kRows; ++r) {
@@ -355,8 +362,13 @@ Result run_covariance() {
 }
 
 nlohmann::ordered_json as_json(const OperationCount& c, double divisor) {
-  const auto mean = [&](std::int64_t v) { return std::round(100.0 * static_cast<double>(v) / divisor) / 100.0; };
-  return {{"mul", mean(c.mul)}, {"add", mean(c.add)}, {"div", mean(c.div)}, {"sqrt", mean(c.sqrt)},
+  const auto mean = [&](std::int64_t v) {
+    return std::round(100.0 * static_cast<double>(v) / divisor) / 100.0;
+  };
+  return {{"mul", mean(c.mul)},
+          {"add", mean(c.add)},
+          {"div", mean(c.div)},
+          {"sqrt", mean(c.sqrt)},
           {"trig", mean(c.trig)}};
 }
 
@@ -410,15 +422,16 @@ nlohmann::ordered_json document(int k, int parameters, const std::vector<Result>
 void print(int k, int parameters, const std::vector<Result>& results) {
   fmt::print("\nk = {}, {} parameters{}\n", k, parameters,
              k == 5 ? "   (publication of 1984: about 1800 multiplications, 1500 additions)" : "");
-  fmt::print("  {:<12} {:<6} {:<8} {:>8} {:>8} {:>6} {:>6} {:>6}   {:>10} {:>10}   {}\n", "form", "method", "forward",
-             "mul", "add", "div", "sqrt", "trig", "worst mul", "worst add", "against batch");
+  fmt::print("  {:<12} {:<6} {:<8} {:>8} {:>8} {:>6} {:>6} {:>6}   {:>10} {:>10}   {}\n", "form", "method",
+             "forward", "mul", "add", "div", "sqrt", "trig", "worst mul", "worst add", "against batch");
   for (const Result& r : results) {
     const double n = static_cast<double>(r.count);
     const auto mean = [&](std::int64_t v) { return static_cast<double>(v) / n; };
-    fmt::print("  {:<12} {:<6} {:<8} {:>8.1f} {:>8.1f} {:>6.1f} {:>6.2f} {:>6.1f}   {:>10} {:>10}   {:.1e}{}\n", r.form,
-               r.least_squares ? "LS" : "IV", r.shared ? "shared" : "own", mean(r.total.mul), mean(r.total.add),
-               mean(r.total.div), mean(r.total.sqrt), mean(r.total.trig), r.worst.mul, r.worst.add,
-               r.batch_difference, r.same_numbers ? "" : "   NOT THE SAME NUMBERS AS DOUBLE");
+    fmt::print(
+        "  {:<12} {:<6} {:<8} {:>8.1f} {:>8.1f} {:>6.1f} {:>6.2f} {:>6.1f}   {:>10} {:>10}   {:.1e}{}\n",
+        r.form, r.least_squares ? "LS" : "IV", r.shared ? "shared" : "own", mean(r.total.mul),
+        mean(r.total.add), mean(r.total.div), mean(r.total.sqrt), mean(r.total.trig), r.worst.mul,
+        r.worst.add, r.batch_difference, r.same_numbers ? "" : "   NOT THE SAME NUMBERS AS DOUBLE");
   }
   if (k == 5) {
     for (const Result& r : results) {
@@ -434,11 +447,14 @@ void print(int k, int parameters, const std::vector<Result>& results) {
 }
 
 int main_with(const std::string& json_path) {
-  fmt::print("Operations a sample, publication's arm, counted by running the production code.\n"
-             "Information form: solve every {} samples, its cost included. Means are over steady state, worst samples\n"
-             "over the whole run, start-up and hand-over included. Outlier gate on. A sine or cosine counts as one trig\n"
-             "call; core's own polynomials need 10 multiplications and 9 additions for each.\n",
-             kSolveEvery);
+  fmt::print(
+      "Operations a sample, publication's arm, counted by running the production code.\n"
+      "Information form: solve every {} samples, its cost included. Means are over steady state, worst "
+      "samples\n"
+      "over the whole run, start-up and hand-over included. Outlier gate on. A sine or cosine counts as one "
+      "trig\n"
+      "call; core's own polynomials need 10 multiplications and 9 additions for each.\n",
+      kSolveEvery);
   nlohmann::ordered_json by_k = nlohmann::ordered_json::array();
   nlohmann::ordered_json main_document;
   const auto one = [&]<int K>(std::integral_constant<int, K>) {
@@ -458,8 +474,9 @@ int main_with(const std::string& json_path) {
   one(std::integral_constant<int, 2>{});
   one(std::integral_constant<int, 1>{});
   const OperationCount torque = computed_torque_cost();
-  fmt::print("\ncomputed torque of the controller (nominal torque, all six joints): {} mul, {} add, {} trig\n", torque.mul,
-             torque.add, torque.trig);
+  fmt::print(
+      "\ncomputed torque of the controller (nominal torque, all six joints): {} mul, {} add, {} trig\n",
+      torque.mul, torque.add, torque.trig);
   main_document["nominal_torque"] = as_json(torque, 1);
   main_document["all_k"] = by_k;
   if (!json_path.empty()) {

@@ -12,19 +12,19 @@
 
 namespace heft {
 
-#define HEFT_INSTANTIATE(Scalar, N)                                                                                \
-  template class DynamicArm<Scalar, N>;                                                                            \
-  template class JointFeedback<Scalar, N>;                                                                         \
-  template class PayloadEstimator<Scalar, N>;                                                                      \
-  template class JointAccelerationModel<Scalar, N>;                                                                \
-  template class StateVariableFilter<Scalar, N>;                                                                   \
-  template JointVector<Scalar, N> inverse_dynamics(const DynamicArm<Scalar, N>&, const JointVector<Scalar, N>&,    \
-                                                   const JointVector<Scalar, N>&, const JointVector<Scalar, N>&)   \
-      noexcept;                                                                                                    \
-  template void mass_matrix(const DynamicArm<Scalar, N>&, const JointTrigonometry<DynamicArm<Scalar, N>>&,         \
-                            const JointVector<Scalar, N>&, MassMatrix<Scalar, N>&) noexcept;                       \
-  template void full_regressor(const DynamicArm<Scalar, N>&, const JointVector<Scalar, N>&,                        \
-                               const JointVector<Scalar, N>&, const JointVector<Scalar, N>&, Scalar,               \
+#define HEFT_INSTANTIATE(Scalar, N)                                                                        \
+  template class DynamicArm<Scalar, N>;                                                                    \
+  template class JointFeedback<Scalar, N>;                                                                 \
+  template class PayloadEstimator<Scalar, N>;                                                              \
+  template class JointAccelerationModel<Scalar, N>;                                                        \
+  template class StateVariableFilter<Scalar, N>;                                                           \
+  template JointVector<Scalar, N> inverse_dynamics(                                                        \
+      const DynamicArm<Scalar, N>&, const JointVector<Scalar, N>&, const JointVector<Scalar, N>&,          \
+      const JointVector<Scalar, N>&) noexcept;                                                             \
+  template void mass_matrix(const DynamicArm<Scalar, N>&, const JointTrigonometry<DynamicArm<Scalar, N>>&, \
+                            const JointVector<Scalar, N>&, MassMatrix<Scalar, N>&) noexcept;               \
+  template void full_regressor(const DynamicArm<Scalar, N>&, const JointVector<Scalar, N>&,                \
+                               const JointVector<Scalar, N>&, const JointVector<Scalar, N>&, Scalar,       \
                                FullRegressor<Scalar, N>&) noexcept
 
 HEFT_INSTANTIATE(float, 6);

@@ -61,8 +61,8 @@ struct Sized final : Base {
 template <int N, typename Base>
 std::unique_ptr<Base> make_sized(const Robot& robot) {
   if constexpr (N > kMaxJoints) {
-    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name, robot.num_joints(),
-                                 kMaxJoints));
+    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name,
+                                 robot.num_joints(), kMaxJoints));
   } else {
     if (robot.num_joints() == N) {
       return std::make_unique<Sized<N, Base>>(robot);

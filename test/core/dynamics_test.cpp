@@ -123,12 +123,15 @@ TEST(DynamicArm, PredictionIsUnchangedWhenALinkFrameIsTurned) {
   const Eigen::Matrix3d R = Eigen::AngleAxisd(1.1, test::random_direction(random)).toRotationMatrix();
   using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   auto& joint = turned.joints[1];
-  Eigen::Map<Rows>(joint.rotation.data()) = Eigen::Map<const Rows>(arm.joints[1].rotation.data()) * R.transpose();
-  Eigen::Map<Eigen::Vector3d>(joint.axis.data()) = R * Eigen::Map<const Eigen::Vector3d>(arm.joints[1].axis.data());
+  Eigen::Map<Rows>(joint.rotation.data()) =
+      Eigen::Map<const Rows>(arm.joints[1].rotation.data()) * R.transpose();
+  Eigen::Map<Eigen::Vector3d>(joint.axis.data()) =
+      R * Eigen::Map<const Eigen::Vector3d>(arm.joints[1].axis.data());
   std::array<double, 9> rows{};
   Eigen::Map<Rows>(rows.data()) = R;
   turned.links[1] = to_inertial_parameters(moved(to_pseudo_inertia(arm.links[1]), rows, {0, 0, 0}));
-  Eigen::Map<Rows>(turned.joints[2].rotation.data()) = R * Eigen::Map<const Rows>(arm.joints[2].rotation.data());
+  Eigen::Map<Rows>(turned.joints[2].rotation.data()) =
+      R * Eigen::Map<const Rows>(arm.joints[2].rotation.data());
   Eigen::Map<Eigen::Vector3d>(turned.joints[2].position.data()) =
       R * Eigen::Map<const Eigen::Vector3d>(arm.joints[2].position.data());
   const DynamicArm<double, 4> a(arm), b(turned);
@@ -148,8 +151,8 @@ TEST(DynamicArm, HandlesAnAxisAlongMinusZ) {
   down.joints[0].axis = {0, 0, -1};
   const DynamicArm<double, 1> a(up), b(down);
   using V = JointVector<double, 1>;
-  EXPECT_NEAR(inverse_dynamics(a, V(0.4), V(1.0), V(2.0))[0], -inverse_dynamics(b, V(-0.4), V(-1.0), V(-2.0))[0],
-              1e-13);
+  EXPECT_NEAR(inverse_dynamics(a, V(0.4), V(1.0), V(2.0))[0],
+              -inverse_dynamics(b, V(-0.4), V(-1.0), V(-2.0))[0], 1e-13);
 }
 
 TEST(ModifiedDh, EqualsStandardDhForTheSameBodies) {
@@ -159,8 +162,8 @@ TEST(ModifiedDh, EqualsStandardDhForTheSameBodies) {
   Random random(10);
   const auto body1 = test::random_body(random), body2 = test::random_body(random);
   // Standard frames sit at the far end: shift body 1 back by its link length.
-  const auto far = to_inertial_parameters(
-      moved(to_pseudo_inertia(body1), {1, 0, 0, 0, 1, 0, 0, 0, 1}, {-0.3, 0, 0}));
+  const auto far =
+      to_inertial_parameters(moved(to_pseudo_inertia(body1), {1, 0, 0, 0, 1, 0, 0, 0, 1}, {-0.3, 0, 0}));
   const DynamicArm<double, 2> a(make_standard_dh_arm<double, 2>(standard, {far, body2}));
   const DynamicArm<double, 2> b(make_modified_dh_arm<double, 2>(modified, {body1, body2}));
   const auto q = test::random_vector<2>(random, 3), qd = test::random_vector<2>(random, 3),
@@ -174,8 +177,9 @@ TEST(StaticArm, WorksInFloat) {
   const auto q = test::random_vector<6>(random, 3), qd = test::random_vector<6>(random, 2),
              qdd = test::random_vector<6>(random, 5);
   const auto exact = inverse_dynamics(DynamicArm<double, 6>(model::Ur5Arm::kModel), q, qd, qdd);
-  const auto single = inverse_dynamics<Arm>(ConstantParameters<float, model::Ur5Arm>{}, q.cast<float>().eval(),
-                                            qd.cast<float>().eval(), qdd.cast<float>().eval());
+  const auto single =
+      inverse_dynamics<Arm>(ConstantParameters<float, model::Ur5Arm>{}, q.cast<float>().eval(),
+                            qd.cast<float>().eval(), qdd.cast<float>().eval());
   EXPECT_LT((single.cast<double>() - exact).cwiseAbs().maxCoeff(), 2e-6 * exact.cwiseAbs().maxCoeff());
 }
 

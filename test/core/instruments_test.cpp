@@ -69,16 +69,18 @@ TEST(DelayedMean, AveragesSamplesOfTheStatedAge) {
 }
 
 TEST(PredictedAcceleration, ReturnsTheAccelerationThatMadeTheTorque) {
-  const ReducedParameters<double, model::KawasakiArm> parameters{reduced_links(model::KawasakiArmWithPayload::kModel)};
+  const ReducedParameters<double, model::KawasakiArm> parameters{
+      reduced_links(model::KawasakiArmWithPayload::kModel)};
   const test::Vector6 rotor = test::Vector6::Constant(0.003);
   for (const auto& s : test::terminal_link_run(50, 0.0, 1)) {
     test::Vector6 tau = s.tau + rotor.cwiseProduct(s.qdd);
     for (int i = 0; i < 6; ++i) {
-      tau[i] -= friction_torque(model::KawasakiArmWithPayload::kModel.actuation[static_cast<std::size_t>(i)], s.qd[i], 0.0);
+      tau[i] -= friction_torque(model::KawasakiArmWithPayload::kModel.actuation[static_cast<std::size_t>(i)],
+                                s.qd[i], 0.0);
     }
     test::Vector6 qdd;
-    ASSERT_EQ(predicted_acceleration<test::Arm6>(parameters, joint_trigonometry<test::Arm6>(s.q), s.q, s.qd, rotor, tau,
-                                                 qdd),
+    ASSERT_EQ(predicted_acceleration<test::Arm6>(parameters, joint_trigonometry<test::Arm6>(s.q), s.q, s.qd,
+                                                 rotor, tau, qdd),
               Status::kOk);
     EXPECT_LT((qdd - s.qdd).norm(), 1e-9 * s.qdd.norm());
   }

@@ -50,7 +50,8 @@ TEST(ComputedTorque, MakesTheClosedLoopLinear) {
     const State s = random_state(random);
     Vector tau;
     ControlRecord record;
-    ASSERT_EQ(computed_torque<Arm>(feedback, parameters, none, rotor, s.reference, s.q, s.qd, tau, record), Status::kOk);
+    ASSERT_EQ(computed_torque<Arm>(feedback, parameters, none, rotor, s.reference, s.q, s.qd, tau, record),
+              Status::kOk);
     MassMatrix<double, 6> mass;
     Vector bias, qdd;
     const auto trig = joint_trigonometry<Arm>(s.q);
@@ -78,9 +79,11 @@ TEST(ComputedTorque, IsTheSameWithRunTimeGeometry) {
   const State s = random_state(random);
   Vector a, b;
   ControlRecord record;
-  ASSERT_EQ(computed_torque<Arm>(feedback, parameters, friction, Vector::Constant(0.1), s.reference, s.q, s.qd, a, record),
+  ASSERT_EQ(computed_torque<Arm>(feedback, parameters, friction, Vector::Constant(0.1), s.reference, s.q,
+                                 s.qd, a, record),
             Status::kOk);
-  ASSERT_EQ((computed_torque<double, 6>(feedback, arm, friction, s.reference, s.q, s.qd, b, record)), Status::kOk);
+  ASSERT_EQ((computed_torque<double, 6>(feedback, arm, friction, s.reference, s.q, s.qd, b, record)),
+            Status::kOk);
   EXPECT_LT((a - b).norm(), 1e-11 * b.norm());
 }
 
@@ -136,7 +139,8 @@ TEST(JointFeedback, NeverHandsOnATorqueThatIsNotFinite) {
   const Parameters parameters{reduced_links(model::Ur5Arm::kModel)};
   test::Random random(5);
   const FrictionFeedForward<double, 6> none;
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e9}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e9}) {
     State s = random_state(random);
     s.q[2] = bad;
     Vector tau = Vector::Constant(7);

@@ -2,8 +2,8 @@
 
 #include <random>
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 #include "heft/core/estimate/covariance_recursion.hpp"
 #include "heft/core/estimate/factored_equations.hpp"
@@ -30,8 +30,8 @@ struct Problem {
   explicit Problem(int count, double precision = 0.0, const Row& prior = {}) {
     for (const auto& s : test::terminal_link_run(count, 10.0, 3)) {
       std::array<TerminalRows<double, Layout>, 2> rows{};
-      terminal_rows<test::Arm6, 4, 2>(terminal_trigonometry<test::Arm6, 4>(s.q), s.q, s.qd, {s.measured, s.qdd}, 0.0,
-                                      rows);
+      terminal_rows<test::Arm6, 4, 2>(terminal_trigonometry<test::Arm6, 4>(s.q), s.q, s.qd,
+                                      {s.measured, s.qdd}, 0.0, rows);
       samples.push_back({rows[0], rows[1], {s.tau[4], s.tau[5]}});
       for (std::size_t r = 0; r < 2; ++r) {
         const Eigen::Map<const Eigen::VectorXd> w(rows[0][r].data(), kP), z(rows[1][r].data(), kP);
@@ -60,7 +60,8 @@ struct Problem {
 };
 
 double difference(const Row& a, const Eigen::VectorXd& b) {
-  return (Eigen::Map<const Eigen::VectorXd>(a.data(), kP) - b).cwiseAbs().maxCoeff() / b.cwiseAbs().maxCoeff();
+  return (Eigen::Map<const Eigen::VectorXd>(a.data(), kP) - b).cwiseAbs().maxCoeff() /
+         b.cwiseAbs().maxCoeff();
 }
 
 TEST(NormalEquations, AccumulateTheBatchMatrixWithoutItsStructuralZeros) {
@@ -70,8 +71,8 @@ TEST(NormalEquations, AccumulateTheBatchMatrixWithoutItsStructuralZeros) {
   problem.add_to(equations);
   for (int i = 0; i < kP; ++i) {
     for (int j = 0; j < kP; ++j) {
-      EXPECT_NEAR(equations.matrix()[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)], problem.matrix(i, j),
-                  1e-10 * problem.matrix.cwiseAbs().maxCoeff())
+      EXPECT_NEAR(equations.matrix()[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)],
+                  problem.matrix(i, j), 1e-10 * problem.matrix.cwiseAbs().maxCoeff())
           << i << ", " << j;
     }
   }

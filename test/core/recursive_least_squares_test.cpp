@@ -3,8 +3,8 @@
 #include <limits>
 #include <random>
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
@@ -221,7 +221,8 @@ TEST_P(Payload, IsFoundFromRowsKToN) {
                qdd = test::random_vector<6>(random, 5);
     LinkRegressor<double, 6> Y;
     link_regressor(bare, joint_trigonometry<DynamicArm<double, 6>>(q), q, qd, qdd, Y);
-    const JointVector<double, 6> residual = inverse_dynamics(loaded, q, qd, qdd) - inverse_dynamics(bare, q, qd, qdd);
+    const JointVector<double, 6> residual =
+        inverse_dynamics(loaded, q, qd, qdd) - inverse_dynamics(bare, q, qd, qdd);
     PayloadEstimator<double, 6>::Record record;
     ASSERT_EQ(estimator.update(Y, qd, residual, record), Status::kOk);
     EXPECT_EQ(record.rows_used, 6 - first);

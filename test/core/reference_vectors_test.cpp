@@ -48,7 +48,8 @@ void expect_reference(const std::string& file, double unit) {
   constexpr double kTolerance = 1e-12;
   int states = 0;
   for (const auto& state : reference.at("states")) {
-    const Vector q = vector_of(state.at("q")), qd = vector_of(state.at("qd")), qdd = vector_of(state.at("qdd"));
+    const Vector q = vector_of(state.at("q")), qd = vector_of(state.at("qd")),
+                 qdd = vector_of(state.at("qdd"));
     const Vector rigid = vector_of(state.at("tau_rigid")) * unit, full = vector_of(state.at("tau")) * unit;
     const Eigen::MatrixXd M = matrix_of(state.at("M")) * unit;
     const Eigen::MatrixXd W = matrix_of(state.at("W"));
@@ -63,7 +64,8 @@ void expect_reference(const std::string& file, double unit) {
     for (int i = 0; i < 6; ++i) {
       with_friction[i] += friction_torque(model.actuation[static_cast<std::size_t>(i)], qd[i], 0.0);
     }
-    EXPECT_LT((with_friction - full).cwiseAbs().maxCoeff(), kTolerance * std::max(size, full.cwiseAbs().maxCoeff()));
+    EXPECT_LT((with_friction - full).cwiseAbs().maxCoeff(),
+              kTolerance * std::max(size, full.cwiseAbs().maxCoeff()));
 
     MassMatrix<double, 6> mass;
     mass_matrix(dynamic, joint_trigonometry<DynamicArm<double, 6>>(q), q, mass);
@@ -81,7 +83,8 @@ void expect_reference(const std::string& file, double unit) {
   // The coefficients, in the file's units; Coulomb and viscous are torques and scale like the rest.
   const auto x = lumped_parameters(model);
   for (int i = 0; i < 66; ++i) {
-    EXPECT_NEAR(x[i], reference.at("x").at(static_cast<std::size_t>(i)).get<double>() * unit, 1e-12 * unit * 2000)
+    EXPECT_NEAR(x[i], reference.at("x").at(static_cast<std::size_t>(i)).get<double>() * unit,
+                1e-12 * unit * 2000)
         << "coefficient " << i;
   }
 }

@@ -95,10 +95,12 @@ TEST(LumpedRegressor, TimesLumpsEqualsTheTorqueWithFriction) {
 TEST(LumpedRegressor, TwelfthColumnMakesUpForTheTerminalMass) {
   // (39'): a change of link 6 shows as R Δx + c Δm; without the mass column it does not.
   Random random(25);
-  const DynamicArm<double, 6> before(model::KawasakiArm::kModel), after(model::KawasakiArmWithPayload::kModel);
+  const DynamicArm<double, 6> before(model::KawasakiArm::kModel),
+      after(model::KawasakiArmWithPayload::kModel);
   const auto x0 = lumped_parameters(model::KawasakiArm::kModel);
   const auto x1 = lumped_parameters(model::KawasakiArmWithPayload::kModel);
-  const double mass = model::KawasakiArmWithPayload::kModel.links[5][kMass] - model::KawasakiArm::kModel.links[5][kMass];
+  const double mass =
+      model::KawasakiArmWithPayload::kModel.links[5][kMass] - model::KawasakiArm::kModel.links[5][kMass];
   EXPECT_NEAR(mass, 0.06, 1e-15);
   for (int n = 0; n < 20; ++n) {
     const auto q = test::random_vector<6>(random, 3), qd = test::random_vector<6>(random, 3),
@@ -107,11 +109,13 @@ TEST(LumpedRegressor, TwelfthColumnMakesUpForTheTerminalMass) {
     link_regressor(before, joint_trigonometry<DynamicArm<double, 6>>(q), q, qd, qdd, Y);
     LumpedRegressor<double, 6> W;
     lumped_regressor<double, 6>(Y, qd, 0.0, W);
-    const JointVector<double, 6> change = inverse_dynamics(after, q, qd, qdd) - inverse_dynamics(before, q, qd, qdd);
+    const JointVector<double, 6> change =
+        inverse_dynamics(after, q, qd, qdd) - inverse_dynamics(before, q, qd, qdd);
     const JointVector<double, 6> nine = W.block<6, 9>(0, 55) * (x1 - x0).segment<9>(55);
     const JointVector<double, 6> column = terminal_mass_column<double, 6>(Y);
     EXPECT_LT((nine + mass * column - change).norm(), 1e-14);
-    EXPECT_LT(std::abs(column[5]) + std::abs(column[4]), 1e-15) << "rows 5 and 6 of this arm do not see the mass";
+    EXPECT_LT(std::abs(column[5]) + std::abs(column[4]), 1e-15)
+        << "rows 5 and 6 of this arm do not see the mass";
     EXPECT_GT((nine - change).norm(), 1e-3);
   }
 }

@@ -25,7 +25,8 @@ TEST(Structural, CrossProductOfCoordinateAxesIsKnownByType) {
   const auto x = vec3(One{}, Zero{}, Zero{});
   const auto y = vec3(Zero{}, One{}, Zero{});
   using Product = decltype(cross(x, y));
-  static_assert(kIsZero<decltype(Product::x)> && kIsZero<decltype(Product::y)> && kIs<decltype(Product::z), 1>);
+  static_assert(kIsZero<decltype(Product::x)> && kIsZero<decltype(Product::y)> &&
+                kIs<decltype(Product::z), 1>);
 }
 
 TEST(Structural, DenseAndTypedMatricesAgree) {

@@ -99,7 +99,8 @@ TYPED_TEST(TerminalLink, HandsOutThePriorThenLeastSquaresThenInstruments) {
 TYPED_TEST(TerminalLink, RefusesNumbersThatAreNotFinite) {
   auto estimator = make<TypeParam::value>(), untouched = make<TypeParam::value>();
   typename Estimator<TypeParam::value>::Record record;
-  const double bad[] = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e9};
+  const double bad[] = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
+                        1e9};
   int n = 0;
   for (const auto& s : test::terminal_link_run(2500, 1.0, 4)) {
     if (n % 7 == 3) {
@@ -107,7 +108,8 @@ TYPED_TEST(TerminalLink, RefusesNumbersThatAreNotFinite) {
       auto broken = s;
       Vector6* fields[] = {&broken.q, &broken.qd, &broken.measured, &broken.tau};
       const int field = n % 4;
-      const int joint = 1 + n % 5;  // the first angle of this arm moves no torque, the first rows are not used
+      const int joint =
+          1 + n % 5;  // the first angle of this arm moves no torque, the first rows are not used
       const double value = field == 0 ? bad[n % 3] : bad[n % 2];
       (*fields[field])[field == 3 ? 4 + n % 2 : joint] = value;
       EXPECT_EQ(estimator.update(broken.q, broken.qd, broken.measured, broken.qdd, broken.tau, record),
@@ -239,8 +241,8 @@ TEST(TerminalLinkEstimator, FloatFollowsDouble) {
   TerminalLinkEstimator<ArmF, 4>::Record record_f;
   typename Estimator<EstimatorForm::kInformation>::Record record;
   for (const auto& s : test::terminal_link_run(4000, 1.0, 11)) {
-    ASSERT_EQ(single.update(s.q.cast<float>(), s.qd.cast<float>(), s.measured.cast<float>(), s.qdd.cast<float>(),
-                            s.tau.cast<float>(), record_f),
+    ASSERT_EQ(single.update(s.q.cast<float>(), s.qd.cast<float>(), s.measured.cast<float>(),
+                            s.qdd.cast<float>(), s.tau.cast<float>(), record_f),
               Status::kOk);
     ASSERT_EQ(twin.update(s.q, s.qd, s.measured, s.qdd, s.tau, record), Status::kOk);
   }

@@ -1,7 +1,7 @@
 #include "heft/core/dynamics/terminal_rows.hpp"
 
-#include <Eigen/QR>
 #include <gtest/gtest.h>
+#include <Eigen/QR>
 
 #include "heft/core/control/terminal_link_cycle.hpp"
 #include "heft/model/named_arms.hpp"
@@ -23,7 +23,8 @@ constexpr ArmModel<double, 5> make_skew_arm() {
   std::array<InertialParameters<double>, 5> links{};
   for (std::size_t j = 0; j < 5; ++j) {
     const double s = 1.0 + 0.3 * static_cast<double>(j);
-    links[j] = make_inertial_parameters<double>(s, {0.05 * s, -0.04, 0.03}, {0.02, 0.001, 0.03, -0.002, 0.003, 0.025});
+    links[j] = make_inertial_parameters<double>(s, {0.05 * s, -0.04, 0.03},
+                                                {0.02, 0.001, 0.03, -0.002, 0.003, 0.025});
   }
   return make_standard_dh_arm<double, 5>(table, links);
 }
@@ -48,7 +49,8 @@ std::array<double, static_cast<std::size_t>(TerminalLayout<Arm, First>::kParamet
           }
         }(),
         ...);
-  }(std::make_integer_sequence<int, Layout::kRows>{});
+  }
+  (std::make_integer_sequence<int, Layout::kRows>{});
   return x;
 }
 
@@ -67,8 +69,10 @@ void expect_rows_give_the_torque() {
     std::array<TerminalRows<double, Layout>, 2> own{}, shared{};
     terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {a, b}, 0.0, own);
     typename Arm::Vector tau;
-    inverse_dynamics_with_rows<Arm, First>(parameters, joint_trigonometry<Arm>(q), q, qd, b, a, 0.0, tau, shared);
-    const auto expected_a = inverse_dynamics(dynamic, q, qd, a), expected_b = inverse_dynamics(dynamic, q, qd, b);
+    inverse_dynamics_with_rows<Arm, First>(parameters, joint_trigonometry<Arm>(q), q, qd, b, a, 0.0, tau,
+                                           shared);
+    const auto expected_a = inverse_dynamics(dynamic, q, qd, a),
+               expected_b = inverse_dynamics(dynamic, q, qd, b);
     EXPECT_LT((tau - expected_b).norm(), 1e-12 * expected_b.norm());
     for (std::size_t c = 0; c < 2; ++c) {
       const auto& expected = c == 0 ? expected_a : expected_b;
@@ -77,9 +81,11 @@ void expect_rows_give_the_torque() {
         double torque = 0;
         for (std::size_t p = 0; p < row.size(); ++p) {
           torque += row[p] * x[p];
-          EXPECT_NEAR(row[p], shared[c][static_cast<std::size_t>(r)][p], 1e-11) << "row " << r << " column " << p;
+          EXPECT_NEAR(row[p], shared[c][static_cast<std::size_t>(r)][p], 1e-11)
+              << "row " << r << " column " << p;
         }
-        EXPECT_NEAR(torque, expected[First + r], 1e-12 * expected.norm()) << "k " << First + 1 << " row " << r;
+        EXPECT_NEAR(torque, expected[First + r], 1e-12 * expected.norm())
+            << "k " << First + 1 << " row " << r;
       }
     }
   }

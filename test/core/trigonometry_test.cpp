@@ -20,8 +20,10 @@ TEST(SinCos, IsWithinTwoUlpOfOneOfTheLongDoubleValueInDouble) {
       SinCos<double> sc{};
       sin_cos(&angle, &sc, 1);
       const long double exact = static_cast<long double>(angle);
-      worst = std::max(worst, static_cast<double>(std::abs(static_cast<long double>(sc.sin) - std::sin(exact))));
-      worst = std::max(worst, static_cast<double>(std::abs(static_cast<long double>(sc.cos) - std::cos(exact))));
+      worst =
+          std::max(worst, static_cast<double>(std::abs(static_cast<long double>(sc.sin) - std::sin(exact))));
+      worst =
+          std::max(worst, static_cast<double>(std::abs(static_cast<long double>(sc.cos) - std::cos(exact))));
     }
   }
   EXPECT_LT(worst, 2.3e-16);

@@ -63,7 +63,9 @@ struct DynamicInstances {
                      LumpedRegressor<Scalar, N>& W) {
     lumped_regressor<Scalar, N>(Y, qd, sign_width, W);
   }
-  static void lumps(const ArmModel<Scalar, N>& arm, LumpedParameters<Scalar, N>& x) { x = lumped_parameters(arm); }
+  static void lumps(const ArmModel<Scalar, N>& arm, LumpedParameters<Scalar, N>& x) {
+    x = lumped_parameters(arm);
+  }
   static Status control(const JointFeedback<Scalar, N>& feedback, const Arm& arm,
                         const FrictionFeedForward<Scalar, N>& friction,
                         const JointReference<Scalar, N>& reference, const Vector& q, const Vector& qd,
@@ -71,8 +73,8 @@ struct DynamicInstances {
     return computed_torque<Scalar, N>(feedback, arm, friction, reference, q, qd, tau, record);
   }
   static Status position_velocity(const JointFeedback<Scalar, N>& feedback, const Arm& arm, bool with_gravity,
-                                  const JointReference<Scalar, N>& reference, const Vector& q, const Vector& qd,
-                                  Vector& tau, ControlRecord& record) {
+                                  const JointReference<Scalar, N>& reference, const Vector& q,
+                                  const Vector& qd, Vector& tau, ControlRecord& record) {
     return pd_control<Scalar, N>(feedback, arm, with_gravity, reference, q, qd, tau, record);
   }
   static Scalar friction(const JointActuation<Scalar>& joint, Scalar velocity, Scalar sign_width) {
@@ -156,10 +158,12 @@ struct TerminalInstances {
                                    std::array<Rows, 2>& rows) {
     terminal_rows<Arm, First, 2>(trig, q, qd, qdd, sign_width, rows);
   }
-  static void cycle(const ReducedParameters<Scalar, Description>& parameters, const JointTrigonometry<Arm>& joint_trig,
-                    const Vector& q, const Vector& qd, const Vector& commanded, const Vector& measured, Scalar sign_width,
-                    Vector& tau, std::array<Rows, 2>& rows) {
-    inverse_dynamics_with_rows<Arm, First>(parameters, joint_trig, q, qd, commanded, measured, sign_width, tau, rows);
+  static void cycle(const ReducedParameters<Scalar, Description>& parameters,
+                    const JointTrigonometry<Arm>& joint_trig, const Vector& q, const Vector& qd,
+                    const Vector& commanded, const Vector& measured, Scalar sign_width, Vector& tau,
+                    std::array<Rows, 2>& rows) {
+    inverse_dynamics_with_rows<Arm, First>(parameters, joint_trig, q, qd, commanded, measured, sign_width,
+                                           tau, rows);
   }
 };
 

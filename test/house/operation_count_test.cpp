@@ -5,14 +5,15 @@
 #include <string>
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 #include <unistd.h>
+#include <nlohmann/json.hpp>
 
 namespace {
 
 const nlohmann::json& counts() {
   static const nlohmann::json document = [] {
-    const auto path = std::filesystem::temp_directory_path() / ("heft_operation_count_" + std::to_string(getpid()));
+    const auto path =
+        std::filesystem::temp_directory_path() / ("heft_operation_count_" + std::to_string(getpid()));
     const std::string command = "\"" HEFT_OPERATION_COUNT "\" --json \"" + path.string() + "\" > /dev/null";
     EXPECT_EQ(std::system(command.c_str()), 0);
     std::ifstream in(path);
@@ -25,7 +26,8 @@ const nlohmann::json& counts() {
 
 nlohmann::json form(const std::string& name, bool shared) {
   for (const auto& f : counts().at("forms")) {
-    if (f.at("form") == name && f.at("shared_forward_pass") == shared && f.at("method") == "instrumental variables") {
+    if (f.at("form") == name && f.at("shared_forward_pass") == shared &&
+        f.at("method") == "instrumental variables") {
       return f;
     }
   }
@@ -52,7 +54,9 @@ TEST(OperationCount, InformationFormWithItsSolves) {
   EXPECT_EQ(f.at("solve_every"), 50);
 }
 
-TEST(OperationCount, InformationFormBesideComputedTorque) { expect_mean(form("information", true), 440, 490); }
+TEST(OperationCount, InformationFormBesideComputedTorque) {
+  expect_mean(form("information", true), 440, 490);
+}
 
 TEST(OperationCount, ExactEverySample) { expect_mean(form("factored", false), 1250, 1250); }
 

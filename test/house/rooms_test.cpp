@@ -56,8 +56,9 @@ TEST(Rooms, IncludeOnlyWhatTheTableAllows) {
 TEST(Rooms, CoreIncludesNothingButEigenAndTheStandardLibrary) {
   const fs::path core = fs::path(HEFT_SOURCE_DIR) / "include/heft/core";
   const std::regex include(R"(#\s*include\s*<([^>]+)>)");
-  const std::set<std::string> standard = {"algorithm", "array",   "bit",    "cmath", "cstddef", "cstdint",
-                                          "limits",    "numbers", "tuple", "type_traits", "utility"};
+  const std::set<std::string> standard = {"algorithm", "array",       "bit",    "cmath",
+                                          "cstddef",   "cstdint",     "limits", "numbers",
+                                          "tuple",     "type_traits", "utility"};
   for (const auto& entry : fs::recursive_directory_iterator(core)) {
     if (entry.path().extension() != ".hpp") {
       continue;
@@ -66,14 +67,16 @@ TEST(Rooms, CoreIncludesNothingButEigenAndTheStandardLibrary) {
     for (std::string line; std::getline(in, line);) {
       std::smatch match;
       if (std::regex_search(line, match, include)) {
-        EXPECT_TRUE(standard.contains(match[1]) || match[1] == "Eigen/Core") << entry.path() << ": " << match[1];
+        EXPECT_TRUE(standard.contains(match[1]) || match[1] == "Eigen/Core")
+            << entry.path() << ": " << match[1];
       }
     }
   }
 }
 
 TEST(Rooms, PublicHeadersShowNoThirdPartyType) {
-  const std::regex include(R"(#\s*include\s*<(kdl|urdf|cvode|sundials|nvector|sunmatrix|sunlinsol|ceres|nlohmann|CLI|fmt)[/.])");
+  const std::regex include(
+      R"(#\s*include\s*<(kdl|urdf|cvode|sundials|nvector|sunmatrix|sunlinsol|ceres|nlohmann|CLI|fmt)[/.])");
   for (const auto& entry : fs::recursive_directory_iterator(fs::path(HEFT_SOURCE_DIR) / "include/heft")) {
     if (entry.path().extension() != ".hpp") {
       continue;

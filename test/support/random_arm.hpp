@@ -38,9 +38,12 @@ inline Eigen::Vector3d random_direction(Random& random) {
 /// A physical body: positive mass, inertia of a solid (triangle inequality holds).
 inline InertialParameters<double> random_body(Random& random) {
   const double mass = uniform(random, 0.5, 5.0);
-  const Eigen::Vector3d com(uniform(random, -0.2, 0.2), uniform(random, -0.2, 0.2), uniform(random, -0.2, 0.2));
-  const Eigen::Quaterniond turn = Eigen::Quaterniond(Eigen::AngleAxisd(uniform(random, 0, 3), random_direction(random)));
-  const Eigen::Vector3d second(uniform(random, 0.001, 0.03), uniform(random, 0.001, 0.03), uniform(random, 0.001, 0.03));
+  const Eigen::Vector3d com(uniform(random, -0.2, 0.2), uniform(random, -0.2, 0.2),
+                            uniform(random, -0.2, 0.2));
+  const Eigen::Quaterniond turn =
+      Eigen::Quaterniond(Eigen::AngleAxisd(uniform(random, 0, 3), random_direction(random)));
+  const Eigen::Vector3d second(uniform(random, 0.001, 0.03), uniform(random, 0.001, 0.03),
+                               uniform(random, 0.001, 0.03));
   const Eigen::Matrix3d R = turn.toRotationMatrix();
   const Eigen::Matrix3d sigma = mass * (R * second.asDiagonal() * R.transpose());
   const Eigen::Matrix3d I = sigma.trace() * Eigen::Matrix3d::Identity() - sigma;
@@ -66,7 +69,8 @@ ArmModel<double, N> random_arm(Random& random, double prismatic_share) {
       joint.axis[static_cast<std::size_t>(r)] = axis[r];
     }
     arm.links[j] = random_body(random);
-    arm.actuation[j] = {uniform(random, 0, 0.5), uniform(random, 0, 5), uniform(random, 0, 5), uniform(random, -1, 1)};
+    arm.actuation[j] = {uniform(random, 0, 0.5), uniform(random, 0, 5), uniform(random, 0, 5),
+                        uniform(random, -1, 1)};
   }
   const Eigen::Vector3d g = 9.81 * random_direction(random);
   arm.gravity = {g[0], g[1], g[2]};

@@ -26,8 +26,8 @@ struct TerminalLinkSample {
 /// @param count   samples at 5 ms
 /// @param noise   standard deviation of the acceleration noise [rad/s²]
 /// @param loaded  true: the arm carries the publication's payload
-inline std::vector<TerminalLinkSample> terminal_link_run(int count, double noise, int seed, bool loaded = true,
-                                                         double start = 0.0) {
+inline std::vector<TerminalLinkSample> terminal_link_run(int count, double noise, int seed,
+                                                         bool loaded = true, double start = 0.0) {
   std::mt19937_64 random(static_cast<std::uint64_t>(seed));
   std::normal_distribution<double> normal(0.0, 1.0);
   const auto& model = loaded ? model::KawasakiArmWithPayload::kModel : model::KawasakiArm::kModel;
@@ -87,7 +87,8 @@ auto true_layout_parameters(bool loaded = true) {
           x[static_cast<std::size_t>(Layout::friction(R)) + 1] = model.actuation[First + R].viscous_friction;
         }(),
         ...);
-  }(std::make_integer_sequence<int, Layout::kRows>{});
+  }
+  (std::make_integer_sequence<int, Layout::kRows>{});
   return x;
 }
 

@@ -52,7 +52,8 @@ constexpr RotationTables<Scalar> rotation_tables(const Joint<Scalar>& joint) noe
 }
 
 /// A link's pseudo-inertia with typed entries.
-template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23, typename S33>
+template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23,
+          typename S33>
 struct LinkParameters {
   [[no_unique_address]] M m;
   [[no_unique_address]] H h;
@@ -64,11 +65,12 @@ struct LinkParameters {
   [[no_unique_address]] S33 s33;
 };
 
-template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23, typename S33>
-constexpr LinkParameters<M, H, S11, S12, S22, S13, S23, S33> link_parameters(const M& m, const H& h, const S11& s11,
-                                                                             const S12& s12, const S22& s22,
-                                                                             const S13& s13, const S23& s23,
-                                                                             const S33& s33) {
+template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23,
+          typename S33>
+constexpr LinkParameters<M, H, S11, S12, S22, S13, S23, S33> link_parameters(const M& m, const H& h,
+                                                                             const S11& s11, const S12& s12,
+                                                                             const S22& s22, const S13& s13,
+                                                                             const S23& s23, const S33& s33) {
   return {m, h, s11, s12, s22, s13, s23, s33};
 }
 
@@ -262,8 +264,9 @@ struct ConstantParameters {
   static constexpr auto link() {
     using namespace structural;
     constexpr const auto& k = kReducedLink<Description, J>;
-    return link_parameters(constant<Scalar, k, kPm>(), constant3<Scalar, k, kPhx>(), constant<Scalar, k, kS11>(),
-                           constant<Scalar, k, kS12>(), constant<Scalar, k, kS22>(), constant<Scalar, k, kS13>(),
+    return link_parameters(constant<Scalar, k, kPm>(), constant3<Scalar, k, kPhx>(),
+                           constant<Scalar, k, kS11>(), constant<Scalar, k, kS12>(),
+                           constant<Scalar, k, kS22>(), constant<Scalar, k, kS13>(),
                            constant<Scalar, k, kS23>(), constant<Scalar, k, kS33>());
   }
 };
@@ -279,10 +282,11 @@ struct ReducedParameters {
     using namespace structural;
     constexpr const auto& k = kReducedPattern<Description, J>;
     const auto& p = links[J];
-    return link_parameters(masked<Scalar, k, kPm>(p),
-                           vec3(masked<Scalar, k, kPhx>(p), masked<Scalar, k, kPhy>(p), masked<Scalar, k, kPhz>(p)),
-                           masked<Scalar, k, kS11>(p), masked<Scalar, k, kS12>(p), masked<Scalar, k, kS22>(p),
-                           masked<Scalar, k, kS13>(p), masked<Scalar, k, kS23>(p), masked<Scalar, k, kS33>(p));
+    return link_parameters(
+        masked<Scalar, k, kPm>(p),
+        vec3(masked<Scalar, k, kPhx>(p), masked<Scalar, k, kPhy>(p), masked<Scalar, k, kPhz>(p)),
+        masked<Scalar, k, kS11>(p), masked<Scalar, k, kS12>(p), masked<Scalar, k, kS22>(p),
+        masked<Scalar, k, kS13>(p), masked<Scalar, k, kS23>(p), masked<Scalar, k, kS33>(p));
   }
 };
 
@@ -375,9 +379,9 @@ class DynamicArm {
     const Scalar s = revolute ? sc.sin : Scalar(0);
     const Scalar travel = revolute ? Scalar(0) : q;
     // E = Rz(q)ᵀ Rᵀ.
-    const auto rotation = mat3(vec3(c * R[0] + s * R[1], c * R[3] + s * R[4], c * R[6] + s * R[7]),
-                               vec3(c * R[1] - s * R[0], c * R[4] - s * R[3], c * R[7] - s * R[6]),
-                               vec3(R[2], R[5], R[8]));
+    const auto rotation =
+        mat3(vec3(c * R[0] + s * R[1], c * R[3] + s * R[4], c * R[6] + s * R[7]),
+             vec3(c * R[1] - s * R[0], c * R[4] - s * R[3], c * R[7] - s * R[6]), vec3(R[2], R[5], R[8]));
     const auto position = vec3(joint.position[0] + R[2] * travel, joint.position[1] + R[5] * travel,
                                joint.position[2] + R[8] * travel);
     using E = std::remove_cvref_t<decltype(rotation)>;
@@ -387,8 +391,8 @@ class DynamicArm {
   auto link(int j) const noexcept {
     using namespace structural;
     const auto& p = links_[static_cast<std::size_t>(j)];
-    return link_parameters(p[kPm], vec3(p[kPhx], p[kPhy], p[kPhz]), p[kS11], p[kS12], p[kS22], p[kS13], p[kS23],
-                           p[kS33]);
+    return link_parameters(p[kPm], vec3(p[kPhx], p[kPhy], p[kPhz]), p[kS11], p[kS12], p[kS22], p[kS13],
+                           p[kS23], p[kS33]);
   }
 
   structural::Dense3<Scalar> base_acceleration() const noexcept {
@@ -412,8 +416,15 @@ class DynamicArm {
       return {rest[0], -rest[1], -rest[2], rest[3], -rest[4], -rest[5], rest[6], -rest[7], -rest[8]};
     }
     const Scalar f = Scalar(1) / (Scalar(1) + a[2]);
-    return {Scalar(1) - a[0] * a[0] * f, -a[0] * a[1] * f, -a[0], -a[0] * a[1] * f, Scalar(1) - a[1] * a[1] * f,
-            -a[1], a[0], a[1], a[2]};
+    return {Scalar(1) - a[0] * a[0] * f,
+            -a[0] * a[1] * f,
+            -a[0],
+            -a[0] * a[1] * f,
+            Scalar(1) - a[1] * a[1] * f,
+            -a[1],
+            a[0],
+            a[1],
+            a[2]};
   }
 
   ArmModel<Scalar, N> model_{};

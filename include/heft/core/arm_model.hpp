@@ -31,8 +31,16 @@ inline constexpr int kParametersPerLink = 10;
 
 /// Positions in InertialParameters.
 enum InertialIndex : int {
-  kMass = 0, kMcx = 1, kMcy = 2, kMcz = 3,
-  kIxx = 4, kIxy = 5, kIyy = 6, kIxz = 7, kIyz = 8, kIzz = 9
+  kMass = 0,
+  kMcx = 1,
+  kMcy = 2,
+  kMcz = 3,
+  kIxx = 4,
+  kIxy = 5,
+  kIyy = 6,
+  kIxz = 7,
+  kIyz = 8,
+  kIzz = 9
 };
 
 /// A joint and where it sits.
@@ -52,7 +60,8 @@ struct Joint {
 /// What the drive adds at a joint, everything on the link side of the gear.
 template <typename Scalar>
 struct JointActuation {
-  Scalar rotor_inertia{0};     ///< reflected inertia ρ²Iᵣ [kg·m²] (kg on a prismatic joint), felt by this joint alone
+  Scalar rotor_inertia{
+      0};  ///< reflected inertia ρ²Iᵣ [kg·m²] (kg on a prismatic joint), felt by this joint alone
   Scalar coulomb_friction{0};  ///< [N·m] (N)
   Scalar viscous_friction{0};  ///< [N·m·s/rad] (N·s/m)
   Scalar friction_offset{0};   ///< [N·m] (N)

@@ -29,16 +29,17 @@ struct DenavitHartenberg {
 /// @param table  one row a joint
 /// @param links  inertial parameters about the **DH origins O_i**, axes of DH frame i
 template <typename Scalar, int N>
-constexpr ArmModel<Scalar, N> make_standard_dh_arm(const std::array<DenavitHartenberg<Scalar>, std::size_t{N}>& table,
-                                                   const std::array<InertialParameters<Scalar>, std::size_t{N}>& links) noexcept {
+constexpr ArmModel<Scalar, N> make_standard_dh_arm(
+    const std::array<DenavitHartenberg<Scalar>, std::size_t{N}>& table,
+    const std::array<InertialParameters<Scalar>, std::size_t{N}>& links) noexcept {
   ArmModel<Scalar, N> arm;
   std::array<Scalar, 3> origin{};  // of the next joint, in the link frame before it
   for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
     const auto& row = table[i];
     Joint<Scalar>& joint = arm.joints[i];
     // At q = 0 the axes of frame i are Rx(α_i) seen from frame i-1.
-    joint.rotation = {Scalar(1), Scalar(0), Scalar(0), Scalar(0), row.cos_alpha, -row.sin_alpha,
-                      Scalar(0), row.sin_alpha, row.cos_alpha};
+    joint.rotation = {Scalar(1),      Scalar(0), Scalar(0),     Scalar(0),    row.cos_alpha,
+                      -row.sin_alpha, Scalar(0), row.sin_alpha, row.cos_alpha};
     joint.position = origin;
     joint.axis = {Scalar(0), row.sin_alpha, row.cos_alpha};
     origin = {row.a, row.d * row.sin_alpha, row.d * row.cos_alpha};
@@ -53,14 +54,15 @@ constexpr ArmModel<Scalar, N> make_standard_dh_arm(const std::array<DenavitHarte
 /// @param table  row i holds α_{i-1}, a_{i-1}, d_i
 /// @param links  inertial parameters about the DH origins, which here are the link-frame origins
 template <typename Scalar, int N>
-constexpr ArmModel<Scalar, N> make_modified_dh_arm(const std::array<DenavitHartenberg<Scalar>, std::size_t{N}>& table,
-                                                   const std::array<InertialParameters<Scalar>, std::size_t{N}>& links) noexcept {
+constexpr ArmModel<Scalar, N> make_modified_dh_arm(
+    const std::array<DenavitHartenberg<Scalar>, std::size_t{N}>& table,
+    const std::array<InertialParameters<Scalar>, std::size_t{N}>& links) noexcept {
   ArmModel<Scalar, N> arm;
   for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
     const auto& row = table[i];
     Joint<Scalar>& joint = arm.joints[i];
-    joint.rotation = {Scalar(1), Scalar(0), Scalar(0), Scalar(0), row.cos_alpha, -row.sin_alpha,
-                      Scalar(0), row.sin_alpha, row.cos_alpha};
+    joint.rotation = {Scalar(1),      Scalar(0), Scalar(0),     Scalar(0),    row.cos_alpha,
+                      -row.sin_alpha, Scalar(0), row.sin_alpha, row.cos_alpha};
     joint.position = {row.a, -row.d * row.sin_alpha, row.d * row.cos_alpha};
     arm.links[i] = links[i];
   }

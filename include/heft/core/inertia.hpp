@@ -24,15 +24,23 @@ enum PseudoIndex : int { kPm = 0, kPhx, kPhy, kPhz, kS11, kS12, kS22, kS13, kS23
 template <typename Scalar>
 constexpr PseudoInertia<Scalar> to_pseudo_inertia(const InertialParameters<Scalar>& p) noexcept {
   const Scalar half_trace = (p[kIxx] + p[kIyy] + p[kIzz]) * Scalar(0.5);
-  return {p[kMass],           p[kMcx],  p[kMcy],  p[kMcz],  half_trace - p[kIxx], -p[kIxy],
-          half_trace - p[kIyy], -p[kIxz], -p[kIyz], half_trace - p[kIzz]};
+  return {p[kMass],
+          p[kMcx],
+          p[kMcy],
+          p[kMcz],
+          half_trace - p[kIxx],
+          -p[kIxy],
+          half_trace - p[kIyy],
+          -p[kIxz],
+          -p[kIyz],
+          half_trace - p[kIzz]};
 }
 
 /// Pseudo-inertia to inertial parameters.
 template <typename Scalar>
 constexpr InertialParameters<Scalar> to_inertial_parameters(const PseudoInertia<Scalar>& s) noexcept {
-  return {s[kPm],   s[kPhx], s[kPhy], s[kPhz], s[kS22] + s[kS33], -s[kS12], s[kS11] + s[kS33],
-          -s[kS13], -s[kS23], s[kS11] + s[kS22]};
+  return {s[kPm],   s[kPhx],           s[kPhy],  s[kPhz],  s[kS22] + s[kS33],
+          -s[kS12], s[kS11] + s[kS33], -s[kS13], -s[kS23], s[kS11] + s[kS22]};
 }
 
 /// The same body seen from another frame: axes turned by R (row-major, turns components in the old frame
@@ -41,7 +49,8 @@ constexpr InertialParameters<Scalar> to_inertial_parameters(const PseudoInertia<
 template <typename Scalar>
 constexpr PseudoInertia<Scalar> moved(const PseudoInertia<Scalar>& s, const std::array<Scalar, 9>& R,
                                       const std::array<Scalar, 3>& p) noexcept {
-  const Scalar S[3][3] = {{s[kS11], s[kS12], s[kS13]}, {s[kS12], s[kS22], s[kS23]}, {s[kS13], s[kS23], s[kS33]}};
+  const Scalar S[3][3] = {
+      {s[kS11], s[kS12], s[kS13]}, {s[kS12], s[kS22], s[kS23]}, {s[kS13], s[kS23], s[kS33]}};
   Scalar RS[3][3]{};
   Scalar h[3]{};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -61,8 +70,16 @@ constexpr PseudoInertia<Scalar> moved(const PseudoInertia<Scalar>& s, const std:
       }
     }
   }
-  return {s[kPm],  h[0] + s[kPm] * p[0], h[1] + s[kPm] * p[1], h[2] + s[kPm] * p[2],
-          T[0][0], T[0][1], T[1][1], T[0][2], T[1][2], T[2][2]};
+  return {s[kPm],
+          h[0] + s[kPm] * p[0],
+          h[1] + s[kPm] * p[1],
+          h[2] + s[kPm] * p[2],
+          T[0][0],
+          T[0][1],
+          T[1][1],
+          T[0][2],
+          T[1][2],
+          T[2][2]};
 }
 
 /// True when the first joint is revolute and gravity lies along its axis: then only the inertia about that
@@ -140,8 +157,8 @@ constexpr void reduce(const ArmModel<Scalar, N>& arm,
     const bool along_x = a[0] > Scalar(0.5) || a[0] < Scalar(-0.5);
     link[along_x ? kS22 : kS11] = about_axis;
     // For an axis that is no coordinate axis a second moment along x would leave the plane across it.
-    const bool aligned = (a[0] * a[0] > Scalar(1) - Scalar(1e-9)) || (a[1] * a[1] > Scalar(1) - Scalar(1e-9)) ||
-                         (a[2] * a[2] > Scalar(1) - Scalar(1e-9));
+    const bool aligned = (a[0] * a[0] > Scalar(1) - Scalar(1e-9)) ||
+                         (a[1] * a[1] > Scalar(1) - Scalar(1e-9)) || (a[2] * a[2] > Scalar(1) - Scalar(1e-9));
     if (!aligned) {
       // Half of tr(Σ) (E − a aᵀ) has the same moment about the axis.
       const Scalar half = about_axis * Scalar(0.5);

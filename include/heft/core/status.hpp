@@ -7,14 +7,14 @@
 namespace heft {
 
 /// Result of a core call. Anything but kOk leaves outputs and state as they were.
-enum class [[nodiscard]] Status : std::uint8_t {
-  kOk,
-  kNonFiniteInput,     ///< an input is NaN or infinite
-  kOutOfRange,         ///< a setting is outside its documented range
-  kNotConfigured,      ///< configure() has not returned kOk yet
-  kSingular,           ///< a pivot vanished: the step was not taken
-  kNotPositiveDefinite,///< a matrix that must be positive definite is not
-  kNotExcited          ///< the data do not determine the answer yet
+enum class [[nodiscard]] Status : std::uint8_t{
+    kOk,
+    kNonFiniteInput,       ///< an input is NaN or infinite
+    kOutOfRange,           ///< a setting is outside its documented range
+    kNotConfigured,        ///< configure() has not returned kOk yet
+    kSingular,             ///< a pivot vanished: the step was not taken
+    kNotPositiveDefinite,  ///< a matrix that must be positive definite is not
+    kNotExcited            ///< the data do not determine the answer yet
 };
 
 /// Name of a status, for people. Static storage, never null.

@@ -47,7 +47,7 @@ constexpr Int<-K> operator-(Int<K>) {
 }
 
 template <typename A, typename B>
-  requires EitherInt<A, B>
+requires EitherInt<A, B>
 constexpr auto operator*(const A& a, const B& b) {
   if constexpr (kIsZero<A> || kIsZero<B>) {
     return Zero{};
@@ -69,7 +69,7 @@ constexpr auto operator*(const A& a, const B& b) {
 }
 
 template <typename A, typename B>
-  requires EitherInt<A, B>
+requires EitherInt<A, B>
 constexpr auto operator+(const A& a, const B& b) {
   if constexpr (kIsZero<A>) {
     return b;
@@ -85,7 +85,7 @@ constexpr auto operator+(const A& a, const B& b) {
 }
 
 template <typename A, typename B>
-  requires EitherInt<A, B>
+requires EitherInt<A, B>
 constexpr auto operator-(const A& a, const B& b) {
   if constexpr (kIsZero<B>) {
     return a;
@@ -223,7 +223,8 @@ constexpr auto constant() {
 /// Three entries from I on as a vector.
 template <typename Scalar, const auto& kTable, int I>
 constexpr auto constant3() {
-  return vec3(constant<Scalar, kTable, I>(), constant<Scalar, kTable, I + 1>(), constant<Scalar, kTable, I + 2>());
+  return vec3(constant<Scalar, kTable, I>(), constant<Scalar, kTable, I + 1>(),
+              constant<Scalar, kTable, I + 2>());
 }
 
 }  // namespace heft::structural

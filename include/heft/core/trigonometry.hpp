@@ -52,8 +52,8 @@ inline void sin_cos(const double* __restrict angles, SinCos<double>* __restrict 
     const double r = ((x - k * kP1) - k * kP2) - k * kP3;
     const double r2 = r * r;
     const double sine = r + (r * r2) * (kS1 + r2 * (kS2 + r2 * (kS3 + r2 * (kS4 + r2 * (kS5 + r2 * kS6)))));
-    const double cosine = (1.0 - 0.5 * r2) +
-                          (r2 * r2) * (kC1 + r2 * (kC2 + r2 * (kC3 + r2 * (kC4 + r2 * (kC5 + r2 * kC6)))));
+    const double cosine =
+        (1.0 - 0.5 * r2) + (r2 * r2) * (kC1 + r2 * (kC2 + r2 * (kC3 + r2 * (kC4 + r2 * (kC5 + r2 * kC6)))));
     // Quarter turns: odd n swaps the two, bits 1 of n and n + 1 are their signs.
     const std::uint64_t sine_bits = std::bit_cast<std::uint64_t>(sine);
     const std::uint64_t cosine_bits = std::bit_cast<std::uint64_t>(cosine);
@@ -62,7 +62,8 @@ inline void sin_cos(const double* __restrict angles, SinCos<double>* __restrict 
     // difference is negative, and the mask made of its sign sets every bit, which is a NaN. (A comparison
     // would keep the loop from being vectorised.)
     const std::uint64_t magnitude = std::bit_cast<std::uint64_t>(x) & 0x7fffffffffffffffULL;
-    const std::uint64_t bad = std::uint64_t{0} - ((std::bit_cast<std::uint64_t>(kMaxAngle) - magnitude) >> 63);
+    const std::uint64_t bad =
+        std::uint64_t{0} - ((std::bit_cast<std::uint64_t>(kMaxAngle) - magnitude) >> 63);
     results[i].sin = std::bit_cast<double>((sine_bits ^ swap ^ ((n & 2U) << 62)) | bad);
     results[i].cos = std::bit_cast<double>((cosine_bits ^ swap ^ (((n + 1U) & 2U) << 62)) | bad);
   }
@@ -89,7 +90,8 @@ inline void sin_cos(const float* __restrict angles, SinCos<float>* __restrict re
     const std::uint32_t cosine_bits = std::bit_cast<std::uint32_t>(cosine);
     const std::uint32_t swap = (sine_bits ^ cosine_bits) & (std::uint32_t{0} - (n & 1U));
     const std::uint32_t magnitude = std::bit_cast<std::uint32_t>(x) & 0x7fffffffU;
-    const std::uint32_t bad = std::uint32_t{0} - ((std::bit_cast<std::uint32_t>(kMaxAngleFloat) - magnitude) >> 31);
+    const std::uint32_t bad =
+        std::uint32_t{0} - ((std::bit_cast<std::uint32_t>(kMaxAngleFloat) - magnitude) >> 31);
     results[i].sin = std::bit_cast<float>((sine_bits ^ swap ^ ((n & 2U) << 30)) | bad);
     results[i].cos = std::bit_cast<float>((cosine_bits ^ swap ^ (((n + 1U) & 2U) << 30)) | bad);
   }

@@ -51,12 +51,18 @@ constexpr ArmModel<double, 6> make_ur5() {
                                                            {0, 0.09465, -1, 0},
                                                            {0, 0.0823, 0, 1}}};
   const std::array<InertialParameters<double>, 6> links = {
-      make_inertial_parameters<double>(3.7, {0, -0.02561, 0.00193}, {0.01, 0.0002, 0.0098, -0.0001, 0.0003, 0.0067}),
-      make_inertial_parameters<double>(8.393, {0.2125, 0, 0.11336}, {0.015, 0.0008, 0.226, -0.0011, 0.0004, 0.226}),
-      make_inertial_parameters<double>(2.33, {0.15, 0, 0.0265}, {0.0041, -0.0003, 0.0312, 0.0005, 0.0002, 0.0312}),
-      make_inertial_parameters<double>(1.219, {0, -0.0018, 0.01634}, {0.0026, 0.0001, 0.0025, -5e-05, 8e-05, 0.0022}),
-      make_inertial_parameters<double>(1.219, {0, 0.0018, 0.01634}, {0.0026, -0.0001, 0.0025, 6e-05, 5e-05, 0.0022}),
-      make_inertial_parameters<double>(0.1879, {0, 0, -0.001159}, {0.0001, 1e-05, 0.00011, -5e-06, 4e-06, 0.00014})};
+      make_inertial_parameters<double>(3.7, {0, -0.02561, 0.00193},
+                                       {0.01, 0.0002, 0.0098, -0.0001, 0.0003, 0.0067}),
+      make_inertial_parameters<double>(8.393, {0.2125, 0, 0.11336},
+                                       {0.015, 0.0008, 0.226, -0.0011, 0.0004, 0.226}),
+      make_inertial_parameters<double>(2.33, {0.15, 0, 0.0265},
+                                       {0.0041, -0.0003, 0.0312, 0.0005, 0.0002, 0.0312}),
+      make_inertial_parameters<double>(1.219, {0, -0.0018, 0.01634},
+                                       {0.0026, 0.0001, 0.0025, -5e-05, 8e-05, 0.0022}),
+      make_inertial_parameters<double>(1.219, {0, 0.0018, 0.01634},
+                                       {0.0026, -0.0001, 0.0025, 6e-05, 5e-05, 0.0022}),
+      make_inertial_parameters<double>(0.1879, {0, 0, -0.001159},
+                                       {0.0001, 1e-05, 0.00011, -5e-06, 4e-06, 0.00014})};
   ArmModel<double, 6> arm = make_standard_dh_arm<double, 6>(table, links);
   constexpr std::array<double, 6> kCoulomb = {5.0, 5.0, 4.0, 1.5, 1.5, 1.2};
   constexpr std::array<double, 6> kViscous = {2.0, 2.0, 1.5, 0.5, 0.5, 0.4};

@@ -16,9 +16,10 @@ struct RobotJoint {
   std::string name;       ///< joint name
   std::string link_name;  ///< name of the link it moves
   Joint<double> joint;
-  InertialParameters<double> link{};  ///< of the moved link with everything fixed to it, about the link-frame origin
+  InertialParameters<double>
+      link{};  ///< of the moved link with everything fixed to it, about the link-frame origin
   JointActuation<double> actuation{};
-  double lower{-std::numeric_limits<double>::infinity()};    ///< position limits [rad or m]
+  double lower{-std::numeric_limits<double>::infinity()};  ///< position limits [rad or m]
   double upper{std::numeric_limits<double>::infinity()};
   double velocity_limit{std::numeric_limits<double>::infinity()};  ///< [rad/s or m/s]
   double effort_limit{std::numeric_limits<double>::infinity()};    ///< [N·m or N]

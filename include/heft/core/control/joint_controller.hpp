@@ -17,7 +17,7 @@ namespace heft {
 /// Where the arm is to be.
 template <typename Scalar, int N>
 struct JointReference {
-  JointVector<Scalar, N> q = JointVector<Scalar, N>::Zero();    ///< [rad, m]
+  JointVector<Scalar, N> q = JointVector<Scalar, N>::Zero();  ///< [rad, m]
   JointVector<Scalar, N> qd = JointVector<Scalar, N>::Zero();
   JointVector<Scalar, N> qdd = JointVector<Scalar, N>::Zero();
 };
@@ -34,8 +34,8 @@ class JointFeedback {
   using Vector = JointVector<Scalar, N>;
 
   struct Config {
-    Vector stiffness = Vector::Zero();     ///< Kp ≥ 0: [N·m/rad], or [1/s²] for computed torque
-    Vector damping = Vector::Zero();       ///< Kd ≥ 0: [N·m·s/rad], or [1/s] for computed torque
+    Vector stiffness = Vector::Zero();  ///< Kp ≥ 0: [N·m/rad], or [1/s²] for computed torque
+    Vector damping = Vector::Zero();    ///< Kd ≥ 0: [N·m·s/rad], or [1/s] for computed torque
     Vector torque_limit = Vector::Constant(static_cast<Scalar>(1e30));  ///< > 0 [N·m, N]
   };
 
@@ -52,10 +52,12 @@ class JointFeedback {
   }
 
   /// Kp (q_r − q) + Kd (q̇_r − q̇).
-  Vector feedback(const JointReference<Scalar, N>& reference, const Vector& q, const Vector& qd) const noexcept {
+  Vector feedback(const JointReference<Scalar, N>& reference, const Vector& q,
+                  const Vector& qd) const noexcept {
     Vector out;
     for (int i = 0; i < N; ++i) {
-      out[i] = config_.stiffness[i] * (reference.q[i] - q[i]) + config_.damping[i] * (reference.qd[i] - qd[i]);
+      out[i] =
+          config_.stiffness[i] * (reference.q[i] - q[i]) + config_.damping[i] * (reference.qd[i] - qd[i]);
     }
     return out;
   }
@@ -103,12 +105,12 @@ struct FrictionFeedForward {
 /// Position-velocity feedback, optionally with gravity: τ = Kp e + Kd ė (+ g(q)).
 /// @param parameters  of the arm as it is believed to be, a terminal-link correction included
 template <typename Arm, typename Parameters>
-  requires(Arm::kIsStatic)
-inline Status pd_control(const JointFeedback<typename Arm::Scalar, Arm::kNumJoints>& feedback,
-                         const Parameters& parameters, bool with_gravity,
-                         const JointReference<typename Arm::Scalar, Arm::kNumJoints>& reference,
-                         const typename Arm::Vector& q, const typename Arm::Vector& qd, typename Arm::Vector& tau,
-                         ControlRecord& record) noexcept {
+requires(Arm::kIsStatic) inline Status
+    pd_control(const JointFeedback<typename Arm::Scalar, Arm::kNumJoints>& feedback,
+               const Parameters& parameters, bool with_gravity,
+               const JointReference<typename Arm::Scalar, Arm::kNumJoints>& reference,
+               const typename Arm::Vector& q, const typename Arm::Vector& qd, typename Arm::Vector& tau,
+               ControlRecord& record) noexcept {
   typename Arm::Vector wanted = feedback.feedback(reference, q, qd);
   if (with_gravity) {
     typename Arm::Vector gravity;
@@ -120,10 +122,10 @@ inline Status pd_control(const JointFeedback<typename Arm::Scalar, Arm::kNumJoin
 
 /// The same with run-time geometry; the arm's own parameters are used.
 template <typename Scalar, int N>
-inline Status pd_control(const JointFeedback<Scalar, N>& feedback, const DynamicArm<Scalar, N>& arm, bool with_gravity,
-                         const JointReference<Scalar, N>& reference, const JointVector<Scalar, N>& q,
-                         const JointVector<Scalar, N>& qd, JointVector<Scalar, N>& tau,
-                         ControlRecord& record) noexcept {
+inline Status pd_control(const JointFeedback<Scalar, N>& feedback, const DynamicArm<Scalar, N>& arm,
+                         bool with_gravity, const JointReference<Scalar, N>& reference,
+                         const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
+                         JointVector<Scalar, N>& tau, ControlRecord& record) noexcept {
   JointVector<Scalar, N> wanted = feedback.feedback(reference, q, qd);
   if (with_gravity) {
     JointVector<Scalar, N> gravity;
@@ -151,16 +153,17 @@ inline JointVector<Scalar, N> commanded_acceleration(const JointFeedback<Scalar,
 /// @param tau         torque, n; unchanged unless kOk
 /// @return kNonFiniteInput
 template <typename Arm, typename Parameters>
-  requires(Arm::kIsStatic)
-inline Status computed_torque(const JointFeedback<typename Arm::Scalar, Arm::kNumJoints>& feedback,
-                              const Parameters& parameters,
-                              const FrictionFeedForward<typename Arm::Scalar, Arm::kNumJoints>& friction,
-                              const typename Arm::Vector& rotor,
-                              const JointReference<typename Arm::Scalar, Arm::kNumJoints>& reference,
-                              const typename Arm::Vector& q, const typename Arm::Vector& qd,
-                              typename Arm::Vector& tau, ControlRecord& record) noexcept {
+requires(Arm::kIsStatic) inline Status
+    computed_torque(const JointFeedback<typename Arm::Scalar, Arm::kNumJoints>& feedback,
+                    const Parameters& parameters,
+                    const FrictionFeedForward<typename Arm::Scalar, Arm::kNumJoints>& friction,
+                    const typename Arm::Vector& rotor,
+                    const JointReference<typename Arm::Scalar, Arm::kNumJoints>& reference,
+                    const typename Arm::Vector& q, const typename Arm::Vector& qd, typename Arm::Vector& tau,
+                    ControlRecord& record) noexcept {
   using Vector = typename Arm::Vector;
-  const Vector qdd = commanded_acceleration<typename Arm::Scalar, Arm::kNumJoints>(feedback, reference, q, qd);
+  const Vector qdd =
+      commanded_acceleration<typename Arm::Scalar, Arm::kNumJoints>(feedback, reference, q, qd);
   Vector wanted;
   inverse_dynamics<Arm>(parameters, joint_trigonometry<Arm>(q), q, qd, qdd, wanted);
   const Vector extra = friction.torque(reference.qd);
@@ -193,7 +196,8 @@ inline Status computed_torque(const JointFeedback<Scalar, N>& feedback, const Dy
 /// Cost: about 90 multiplications a joint, when the payload changes.
 template <typename Scalar, typename Description>
 inline ReducedParameters<Scalar, Description> corrected_for_payload(
-    const ReducedParameters<Scalar, Description>& parameters, const InertialParameters<Scalar>& payload) noexcept {
+    const ReducedParameters<Scalar, Description>& parameters,
+    const InertialParameters<Scalar>& payload) noexcept {
   constexpr int kN = Description::kModel.kNumJoints;
   ArmModel<Scalar, kN> geometry;
   for (std::size_t j = 0; j < static_cast<std::size_t>(kN); ++j) {

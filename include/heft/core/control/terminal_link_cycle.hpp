@@ -31,12 +31,15 @@ struct SharedRows {
   template <int J, typename Frame, typename U, typename LinkWD, typename LinkA>
   constexpr auto step(const Frame& frame, const U& u, const LinkWD& link_wd, const LinkA& link_a) const {
     const auto wd_here = link_angular_acceleration(frame, wd, Zero3{}, component<J>(difference));
-    const auto a_here = link_acceleration(frame, a + cross(wd, frame.position), Zero3{}, component<J>(difference));
+    const auto a_here =
+        link_acceleration(frame, a + cross(wd, frame.position), Zero3{}, component<J>(difference));
     if constexpr (J < First) {
       return make(wd_here, a_here, std::tuple<>{});
     } else {
       const auto next_probes = std::apply(
-          [&](const auto&... inboard) { return std::make_tuple(carried(frame, inboard)..., own_probe(frame)); },
+          [&](const auto&... inboard) {
+            return std::make_tuple(carried(frame, inboard)..., own_probe(frame));
+          },
           probes);
       const auto measured_wd = link_wd + wd_here;
       const auto measured_a = link_a + a_here;
@@ -64,9 +67,11 @@ struct SharedRows {
     write_entries<J>(probe, u, a_commanded, measured_u, a_measured, r, std::make_index_sequence<10>{});
   }
 
-  template <int J, typename P, typename U, typename LinkA, typename MeasuredU, typename MeasuredA, std::size_t... I>
-  constexpr void write_entries(const P& probe, const U& u, const LinkA& a_commanded, const MeasuredU& measured_u,
-                               const MeasuredA& a_measured, int r, std::index_sequence<I...>) const {
+  template <int J, typename P, typename U, typename LinkA, typename MeasuredU, typename MeasuredA,
+            std::size_t... I>
+  constexpr void write_entries(const P& probe, const U& u, const LinkA& a_commanded,
+                               const MeasuredU& measured_u, const MeasuredA& a_measured, int r,
+                               std::index_sequence<I...>) const {
     constexpr const auto& kPattern = kReducedPattern<typename Arm::Description, J>;
     std::size_t column = static_cast<std::size_t>(Layout::inertial(J - First));
     (
@@ -97,13 +102,11 @@ struct SharedRows {
 /// @param rows           measured first, instrument second; entries a row does not reach are not written
 /// Cost beyond the inverse dynamics, publication's arm, k = 5: bench/operation_count ("shared_forward_pass").
 template <typename Arm, int First, typename Parameters>
-  requires(Arm::kIsStatic)
-inline void inverse_dynamics_with_rows(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
-                                       const typename Arm::Vector& q, const typename Arm::Vector& qd,
-                                       const typename Arm::Vector& qdd_commanded,
-                                       const typename Arm::Vector& qdd_measured, typename Arm::Scalar sign_width,
-                                       typename Arm::Vector& tau,
-                                       std::array<TerminalRows<typename Arm::Scalar, TerminalLayout<Arm, First>>, 2>& rows) noexcept {
+requires(Arm::kIsStatic) inline void inverse_dynamics_with_rows(
+    const Parameters& parameters, const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,
+    const typename Arm::Vector& qd, const typename Arm::Vector& qdd_commanded,
+    const typename Arm::Vector& qdd_measured, typename Arm::Scalar sign_width, typename Arm::Vector& tau,
+    std::array<TerminalRows<typename Arm::Scalar, TerminalLayout<Arm, First>>, 2>& rows) noexcept {
   using Layout = TerminalLayout<Arm, First>;
   const typename Arm::Vector difference = qdd_measured - qdd_commanded;
   const structural::SharedRows<First, Arm, structural::Zero3, structural::Zero3> visitor{

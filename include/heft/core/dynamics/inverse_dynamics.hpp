@@ -76,11 +76,12 @@ struct NoVisitor {
 
 /// One link outward, the rest of the arm by recursion, back with the wrench in parent axes. Starts at joint
 /// Root; torques of joints from Root on go to tau.
-template <int J, int Root, typename Arm, typename Parameters, typename W, typename WD, typename A, typename Velocity,
-          typename Acceleration, typename Torque, typename Visitor>
-constexpr auto static_newton_euler(const Parameters& parameters, const JointTrigonometry<Arm>& trig, const W& w_parent,
-                                   const WD& wd_parent, const A& at_joint, const typename Arm::Vector& q,
-                                   const Velocity& qd, const Acceleration& qdd, Torque& tau, const Visitor& visitor) {
+template <int J, int Root, typename Arm, typename Parameters, typename W, typename WD, typename A,
+          typename Velocity, typename Acceleration, typename Torque, typename Visitor>
+constexpr auto static_newton_euler(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
+                                   const W& w_parent, const WD& wd_parent, const A& at_joint,
+                                   const typename Arm::Vector& q, const Velocity& qd, const Acceleration& qdd,
+                                   Torque& tau, const Visitor& visitor) {
   using Scalar = typename Arm::Scalar;
   const auto frame = Arm::template frame<J>(trig.joint[J], q[J]);
   const auto w = link_velocity(frame, w_parent, component<J>(qd));
@@ -94,8 +95,8 @@ constexpr auto static_newton_euler(const Parameters& parameters, const JointTrig
   const auto outboard = [&] {
     if constexpr (J + 1 < Arm::kNumJoints) {
       const auto next = Arm::template frame<J + 1>(trig.joint[J + 1], q[J + 1]);
-      return static_newton_euler<J + 1, Root, Arm>(parameters, trig, w, wd, a + u_times(u, next.position), q, qd, qdd,
-                                                   tau, next_visitor);
+      return static_newton_euler<J + 1, Root, Arm>(parameters, trig, w, wd, a + u_times(u, next.position), q,
+                                                   qd, qdd, tau, next_visitor);
     } else {
       return make_wrench(Zero3{}, Zero3{});
     }
@@ -132,21 +133,21 @@ constexpr auto static_newton_euler(const Parameters& parameters, const JointTrig
 /// @param visitor      shares the forward pass, see structural::NoVisitor
 /// Cost, publication's arm: bench/operation_count prints it.
 template <typename Arm, typename Parameters, typename Visitor = structural::NoVisitor>
-  requires(Arm::kIsStatic)
-inline void inverse_dynamics(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
-                             const typename Arm::Vector& q, const typename Arm::Vector& qd,
-                             const typename Arm::Vector& qdd, typename Arm::Vector& tau,
-                             const Visitor& visitor = Visitor{}) noexcept {
+requires(Arm::kIsStatic) inline void inverse_dynamics(
+    const Parameters& parameters, const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,
+    const typename Arm::Vector& qd, const typename Arm::Vector& qdd, typename Arm::Vector& tau,
+    const Visitor& visitor = Visitor{}) noexcept {
   using namespace structural;
   // The base does not turn, so a_0 + U_0 p = a_0.
-  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd, tau,
-                                 visitor);
+  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd,
+                                 tau, visitor);
 }
 
 /// Joint torques of the rigid arm with run-time geometry. Arguments as above.
 /// Cost: 6 joints 687 multiplications, 618 additions.
 template <typename Scalar, int N>
-inline void inverse_dynamics(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
+inline void inverse_dynamics(const DynamicArm<Scalar, N>& arm,
+                             const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
                              const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
                              const JointVector<Scalar, N>& qdd, JointVector<Scalar, N>& tau) noexcept {
   using namespace structural;
@@ -186,7 +187,8 @@ inline void inverse_dynamics(const DynamicArm<Scalar, N>& arm, const JointTrigon
 
 /// Joint torques of the rigid arm with run-time geometry; computes sines and cosines itself.
 template <typename Scalar, int N>
-inline JointVector<Scalar, N> inverse_dynamics(const DynamicArm<Scalar, N>& arm, const JointVector<Scalar, N>& q,
+inline JointVector<Scalar, N> inverse_dynamics(const DynamicArm<Scalar, N>& arm,
+                                               const JointVector<Scalar, N>& q,
                                                const JointVector<Scalar, N>& qd,
                                                const JointVector<Scalar, N>& qdd) noexcept {
   JointVector<Scalar, N> tau;
@@ -196,10 +198,9 @@ inline JointVector<Scalar, N> inverse_dynamics(const DynamicArm<Scalar, N>& arm,
 
 /// The same for compile-time geometry.
 template <typename Arm, typename Parameters>
-  requires(Arm::kIsStatic)
-inline typename Arm::Vector inverse_dynamics(const Parameters& parameters, const typename Arm::Vector& q,
-                                             const typename Arm::Vector& qd,
-                                             const typename Arm::Vector& qdd) noexcept {
+requires(Arm::kIsStatic) inline typename Arm::Vector
+    inverse_dynamics(const Parameters& parameters, const typename Arm::Vector& q,
+                     const typename Arm::Vector& qd, const typename Arm::Vector& qdd) noexcept {
   typename Arm::Vector tau;
   inverse_dynamics<Arm>(parameters, joint_trigonometry<Arm>(q), q, qd, qdd, tau);
   return tau;

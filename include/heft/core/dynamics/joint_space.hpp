@@ -41,8 +41,8 @@ constexpr void static_mass_columns(const Parameters& parameters, const JointTrig
                                    const typename Arm::Vector& q, Matrix& mass) {
   MassColumn<M, Matrix> column{mass};
   // Torques for q̈ = e_M at rest without gravity; joints before M stand still.
-  static_newton_euler<M, M, Arm>(parameters, trig, Zero3{}, Zero3{}, Zero3{}, q, ZeroVector{}, UnitVector<M>{}, column,
-                                 NoVisitor{});
+  static_newton_euler<M, M, Arm>(parameters, trig, Zero3{}, Zero3{}, Zero3{}, q, ZeroVector{},
+                                 UnitVector<M>{}, column, NoVisitor{});
   if constexpr (M + 1 < Arm::kNumJoints) {
     static_mass_columns<M + 1, Arm>(parameters, trig, q, mass);
   }
@@ -52,37 +52,39 @@ constexpr void static_mass_columns(const Parameters& parameters, const JointTrig
 
 /// Gravity torque g(q) with compile-time geometry.
 template <typename Arm, typename Parameters>
-  requires(Arm::kIsStatic)
-inline void gravity_torque(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
-                           const typename Arm::Vector& q, typename Arm::Vector& tau) noexcept {
+requires(Arm::kIsStatic) inline void gravity_torque(const Parameters& parameters,
+                                                    const JointTrigonometry<Arm>& trig,
+                                                    const typename Arm::Vector& q,
+                                                    typename Arm::Vector& tau) noexcept {
   using namespace structural;
-  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, ZeroVector{},
-                                 ZeroVector{}, tau, NoVisitor{});
+  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q,
+                                 ZeroVector{}, ZeroVector{}, tau, NoVisitor{});
 }
 
 /// Bias torque: Coriolis, centrifugal and gravity, the torque for q̈ = 0.
 template <typename Arm, typename Parameters>
-  requires(Arm::kIsStatic)
-inline void bias_torque(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
-                        const typename Arm::Vector& q, const typename Arm::Vector& qd,
-                        typename Arm::Vector& tau) noexcept {
+requires(Arm::kIsStatic) inline void bias_torque(const Parameters& parameters,
+                                                 const JointTrigonometry<Arm>& trig,
+                                                 const typename Arm::Vector& q,
+                                                 const typename Arm::Vector& qd,
+                                                 typename Arm::Vector& tau) noexcept {
   using namespace structural;
-  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, ZeroVector{},
-                                 tau, NoVisitor{});
+  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd,
+                                 ZeroVector{}, tau, NoVisitor{});
 }
 
 /// Mass matrix of the rigid links (without rotor inertia), compile-time geometry.
 template <typename Arm, typename Parameters>
-  requires(Arm::kIsStatic)
-inline void mass_matrix(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
-                        const typename Arm::Vector& q,
-                        MassMatrix<typename Arm::Scalar, Arm::kNumJoints>& mass) noexcept {
+requires(Arm::kIsStatic) inline void mass_matrix(
+    const Parameters& parameters, const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,
+    MassMatrix<typename Arm::Scalar, Arm::kNumJoints>& mass) noexcept {
   structural::static_mass_columns<0, Arm>(parameters, trig, q, mass);
 }
 
 /// Gravity torque with run-time geometry.
 template <typename Scalar, int N>
-inline void gravity_torque(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
+inline void gravity_torque(const DynamicArm<Scalar, N>& arm,
+                           const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
                            const JointVector<Scalar, N>& q, JointVector<Scalar, N>& tau) noexcept {
   const JointVector<Scalar, N> zero = JointVector<Scalar, N>::Zero();
   inverse_dynamics(arm, trig, q, zero, zero, tau);
@@ -90,9 +92,9 @@ inline void gravity_torque(const DynamicArm<Scalar, N>& arm, const JointTrigonom
 
 /// Bias torque with run-time geometry.
 template <typename Scalar, int N>
-inline void bias_torque(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
-                        const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
-                        JointVector<Scalar, N>& tau) noexcept {
+inline void bias_torque(const DynamicArm<Scalar, N>& arm,
+                        const JointTrigonometry<DynamicArm<Scalar, N>>& trig, const JointVector<Scalar, N>& q,
+                        const JointVector<Scalar, N>& qd, JointVector<Scalar, N>& tau) noexcept {
   const JointVector<Scalar, N> zero = JointVector<Scalar, N>::Zero();
   inverse_dynamics(arm, trig, q, qd, zero, tau);
 }
@@ -100,8 +102,9 @@ inline void bias_torque(const DynamicArm<Scalar, N>& arm, const JointTrigonometr
 /// Mass matrix with run-time geometry: column by column, the torques for q̈ = e_m at rest without gravity.
 /// Cost: n (n + 1) / 2 link steps.
 template <typename Scalar, int N>
-inline void mass_matrix(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
-                        const JointVector<Scalar, N>& q, MassMatrix<Scalar, N>& mass) noexcept {
+inline void mass_matrix(const DynamicArm<Scalar, N>& arm,
+                        const JointTrigonometry<DynamicArm<Scalar, N>>& trig, const JointVector<Scalar, N>& q,
+                        MassMatrix<Scalar, N>& mass) noexcept {
   using namespace structural;
   using V = Dense3<Scalar>;
   using Frame = decltype(arm.frame(0, trig.joint[0], q[0]));

@@ -47,7 +47,8 @@ constexpr auto lazy_times(Factor factor, const T& t) {
 
 /// U = [wd]× + [w]×² (U v is the acceleration of a point v from the origin against that of the origin).
 /// Off-diagonal entries; the diagonal is −(yy + zz), −(xx + zz), −(xx + yy) and made where it is wanted.
-template <typename Products, typename U12, typename U13, typename U21, typename U23, typename U31, typename U32>
+template <typename Products, typename U12, typename U13, typename U21, typename U23, typename U31,
+          typename U32>
 struct UMatrix {
   [[no_unique_address]] Products v;
   [[no_unique_address]] U12 u12;
@@ -58,9 +59,11 @@ struct UMatrix {
   [[no_unique_address]] U32 u32;
 };
 
-template <typename Products, typename U12, typename U13, typename U21, typename U23, typename U31, typename U32>
-constexpr UMatrix<Products, U12, U13, U21, U23, U31, U32> make_u(const Products& v, const U12& u12, const U13& u13,
-                                                                 const U21& u21, const U23& u23, const U31& u31,
+template <typename Products, typename U12, typename U13, typename U21, typename U23, typename U31,
+          typename U32>
+constexpr UMatrix<Products, U12, U13, U21, U23, U31, U32> make_u(const Products& v, const U12& u12,
+                                                                 const U13& u13, const U21& u21,
+                                                                 const U23& u23, const U31& u31,
                                                                  const U32& u32) {
   return {v, u12, u13, u21, u23, u31, u32};
 }
@@ -112,7 +115,8 @@ constexpr auto relative_spin(const Frame& frame, const W& w, const S& qd) {
 
 /// ω̇_j = E ω̇_p + ω_j × a q̇ + a q̈ (revolute), E ω̇_p (prismatic).
 template <typename Frame, typename WD, typename Spin, typename S>
-constexpr auto link_angular_acceleration(const Frame& frame, const WD& wd_parent, const Spin& spin, const S& qdd) {
+constexpr auto link_angular_acceleration(const Frame& frame, const WD& wd_parent, const Spin& spin,
+                                         const S& qdd) {
   const auto carried = frame.rotation * wd_parent;
   if constexpr (requires { Frame::type; }) {
     if constexpr (Frame::type == JointType::kRevolute) {
@@ -154,20 +158,20 @@ constexpr auto link_force(const Link& link, const U& u, const A& a) {
 
 template <typename Link, typename U, typename A>
 constexpr auto link_moment_x(const Link& link, const U& u, const A& a) {
-  return u.u31 * link.s12 + u.u32 * link.s22 + lazy_times([&] { return u.v.zz - u.v.yy; }, link.s23) - u.u21 * link.s13 - u.u23 * link.s33 +
-         (link.h.y * a.z - link.h.z * a.y);
+  return u.u31 * link.s12 + u.u32 * link.s22 + lazy_times([&] { return u.v.zz - u.v.yy; }, link.s23) -
+         u.u21 * link.s13 - u.u23 * link.s33 + (link.h.y * a.z - link.h.z * a.y);
 }
 
 template <typename Link, typename U, typename A>
 constexpr auto link_moment_y(const Link& link, const U& u, const A& a) {
-  return lazy_times([&] { return u.v.xx - u.v.zz; }, link.s13) + u.u12 * link.s23 + u.u13 * link.s33 - u.u31 * link.s11 - u.u32 * link.s12 +
-         (link.h.z * a.x - link.h.x * a.z);
+  return lazy_times([&] { return u.v.xx - u.v.zz; }, link.s13) + u.u12 * link.s23 + u.u13 * link.s33 -
+         u.u31 * link.s11 - u.u32 * link.s12 + (link.h.z * a.x - link.h.x * a.z);
 }
 
 template <typename Link, typename U, typename A>
 constexpr auto link_moment_z(const Link& link, const U& u, const A& a) {
-  return u.u21 * link.s11 + lazy_times([&] { return u.v.yy - u.v.xx; }, link.s12) + u.u23 * link.s13 - u.u12 * link.s22 - u.u13 * link.s23 +
-         (link.h.x * a.y - link.h.y * a.x);
+  return u.u21 * link.s11 + lazy_times([&] { return u.v.yy - u.v.xx; }, link.s12) + u.u23 * link.s13 -
+         u.u12 * link.s22 - u.u13 * link.s23 + (link.h.x * a.y - link.h.y * a.x);
 }
 
 template <typename Link, typename U, typename A>

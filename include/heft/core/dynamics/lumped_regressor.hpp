@@ -39,13 +39,14 @@ inline constexpr std::array<int, 9> kLumpColumn = {kMcx, kMcy, kMcz, kIxx, kIyy,
 /// @param sign_width  see velocity_sign
 /// @param W           n × 11n; rows k..n and the columns of links k..n are the lower right block
 template <typename Scalar, int N>
-inline void lumped_regressor(const LinkRegressor<Scalar, N>& Y, const JointVector<Scalar, N>& qd, Scalar sign_width,
-                             LumpedRegressor<Scalar, N>& W) noexcept {
+inline void lumped_regressor(const LinkRegressor<Scalar, N>& Y, const JointVector<Scalar, N>& qd,
+                             Scalar sign_width, LumpedRegressor<Scalar, N>& W) noexcept {
   W.setZero();
   for (int j = 0; j < N; ++j) {
     for (int c = 0; c < 9; ++c) {
       for (int i = 0; i <= j; ++i) {
-        W(i, kLumpedPerLink * j + c) = Y(i, kParametersPerLink * j + detail::kLumpColumn[static_cast<std::size_t>(c)]);
+        W(i, kLumpedPerLink * j + c) =
+            Y(i, kParametersPerLink * j + detail::kLumpColumn[static_cast<std::size_t>(c)]);
       }
     }
     W(j, kLumpedPerLink * j + 9) = velocity_sign(qd[j], sign_width);
@@ -77,7 +78,8 @@ inline LumpedParameters<Scalar, N> lumped_parameters(const ArmModel<Scalar, N>& 
     }
     outboard += arm.links[i][kMass];
     for (int c = 0; c < 9; ++c) {
-      x[kLumpedPerLink * j + c] = link[static_cast<std::size_t>(detail::kLumpColumn[static_cast<std::size_t>(c)])];
+      x[kLumpedPerLink * j + c] =
+          link[static_cast<std::size_t>(detail::kLumpColumn[static_cast<std::size_t>(c)])];
     }
     x[kLumpedPerLink * j + 9] = arm.actuation[i].coulomb_friction;
     x[kLumpedPerLink * j + 10] = arm.actuation[i].viscous_friction;

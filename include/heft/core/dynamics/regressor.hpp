@@ -96,17 +96,21 @@ constexpr auto acceleration_entry(const P& p, const U& u, const A& a) {
 /// Inertia columns: Σ = ½ tr(I) E − I turned round, for instance Ixx = ½ (−S11 + S22 + S33); written out they are
 /// the columns of D in (16).
 template <typename Scalar, typename P, typename U, typename WD, typename A, typename Matrix>
-constexpr void write_inertial_row(const P& p, const U& u, const WD& wd, const A& a, Matrix& Y, int row, int first) {
+constexpr void write_inertial_row(const P& p, const U& u, const WD& wd, const A& a, Matrix& Y, int row,
+                                  int first) {
   const auto& v = u.v;
   Y(row, first + kMass) = value<Scalar>(acceleration_entry<kPm>(p, u, a));
   Y(row, first + kMcx) = value<Scalar>(velocity_entry<kPhx>(p, v) + acceleration_entry<kPhx>(p, u, a));
   Y(row, first + kMcy) = value<Scalar>(velocity_entry<kPhy>(p, v) + acceleration_entry<kPhy>(p, u, a));
   Y(row, first + kMcz) = value<Scalar>(velocity_entry<kPhz>(p, v) + acceleration_entry<kPhz>(p, u, a));
   Y(row, first + kIxx) = value<Scalar>(p.z.x * wd.x + p.z.y * v.xz - p.z.z * v.xy);
-  Y(row, first + kIxy) = value<Scalar>(p.z.y * u.u32 - p.z.x * u.u31 - lazy_times([&] { return v.yy - v.xx; }, p.z.z));
+  Y(row, first + kIxy) =
+      value<Scalar>(p.z.y * u.u32 - p.z.x * u.u31 - lazy_times([&] { return v.yy - v.xx; }, p.z.z));
   Y(row, first + kIyy) = value<Scalar>(p.z.y * wd.y + p.z.z * v.xy - p.z.x * v.yz);
-  Y(row, first + kIxz) = value<Scalar>(p.z.x * u.u21 - p.z.z * u.u23 - lazy_times([&] { return v.xx - v.zz; }, p.z.y));
-  Y(row, first + kIyz) = value<Scalar>(p.z.z * u.u13 - p.z.y * u.u12 - lazy_times([&] { return v.zz - v.yy; }, p.z.x));
+  Y(row, first + kIxz) =
+      value<Scalar>(p.z.x * u.u21 - p.z.z * u.u23 - lazy_times([&] { return v.xx - v.zz; }, p.z.y));
+  Y(row, first + kIyz) =
+      value<Scalar>(p.z.z * u.u13 - p.z.y * u.u12 - lazy_times([&] { return v.zz - v.yy; }, p.z.x));
   Y(row, first + kIzz) = value<Scalar>(p.z.z * wd.z + p.z.x * v.yz - p.z.y * v.xz);
 }
 
@@ -129,8 +133,8 @@ constexpr auto own_probe(const Frame& frame) {
 template <int J, int First, typename Arm, typename W, typename WD, typename A, typename Vector, typename Sink,
           typename... Probes>
 constexpr void static_regressor(const JointTrigonometry<Arm>& trig, const W& w_parent, const WD& wd_parent,
-                                const A& at_joint, const Vector& q, const Vector& qd, const Vector& qdd, Sink& sink,
-                                const Probes&... inboard) {
+                                const A& at_joint, const Vector& q, const Vector& qd, const Vector& qdd,
+                                Sink& sink, const Probes&... inboard) {
   const auto frame = Arm::template frame<J>(trig.joint[J], q[J]);
   const auto w = link_velocity(frame, w_parent, qd[J]);
   const auto spin = relative_spin(frame, w, qd[J]);
@@ -141,7 +145,8 @@ constexpr void static_regressor(const JointTrigonometry<Arm>& trig, const W& w_p
     sink(std::integral_constant<int, J>{}, u, wd, a, probes...);
     if constexpr (J + 1 < Arm::kNumJoints) {
       const auto next = Arm::template frame<J + 1>(trig.joint[J + 1], q[J + 1]);
-      static_regressor<J + 1, First, Arm>(trig, w, wd, a + u_times(u, next.position), q, qd, qdd, sink, probes...);
+      static_regressor<J + 1, First, Arm>(trig, w, wd, a + u_times(u, next.position), q, qd, qdd, sink,
+                                          probes...);
     }
   };
   if constexpr (J >= First) {
@@ -198,7 +203,8 @@ inline void turn_link_columns(const std::array<Scalar, 9>& T, Matrix& Y, int lin
         Scalar turned{0};
         for (int k = 0; k < 3; ++k) {
           for (int l = 0; l < 3; ++l) {
-            turned += T[static_cast<std::size_t>(3 * k + i)] * G[k][l] * T[static_cast<std::size_t>(3 * l + j)];
+            turned +=
+                T[static_cast<std::size_t>(3 * k + i)] * G[k][l] * T[static_cast<std::size_t>(3 * l + j)];
           }
         }
         Y(row, first + kAt[i][j]) = i == j ? turned : Scalar(2) * turned;
@@ -213,9 +219,10 @@ inline void turn_link_columns(const std::array<Scalar, 9>& T, Matrix& Y, int lin
 /// @tparam Matrix  LinkRegressor, or FullRegressor, whose first 10n columns are then written
 /// @param Y  n × 10n; row i is the torque of joint i [N·m, N] per unit of each parameter
 template <typename Arm, typename Matrix>
-  requires(Arm::kIsStatic)
-inline void link_regressor(const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,
-                           const typename Arm::Vector& qd, const typename Arm::Vector& qdd, Matrix& Y) noexcept {
+requires(Arm::kIsStatic) inline void link_regressor(const JointTrigonometry<Arm>& trig,
+                                                    const typename Arm::Vector& q,
+                                                    const typename Arm::Vector& qd,
+                                                    const typename Arm::Vector& qdd, Matrix& Y) noexcept {
   using namespace structural;
   LinkRegressorSink<typename Arm::Scalar, Matrix> sink{Y};
   static_regressor<0, 0, Arm>(trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd, sink);
@@ -223,7 +230,8 @@ inline void link_regressor(const JointTrigonometry<Arm>& trig, const typename Ar
 
 /// The same with run-time geometry. Cost: 6 joints about 1500 multiplications and 1200 additions.
 template <typename Scalar, int N, typename Matrix>
-inline void link_regressor(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
+inline void link_regressor(const DynamicArm<Scalar, N>& arm,
+                           const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
                            const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
                            const JointVector<Scalar, N>& qdd, Matrix& Y) noexcept {
   using namespace structural;
@@ -280,18 +288,17 @@ inline void actuation_regressor(const JointVector<Scalar, N>& qd, const JointVec
 /// The full regressor with run-time geometry: link_regressor and actuation_regressor side by side.
 template <typename Scalar, int N>
 inline void full_regressor(const DynamicArm<Scalar, N>& arm, const JointVector<Scalar, N>& q,
-                           const JointVector<Scalar, N>& qd, const JointVector<Scalar, N>& qdd, Scalar sign_width,
-                           FullRegressor<Scalar, N>& Y) noexcept {
+                           const JointVector<Scalar, N>& qd, const JointVector<Scalar, N>& qdd,
+                           Scalar sign_width, FullRegressor<Scalar, N>& Y) noexcept {
   link_regressor(arm, joint_trigonometry<DynamicArm<Scalar, N>>(q), q, qd, qdd, Y);
   actuation_regressor<Scalar, N>(qd, qdd, sign_width, Y);
 }
 
 /// The full regressor with compile-time geometry.
 template <typename Arm>
-  requires(Arm::kIsStatic)
-inline void full_regressor(const typename Arm::Vector& q, const typename Arm::Vector& qd,
-                           const typename Arm::Vector& qdd, typename Arm::Scalar sign_width,
-                           FullRegressor<typename Arm::Scalar, Arm::kNumJoints>& Y) noexcept {
+requires(Arm::kIsStatic) inline void full_regressor(
+    const typename Arm::Vector& q, const typename Arm::Vector& qd, const typename Arm::Vector& qdd,
+    typename Arm::Scalar sign_width, FullRegressor<typename Arm::Scalar, Arm::kNumJoints>& Y) noexcept {
   link_regressor<Arm>(joint_trigonometry<Arm>(q), q, qd, qdd, Y);
   actuation_regressor<typename Arm::Scalar, Arm::kNumJoints>(qd, qdd, sign_width, Y);
 }

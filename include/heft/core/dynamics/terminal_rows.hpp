@@ -232,15 +232,18 @@ constexpr auto rotation_matrix(const SinCos<Scalar>& sc) {
 
 /// Sums over the joints of a parallel run, in group axes: Σ r, Σ s² r⊥, Σ s r⊥, and for each acceleration
 /// Σ s̈ a × r. Handed to the continuation `then`, since their types grow with the run.
-template <int J, int G0, int G1, typename Arm, typename Trig, typename Axis, typename Velocity, typename Accelerations,
-          typename S, typename SDD, typename R, typename Q, typename D, typename X, typename Then>
-constexpr auto group_sums(const Trig& trig, const Axis& axis, const Velocity& qd, const Accelerations& qdd, const S& s_in,
-                          const SDD& sdd_in, const R& r_in, const Q& q_in, const D& d_in, const X& x_in, Then then) {
+template <int J, int G0, int G1, typename Arm, typename Trig, typename Axis, typename Velocity,
+          typename Accelerations, typename S, typename SDD, typename R, typename Q, typename D, typename X,
+          typename Then>
+constexpr auto group_sums(const Trig& trig, const Axis& axis, const Velocity& qd, const Accelerations& qdd,
+                          const S& s_in, const SDD& sdd_in, const R& r_in, const Q& q_in, const D& d_in,
+                          const X& x_in, Then then) {
   using Scalar = typename Arm::Scalar;
   using Description = typename Arm::Description;
   constexpr const auto& kArm = kGroupArm<Description, G0, J>;
   const auto s = s_in + component<J>(qd);
-  const auto sdd = mapped(sdd_in, [&](const auto& before, std::size_t c) { return before + component<J>(qdd[c]); });
+  const auto sdd =
+      mapped(sdd_in, [&](const auto& before, std::size_t c) { return before + component<J>(qdd[c]); });
   const auto across = scale(constant3<Scalar, kArm, 3>(), trig.joint[J].cos) +
                       scale(constant3<Scalar, kArm, 6>(), trig.joint[J].sin);
   const auto r = r_in + (constant3<Scalar, kArm, 0>() + across);
@@ -254,7 +257,8 @@ constexpr auto group_sums(const Trig& trig, const Axis& axis, const Velocity& qd
   // For 2 a s (w⊥·r) the sum of s r is enough, w⊥ is common.
   const auto d = d_in + scale(across, s);
   const auto turned = cross(axis, across);
-  const auto x = mapped(x_in, [&](const auto& before, std::size_t c) { return before + scale(turned, sdd[c]); });
+  const auto x =
+      mapped(x_in, [&](const auto& before, std::size_t c) { return before + scale(turned, sdd[c]); });
   if constexpr (J < G1) {
     return group_sums<J + 1, G0, G1, Arm>(trig, axis, qd, qdd, s, sdd, r, q, d, x, then);
   } else {
@@ -268,10 +272,10 @@ constexpr auto group_sums(const Trig& trig, const Axis& axis, const Velocity& qd
 /// With ω = w⊥ + a s (w⊥ common, s the sum of joint velocities) the acceleration from joint m to joint m + 1 is
 /// w⊥ × (w⊥ × r) + 2 a s (w⊥·r) − s² r⊥ + ẇ⊥ × r + s̈ a × r, where the velocity part of ω̇ is already in the
 /// factor 2. Holds when the parent does not turn along the axis: parent_turns_across_only().
-template <int G0, int G1, typename Arm, typename Trig, typename W, typename Acc, std::size_t C, typename Velocity,
-          typename Accelerations, typename Then>
-constexpr auto pass_group(const Trig& trig, const W& w_parent, const std::array<Acc, C>& acc_parent, const Velocity& qd,
-                          const Accelerations& qdd, Then then) {
+template <int G0, int G1, typename Arm, typename Trig, typename W, typename Acc, std::size_t C,
+          typename Velocity, typename Accelerations, typename Then>
+constexpr auto pass_group(const Trig& trig, const W& w_parent, const std::array<Acc, C>& acc_parent,
+                          const Velocity& qd, const Accelerations& qdd, Then then) {
   using Scalar = typename Arm::Scalar;
   using Description = typename Arm::Description;
   const auto into = mat3(constant3<Scalar, kGroupEntry<Description, G0>, 0>(),
@@ -303,7 +307,8 @@ constexpr auto pass_group(const Trig& trig, const W& w_parent, const std::array<
 template <typename Scalar, typename Layout, int J, std::size_t C, typename P, typename Products, typename U,
           typename Acc, std::size_t... I>
 constexpr void write_reduced_row(const P& probe, const Products& products, const std::array<U, C>& u,
-                                 const std::array<Acc, C>& acc, std::array<TerminalRows<Scalar, Layout>, C>& rows, int r,
+                                 const std::array<Acc, C>& acc,
+                                 std::array<TerminalRows<Scalar, Layout>, C>& rows, int r,
                                  std::index_sequence<I...>) {
   constexpr const auto& kPattern = kReducedPattern<typename Layout::Description, J>;
   std::size_t column = static_cast<std::size_t>(Layout::inertial(J - Layout::kFirstJoint));
@@ -327,9 +332,12 @@ struct TerminalRowSink {
   std::array<TerminalRows<Scalar, Layout>, C>& rows;
 
   template <int J, typename U, typename Acc, typename... Probes>
-  constexpr void link(const std::array<U, C>& u, const std::array<Acc, C>& acc, const Probes&... probes) const {
+  constexpr void link(const std::array<U, C>& u, const std::array<Acc, C>& acc,
+                      const Probes&... probes) const {
     int row = 0;
-    (write_reduced_row<Scalar, Layout, J>(probes, u[0].v, u, acc, rows, row++, std::make_index_sequence<10>{}), ...);
+    (write_reduced_row<Scalar, Layout, J>(probes, u[0].v, u, acc, rows, row++,
+                                          std::make_index_sequence<10>{}),
+     ...);
   }
 };
 
@@ -347,7 +355,8 @@ constexpr void pass_terminal_links(const Trig& trig, const W& w_parent, const st
                              link_acceleration(frame, parent.a, spin, component<J>(qdd[c])));
   });
   const auto products = velocity_products(w);
-  const auto u = mapped(acc, [&](const auto& channel, std::size_t) { return u_matrix(products, channel.wd); });
+  const auto u =
+      mapped(acc, [&](const auto& channel, std::size_t) { return u_matrix(products, channel.wd); });
   const auto go_on = [&](const auto&... probes) {
     sink.template link<J>(u, acc, probes...);
     if constexpr (J + 1 < Arm::kNumJoints) {
@@ -464,11 +473,11 @@ inline void friction_rows(const typename Arm::Vector& qd, typename Arm::Scalar s
 /// @param rows   C results. Entries a row does not reach are not written: start from zeros.
 /// Cost, publication's arm, k = 5, C = 2: bench/operation_count prints it.
 template <typename Arm, int First, std::size_t C>
-  requires(Arm::kIsStatic && (C == 1 || C == 2))
-inline void terminal_rows(const TerminalTrigonometry<Arm, First>& trig, const typename Arm::Vector& q,
-                          const typename Arm::Vector& qd, const std::array<typename Arm::Vector, C>& qdd,
-                          typename Arm::Scalar sign_width,
-                          std::array<TerminalRows<typename Arm::Scalar, TerminalLayout<Arm, First>>, C>& rows) noexcept {
+requires(Arm::kIsStatic && (C == 1 || C == 2)) inline void terminal_rows(
+    const TerminalTrigonometry<Arm, First>& trig, const typename Arm::Vector& q,
+    const typename Arm::Vector& qd, const std::array<typename Arm::Vector, C>& qdd,
+    typename Arm::Scalar sign_width,
+    std::array<TerminalRows<typename Arm::Scalar, TerminalLayout<Arm, First>>, C>& rows) noexcept {
   using Layout = TerminalLayout<Arm, First>;
   structural::pass_links<Arm, First, C>(trig, q, qd, qdd,
                                         structural::TerminalRowSink<typename Arm::Scalar, Layout, C>{rows});

@@ -168,8 +168,8 @@ class FactoredEquations {
   }
 
   // Entry j of row i of U and of column i of L.
-  void change(std::size_t i, std::size_t j, const Scalar& p, const Scalar& q, const Scalar& to_l, const Scalar& to_u,
-              Row& x, Row& u) noexcept {
+  void change(std::size_t i, std::size_t j, const Scalar& p, const Scalar& q, const Scalar& to_l,
+              const Scalar& to_u, Row& x, Row& u) noexcept {
     u[j] -= q * factors_[i][j];
     factors_[i][j] += to_u * u[j];
     if constexpr (!Symmetric) {

@@ -25,8 +25,8 @@ class JointAccelerationModel {
   using Vector = JointVector<Scalar, N>;
 
   struct Config {
-    Vector gain = Vector::Ones();     ///< K/J of each joint, > 0 [rad/s² per unit of u]
-    Vector decay = Vector::Ones();    ///< c = D/J of each joint, ≥ 0 [1/s]
+    Vector gain = Vector::Ones();              ///< K/J of each joint, > 0 [rad/s² per unit of u]
+    Vector decay = Vector::Ones();             ///< c = D/J of each joint, ≥ 0 [1/s]
     Scalar period{static_cast<Scalar>(1e-3)};  ///< Δt > 0 [s]
   };
 

@@ -37,16 +37,17 @@ class PayloadEstimator {
   using Row = typename Estimator::Row;
 
   struct Config {
-    int first_row{0};                ///< k − 1
-    Scalar forgetting_factor{1};     ///< a sample
+    int first_row{0};                   ///< k − 1
+    Scalar forgetting_factor{1};        ///< a sample
     Vector noise_std = Vector::Ones();  ///< of the torque residual of each joint [N·m, N]
     /// Neighbouring samples that tell as much as one alone, because the residual is correlated in time; ≥ 1.
     /// Does not move the estimate, but makes its standard deviations hold.
     Scalar correlated_samples{1};
-    Scalar gate{5};                  ///< standard deviations; 0 never rejects
-    Scalar mass_prior{10};           ///< prior standard deviation of the mass [kg]
-    Scalar length_prior{static_cast<Scalar>(0.3)};  ///< a length [m] that scales the priors of first moment and inertia
-    Scalar friction_prior{5};        ///< prior standard deviation of the friction changes [N·m], [N·m·s/rad]
+    Scalar gate{5};         ///< standard deviations; 0 never rejects
+    Scalar mass_prior{10};  ///< prior standard deviation of the mass [kg]
+    Scalar length_prior{
+        static_cast<Scalar>(0.3)};  ///< a length [m] that scales the priors of first moment and inertia
+    Scalar friction_prior{5};  ///< prior standard deviation of the friction changes [N·m], [N·m·s/rad]
     bool estimate_friction{true};
     /// Rows of slower joints are left out: at rest friction takes up any torque below its level, so such a row
     /// says nothing. 0: none.
@@ -111,7 +112,8 @@ class PayloadEstimator {
   /// @param qd        velocities
   /// @param residual  measured torque less the torque of the model without payload, n [N·m]
   /// @return kNonFiniteInput, kNotConfigured: nothing changed
-  Status update(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& residual, Record& record) noexcept {
+  Status update(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& residual,
+                Record& record) noexcept {
     Vector sign;
     for (int i = 0; i < N; ++i) {
       sign[i] = velocity_sign(qd[i], config_.sign_width);
@@ -121,8 +123,8 @@ class PayloadEstimator {
 
   /// The same with the sign of the velocities given: where torque and motion come through a low-pass, the sign
   /// must come through it too.
-  Status update(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& sign, const Vector& residual,
-                Record& record) noexcept {
+  Status update(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& sign,
+                const Vector& residual, Record& record) noexcept {
     record = Record{};
     bool finite = true;
     for (int i = 0; i < N; ++i) {

@@ -28,9 +28,9 @@ class RecursiveLeastSquares {
   using Row = std::array<Scalar, P>;
 
   struct Config {
-    Scalar forgetting_factor{1};   ///< λ a row, 0 < λ ≤ 1; 1 forgets nothing
-    Scalar noise_variance{1};      ///< of the measurement, > 0 [squared unit of y]
-    Scalar gate{0};                ///< rejects a row whose innovation exceeds gate standard deviations; 0: never
+    Scalar forgetting_factor{1};  ///< λ a row, 0 < λ ≤ 1; 1 forgets nothing
+    Scalar noise_variance{1};     ///< of the measurement, > 0 [squared unit of y]
+    Scalar gate{0};  ///< rejects a row whose innovation exceeds gate standard deviations; 0: never
     /// Share of the noise variance that one row shows. Below 1 where the noise is correlated in time and
     /// noise_variance is raised for it: weight and variances then count the information rightly, while the gate
     /// goes by the scatter of single rows.
@@ -48,8 +48,8 @@ class RecursiveLeastSquares {
   /// Takes prior and settings. @return kOutOfRange, state kept
   Status configure(const Config& config, const Row& prior, const Row& variance) noexcept {
     if (!(config.forgetting_factor > Scalar(0)) || config.forgetting_factor > Scalar(1) ||
-        !(config.noise_variance > Scalar(0)) || config.gate < Scalar(0) || !(config.gate_noise_share > Scalar(0)) ||
-        config.gate_noise_share > Scalar(1)) {
+        !(config.noise_variance > Scalar(0)) || config.gate < Scalar(0) ||
+        !(config.gate_noise_share > Scalar(0)) || config.gate_noise_share > Scalar(1)) {
       return Status::kOutOfRange;
     }
     for (const Scalar& v : variance) {
@@ -111,7 +111,8 @@ class RecursiveLeastSquares {
     record.innovation = innovation;
     record.innovation_variance = information + config_.gate_noise_share * noise;
     if (config_.gate > Scalar(0)) {
-      record.test_ratio = innovation * innovation / (config_.gate * config_.gate * record.innovation_variance);
+      record.test_ratio =
+          innovation * innovation / (config_.gate * config_.gate * record.innovation_variance);
       if (record.test_ratio > Scalar(1)) {
         return Status::kOk;
       }

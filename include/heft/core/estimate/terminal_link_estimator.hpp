@@ -26,9 +26,9 @@ enum class EstimatorForm : std::uint8_t {
 
 /// What the estimate handed out rests on.
 enum class EstimateSource : std::uint8_t {
-  kPrior,          ///< the nominal values: the data do not determine anything better yet
-  kLeastSquares,   ///< start-up: least squares, biased where accelerations are noisy
-  kInstrumental    ///< instrumental variables
+  kPrior,         ///< the nominal values: the data do not determine anything better yet
+  kLeastSquares,  ///< start-up: least squares, biased where accelerations are noisy
+  kInstrumental   ///< instrumental variables
 };
 
 /// Name of a source, for people.
@@ -71,23 +71,26 @@ class TerminalLinkEstimator {
     /// Weight of each row, inverse to its noise variance (the diagonal of P² in (47)); 1 costs nothing.
     std::array<Scalar, kRows> row_weight = filled(Scalar(1));
     Scalar forgetting_factor{1};  ///< λ a sample, 0 < λ ≤ 1; held while the arm stands still
-    int solve_every{50};          ///< samples from one solve to the next, ≥ 2 (information form and start-up)
-    Scalar prior_precision{0};    ///< P₀⁻¹ relative to the information of one unit row, ≥ 0, all parameters alike
-    bool use_instruments{true};   ///< false: least squares all along
-    Scalar max_amplification{10}; ///< the instrumental system is trusted below this (StagedSolver::amplification)
+    int solve_every{50};  ///< samples from one solve to the next, ≥ 2 (information form and start-up)
+    Scalar prior_precision{
+        0};  ///< P₀⁻¹ relative to the information of one unit row, ≥ 0, all parameters alike
+    bool use_instruments{true};  ///< false: least squares all along
+    Scalar max_amplification{
+        10};  ///< the instrumental system is trusted below this (StagedSolver::amplification)
     Scalar max_amplification_least_squares{30};  ///< and least squares below this
-    int min_samples{200};         ///< fewer samples never leave the prior
-    Scalar gate{8};               ///< a row whose innovation exceeds gate times its usual size is refused; 0: off
-    Scalar standstill_speed{0};   ///< samples with all joints of the rows slower than this are left out [rad/s]; 0: off
-    Scalar sign_width{0};         ///< of the Coulomb sign, see velocity_sign [rad/s]
+    int min_samples{200};                        ///< fewer samples never leave the prior
+    Scalar gate{8};  ///< a row whose innovation exceeds gate times its usual size is refused; 0: off
+    Scalar standstill_speed{
+        0};  ///< samples with all joints of the rows slower than this are left out [rad/s]; 0: off
+    Scalar sign_width{0};  ///< of the Coulomb sign, see velocity_sign [rad/s]
   };
 
   /// What happened to a sample.
   struct Record {
-    std::array<Scalar, kRows> innovation{};     ///< torque minus prediction by the estimate before [N·m]
-    std::array<bool, kRows> row_used{};         ///< false: refused by the gate, standstill or a non-finite number
+    std::array<Scalar, kRows> innovation{};  ///< torque minus prediction by the estimate before [N·m]
+    std::array<bool, kRows> row_used{};  ///< false: refused by the gate, standstill or a non-finite number
     EstimateSource source{EstimateSource::kPrior};
-    bool new_estimate{false};                   ///< estimate() changed with this sample
+    bool new_estimate{false};  ///< estimate() changed with this sample
     bool standstill{false};
   };
 
@@ -95,11 +98,11 @@ class TerminalLinkEstimator {
   /// @param nominal   reduced parameters of the whole arm
   /// @param coulomb,viscous  nominal friction of all joints [N·m, N·m·s/rad]
   /// @return kOutOfRange, state kept
-  Status configure(const Config& config, const ReducedParameters<Scalar, Description>& nominal, const Vector& coulomb,
-                   const Vector& viscous) noexcept {
-    if (!(config.forgetting_factor > Scalar(0)) || config.forgetting_factor > Scalar(1) || config.solve_every < 2 ||
-        config.prior_precision < Scalar(0) || !(config.max_amplification > Scalar(1)) || config.min_samples < 0 ||
-        config.gate < Scalar(0)) {
+  Status configure(const Config& config, const ReducedParameters<Scalar, Description>& nominal,
+                   const Vector& coulomb, const Vector& viscous) noexcept {
+    if (!(config.forgetting_factor > Scalar(0)) || config.forgetting_factor > Scalar(1) ||
+        config.solve_every < 2 || config.prior_precision < Scalar(0) ||
+        !(config.max_amplification > Scalar(1)) || config.min_samples < 0 || config.gate < Scalar(0)) {
       return Status::kOutOfRange;
     }
     for (const Scalar& weight : config.row_weight) {
@@ -140,10 +143,10 @@ class TerminalLinkEstimator {
   /// @param instrument  accelerations free of this sample's measurement noise, n [rad/s²]
   /// @param tau         measured torques, n, link side [N·m]
   /// @return kNonFiniteInput: the sample is refused, nothing changed; kNotConfigured
-  Status update(const Vector& q, const Vector& qd, const Vector& qdd, const Vector& instrument, const Vector& tau,
-                Record& record) noexcept {
-    terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {qdd, instrument}, config_.sign_width,
-                                 rows_);
+  Status update(const Vector& q, const Vector& qd, const Vector& qdd, const Vector& instrument,
+                const Vector& tau, Record& record) noexcept {
+    terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {qdd, instrument},
+                                 config_.sign_width, rows_);
     return update_rows(rows_[0], rows_[1], qd, tau, record);
   }
 
@@ -246,7 +249,8 @@ class TerminalLinkEstimator {
             }
           }(),
           ...);
-    }(std::make_integer_sequence<int, kRows>{});
+    }
+    (std::make_integer_sequence<int, kRows>{});
   }
 
   void write_prior(const Vector& coulomb, const Vector& viscous) noexcept {
@@ -375,8 +379,7 @@ class TerminalLinkEstimator {
 
   // Least squares is kept beside the instruments until these are trusted; alone when there are none.
   bool needs_least_squares() const noexcept {
-    return config_.use_instruments ? source_ != EstimateSource::kInstrumental
-                                   : !(kIsFactored && running_);
+    return config_.use_instruments ? source_ != EstimateSource::kInstrumental : !(kIsFactored && running_);
   }
 
   // The usual size of a row's innovation follows its magnitude, slowly and cut at the gate, so that a change that
@@ -449,9 +452,7 @@ class TerminalLinkEstimator {
   }
 
   // From accumulated equations to factors, with everything seen up to this sample.
-  void hand_over() noexcept
-    requires(kIsFactored)
-  {
+  void hand_over() noexcept requires(kIsFactored) {
     const auto& equations = config_.use_instruments ? instrumental_ : least_squares_;
     running_ =
         factored_.start(equations.matrix(), equations.right_side(), !config_.use_instruments) == Status::kOk;
@@ -464,7 +465,8 @@ class TerminalLinkEstimator {
   ReducedParameters<Scalar, Description> nominal_{};
   Row prior_{}, estimate_{};
   NormalEquations<Scalar, Layout> instrumental_, least_squares_;
-  [[no_unique_address]] std::conditional_t<kIsFactored, FactoredEquations<Scalar, Layout, false>, Nothing> factored_;
+  [[no_unique_address]] std::conditional_t<kIsFactored, FactoredEquations<Scalar, Layout, false>, Nothing>
+      factored_;
   StagedSolver<Scalar, Layout> solver_;
   std::array<Rows, 2> rows_{};  ///< entries that a row does not reach stay zero
   std::array<Scalar, kRows> usual_{};

@@ -34,7 +34,8 @@ constexpr Scalar velocity_sign(Scalar velocity, Scalar width) noexcept {
 /// Friction torque F sign(q̇) + d q̇ + offset, link side [N·m, N].
 /// @param sign_width  as in velocity_sign
 template <typename Scalar>
-constexpr Scalar friction_torque(const JointActuation<Scalar>& joint, Scalar velocity, Scalar sign_width) noexcept {
+constexpr Scalar friction_torque(const JointActuation<Scalar>& joint, Scalar velocity,
+                                 Scalar sign_width) noexcept {
   return joint.coulomb_friction * velocity_sign(velocity, sign_width) + joint.viscous_friction * velocity +
          joint.friction_offset;
 }
