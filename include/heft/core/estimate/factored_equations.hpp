@@ -155,17 +155,7 @@ class FactoredEquations {
  private:
   static constexpr std::size_t kSize = static_cast<std::size_t>(kParameters);
 
-  static constexpr bool meet(std::size_t i, std::size_t j) noexcept {
-    if constexpr (Layout::kFriction > 0) {
-      const int a = static_cast<int>(i < j ? i : j);
-      const int b = static_cast<int>(i < j ? j : i);
-      if (a < Layout::kFriction) {
-        const int r = row_of_friction<Layout>(a);
-        return b < Layout::kFriction ? row_of_friction<Layout>(b) == r : b >= Layout::inertial(r);
-      }
-    }
-    return true;
-  }
+  static constexpr bool meet(std::size_t i, std::size_t j) noexcept { return !kNeverMeet<Layout>[i][j]; }
 
   // Entry j of row i of U and of column i of L.
   void change(std::size_t i, std::size_t j, const Scalar& p, const Scalar& q, const Scalar& to_l,

@@ -2,6 +2,9 @@
 /// Which parameters a row touches: what lets the recursions skip known zeros.
 #pragma once
 
+#include <array>
+#include <cstddef>
+
 namespace heft {
 
 /// Layout of an estimation problem whose rows touch every parameter.
@@ -28,6 +31,34 @@ constexpr int row_of_friction(int column) noexcept {
   }
   return 0;
 }
+
+/// True where an entry (i, j) of the equations is zero whatever the data, before and after elimination in this order:
+/// friction pairs of different rows never meet, nor does friction of a row the inertia of links before its own.
+template <typename Layout>
+constexpr bool never_meet(int i, int j) noexcept {
+  if constexpr (Layout::kFriction > 0) {
+    const int a = i < j ? i : j;
+    const int b = i < j ? j : i;
+    if (a < Layout::kFriction) {
+      const int r = row_of_friction<Layout>(a);
+      return b < Layout::kFriction ? row_of_friction<Layout>(b) != r : b < Layout::inertial(r);
+    }
+  }
+  return i < 0 && j < 0;
+}
+
+/// never_meet() of all entries as a table, for loops at run time.
+template <typename Layout>
+inline constexpr auto kNeverMeet = [] {
+  constexpr std::size_t kSize = static_cast<std::size_t>(Layout::kParameters);
+  std::array<std::array<bool, kSize>, kSize> table{};
+  for (std::size_t i = 0; i < kSize; ++i) {
+    for (std::size_t j = 0; j < kSize; ++j) {
+      table[i][j] = never_meet<Layout>(static_cast<int>(i), static_cast<int>(j));
+    }
+  }
+  return table;
+}();
 
 /// Calls f(index) for every parameter that row r touches, in ascending order.
 template <typename Layout, typename F>

@@ -120,28 +120,9 @@ class StagedSolver {
     return kParameters;
   }
 
-  /// Friction pairs of different rows, and friction of a row against inertia of links before it, never meet.
-  static constexpr bool never_meet(int i, int j) noexcept {
-    if constexpr (Layout::kFriction > 0) {
-      const int a = i < j ? i : j;
-      const int b = i < j ? j : i;
-      if (a < Layout::kFriction) {
-        const int r = row_of_friction<Layout>(a);
-        return b < Layout::kFriction ? row_of_friction<Layout>(b) != r : b < Layout::inertial(r);
-      }
-    }
-    return i < 0 && j < 0;
+  static constexpr bool structural_zero(std::size_t i, std::size_t j) noexcept {
+    return kNeverMeet<Layout>[i][j];
   }
-  static constexpr auto kNeverMeet = [] {
-    std::array<std::array<bool, kParameters>, kParameters> table{};
-    for (std::size_t i = 0; i < kSize; ++i) {
-      for (std::size_t j = 0; j < kSize; ++j) {
-        table[i][j] = never_meet(static_cast<int>(i), static_cast<int>(j));
-      }
-    }
-    return table;
-  }();
-  static constexpr bool structural_zero(std::size_t i, std::size_t j) noexcept { return kNeverMeet[i][j]; }
 
   // Elimination of column at_: row_ 0 chooses the pivot, then one target row a step.
   int eliminate_row() noexcept {
