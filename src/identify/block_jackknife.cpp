@@ -52,14 +52,10 @@ bool BlockJackknife::is_empty(int block) const {
   return block >= num_blocks() || blocks_[static_cast<std::size_t>(block)].rows == 0;
 }
 
-std::vector<int> BlockJackknife::present(const std::vector<int>& members) const {
-  std::vector<int> all(members);
-  if (all.empty()) {
-    all.resize(blocks_.size());
-    std::iota(all.begin(), all.end(), 0);
-  }
-  std::erase_if(all, [&](int b) { return is_empty(b); });
-  return all;
+BlockJackknife::Result BlockJackknife::solve() const {
+  std::vector<int> all(blocks_.size());
+  std::iota(all.begin(), all.end(), 0);
+  return solve(all);
 }
 
 BlockJackknife::Result BlockJackknife::solve(const std::vector<int>& members, int merge) const {
@@ -71,7 +67,8 @@ BlockJackknife::Result BlockJackknife::solve(const std::vector<int>& members, in
   };
   std::vector<Sum> sums;
   int previous = -1;
-  for (const int b : present(members)) {
+  for (const int b : members) {
+    if (is_empty(b)) continue;
     const Block& block = blocks_[static_cast<std::size_t>(b)];
     const Eigen::MatrixXd full = block.A.selfadjointView<Eigen::Lower>();
     A += full;
@@ -101,7 +98,8 @@ BlockJackknife::Result BlockJackknife::solve(const std::vector<int>& members, in
 Eigen::MatrixXd BlockJackknife::dependence(const std::vector<int>& members) const {
   Eigen::MatrixXd A = variance_.cwiseInverse().asDiagonal();
   Eigen::MatrixXd H;
-  for (const int b : present(members)) {
+  for (const int b : members) {
+    if (is_empty(b)) continue;
     const Block& block = blocks_[static_cast<std::size_t>(b)];
     A += Eigen::MatrixXd(block.A.selfadjointView<Eigen::Lower>());
     if (block.H.size() == 0) continue;

@@ -157,7 +157,6 @@ class Run {
     config.noise_std = residual_.std;
     config.correlated_samples = together;
     config.gate = options_.gate;
-    config.forgetting_factor = options_.forgetting_factor;
     config.standstill_speed = options_.standstill_speed;
     config.estimate_friction = !options_.torque_at_joint;
     config.friction_prior = 1.0;
@@ -169,7 +168,7 @@ class Run {
     }
     auto estimator = std::make_unique<Estimator>();
     if (estimator->configure(config) != Status::kOk) {
-      throw Error("payload: the estimator refused its settings; the gate must not be negative and the forgetting factor must lie in (0, 1]");
+      throw Error("payload: the estimator refused its settings; the gate must not be negative");
     }
     prior_variance_ = Eigen::VectorXd::Constant(kP, 0.0);
     for (int i = 0; i < kP; ++i) prior_variance_[i] = estimator->estimator().variance(i);
@@ -183,7 +182,7 @@ class Run {
     result.mass_std_history = Eigen::VectorXd::Constant(samples, kNaN);
     result.left_out = 0;
 
-    CausalSignals<N> signals(dynamics_.robot(), cutoff_);
+    CausalSignals<N> signals(dynamics_, cutoff_, 1.0 / period_);
     ChangeDetector<N> detector;
     double spread = 1.0;  // robust standard deviation of the mass over the recursion's own
     int last_block = -1;
@@ -195,17 +194,19 @@ class Run {
       const double time = log_.time[k];
       const double step = time - previous;
       previous = time;
-      if (!signals.take(log_, k)) {
-        ++result.left_out;
-        continue;
-      }
-      if (!signals.settled()) continue;
-      Eigen::MatrixXd Y = dynamics_.regressor(signals.q(), signals.qd(), signals.qdd());
-      set_coulomb_columns(Y, signals.sign());
-      const LinkRegressor<double, N> links = Y.leftCols(10 * N);
+      const auto taken = signals.take(log_, k);
+      if (taken == CausalSignals<N>::Taken::kRefused) ++result.left_out;
+      if (taken != CausalSignals<N>::Taken::kReady) continue;
+      const auto Y = signals.regressor();
+      const LinkRegressor<double, N> links = Y.template leftCols<10 * N>();
       const Vector residual = signals.tau() - Y * x_;
+      Vector qd, sign;
+      for (int i = 0; i < N; ++i) {
+        qd[i] = signals.velocity(i);
+        sign[i] = signals.sign(i);
+      }
       typename Estimator::Record record;
-      if (estimator->update(links, signals.qd(), signals.sign(), residual, record) != Status::kOk) {
+      if (estimator->update(links, qd, sign, residual, record) != Status::kOk) {
         ++result.left_out;
         continue;
       }
@@ -229,7 +230,7 @@ class Run {
         }
         if (!record.used[at]) continue;
         const double noise = residual_.std[i] * residual_.std[i] * together;
-        const auto row = estimator->row(links, signals.qd(), signals.sign(), i);
+        const auto row = estimator->row(links, qd, sign, i);
         const Eigen::VectorXd w = Eigen::Map<const Eigen::VectorXd>(row.data(), kP);
         jackknife_->add(block, w, residual[i], noise);
         if (options_.model_covariance) jackknife_->add_dependence(block, w, Y.row(i).transpose(), noise);
@@ -259,14 +260,15 @@ class Run {
   double running_spread(const Estimator& estimator) const {
     const double own = estimator.standard_deviation(0);
     if (!(own < kIdentified * std::sqrt(prior_variance_[0]))) return 1.0;
-    const auto solution = jackknife_->solve(segments_.back().blocks, merge());
+    const auto solution = jackknife_->solve(segments_.back().blocks, merge(segments_.back()));
     if (solution.blocks < 3) return 1.0;
     return std::max(1.0, std::sqrt(solution.covariance(0, 0)) / own * solution.interval_factor / 1.96);
   }
 
-  int merge() const {
-    const double duration = log_.time[log_.num_samples() - 1] - log_.time[0];
-    return std::max(1, static_cast<int>(std::ceil(residual_.block_length(duration) / kFineBlock - 1e-9)));
+  /// Short blocks that make one block which may count as independent.
+  int merge(const Segment& segment) const {
+    const double duration = kFineBlock * static_cast<double>(segment.blocks.size());
+    return std::max(1, static_cast<int>(std::lround(residual_.block_length(duration) / kFineBlock)));
   }
 
   struct Solved {
@@ -279,11 +281,10 @@ class Run {
 
   Solved solve(const Segment& segment) const {
     Solved solved;
-    // An empty list would mean all blocks.
-    solved.jackknife = jackknife_->solve(segment.blocks.empty() ? std::vector<int>{1 << 28} : segment.blocks, merge());
+    solved.jackknife = jackknife_->solve(segment.blocks, merge(segment));
     solved.covariance = solved.jackknife.covariance;
     solved.model_part = Eigen::MatrixXd::Zero(kP, kP);
-    if (options_.model_covariance && !segment.blocks.empty()) {
+    if (options_.model_covariance) {
       const Eigen::MatrixXd G = jackknife_->dependence(segment.blocks);
       if (G.size() > 0) solved.model_part = G * *options_.model_covariance * G.transpose();
     }
@@ -303,42 +304,52 @@ class Run {
            scatter < kIdentified * kIdentified * prior;
   }
 
+  /// Whether two stretches carry different loads, by the mass and first moments that both tell; true where there is
+  /// nothing to compare.
+  bool differ(const Solved& before, const Solved& after) const {
+    bool comparable = false;
+    for (Eigen::Index i = 0; i < 4; ++i) {
+      const Eigen::VectorXd unit = Eigen::VectorXd::Unit(kP, i);
+      if (!identified(before, unit) || !identified(after, unit)) continue;
+      comparable = true;
+      const double scatter = std::sqrt(before.covariance(i, i) + after.covariance(i, i));
+      // The larger of four at 4 standard deviations: one in four thousand by chance.
+      if (std::abs(after.jackknife.estimate[i] - before.jackknife.estimate[i]) > 4.0 * scatter) return true;
+    }
+    return !comparable;
+  }
+
+  bool tells_something(const Solved& solved) const {
+    for (Eigen::Index i = 0; i < 4; ++i) {
+      if (identified(solved, Eigen::VectorXd::Unit(kP, i))) return true;
+    }
+    return false;
+  }
+
   void conclude(PayloadRun& result) {
-    // An alarm that did not move the mass was no change of load (a contact, friction): put the parts together.
+    // An alarm that did not move the load was none (a contact, friction): put the parts together. A part between two
+    // alarms that tells nothing is left out; the last one counts in any case, since it is what holds now.
     std::vector<Segment> segments;
     std::vector<Solved> solved;
-    for (const Segment& segment : segments_) {
-      const Solved present = solve(segment);
-      if (!segments.empty()) {
-        const Solved& before = solved.back();
-        const double apart = std::abs(present.mass - before.mass);
-        const double scatter = std::hypot(present.std, before.std);
-        const bool changed = present.has_mass && before.has_mass && apart > 3.0 * scatter;
-        // A short part at either end in which the mass is not told says nothing against a change.
-        const bool untold = !present.has_mass || !before.has_mass;
-        if (!changed && !untold) {
-          segments.back().blocks.insert(segments.back().blocks.end(), segment.blocks.begin(), segment.blocks.end());
-          solved.back() = solve(segments.back());
-          continue;
-        }
-        if (untold && !present.has_mass && &segment != &segments_.back()) continue;
-        if (!before.has_mass) {
-          segments.back() = segment;
-          solved.back() = present;
-          continue;
-        }
+    for (std::size_t s = 0; s < segments_.size(); ++s) {
+      const Solved present = solve(segments_[s]);
+      if (s + 1 < segments_.size() && !tells_something(present)) continue;
+      if (!segments.empty() && !differ(solved.back(), present)) {
+        segments.back().blocks.insert(segments.back().blocks.end(), segments_[s].blocks.begin(), segments_[s].blocks.end());
+        solved.back() = solve(segments.back());
+        continue;
       }
-      segments.push_back(segment);
+      segments.push_back(segments_[s]);
       solved.push_back(present);
     }
     for (std::size_t s = 1; s < segments.size(); ++s) {
-      if (!solved[s].has_mass) continue;
-      result.changes.push_back({segments[s].begin, solved[s - 1].mass, solved[s].mass, solved[s].std});
+      const auto mass = [](const Solved& part) { return part.has_mass ? part.mass : kNaN; };
+      result.changes.push_back({segments[s].begin, mass(solved[s - 1]), mass(solved[s]), solved[s].has_mass ? solved[s].std : kNaN});
     }
     const Solved& final_state = solved.back();
     result.load_since = segments.back().begin;
     state(result, final_state);
-    result.block = merge() * kFineBlock;
+    result.block = merge(segments.back()) * kFineBlock;
     result.blocks = final_state.jackknife.blocks;
     find_convergence(result);
     if (!result.mass.identifiable[0]) explain(result, segments.size() > 1);
@@ -415,10 +426,13 @@ class Run {
 
   void explain(PayloadRun& result, bool after_change) const {
     const int k = options_.first_joint;
+    const auto& known = result.first_moment.identifiable;
+    const bool has_moment = std::all_of(known.begin(), known.end(), [](bool told) { return told; });
     if (!result.mass_visible) {
-      result.missing = fmt::format("the torques of joints {}..{} do not depend on the mass of the load, whatever the motion, only on its "
-                                   "first moment and inertia; use more rows (--rows with a smaller K)", k, N);
-      return;
+      result.missing = fmt::format("the torque of {} does not depend on the mass of the load, whatever the motion, only on its first "
+                                   "moment and inertia; use more rows (--rows with a smaller K)", joints(k, N));
+      if (has_moment) return;
+      result.missing += "; and ";
     }
     std::string still, moving;
     for (int i = k - 1; i < N; ++i) {
@@ -426,18 +440,25 @@ class Run {
       list += fmt::format("{}{}", list.empty() ? "" : ", ", i + 1);
     }
     if (moving.empty()) {
-      result.missing = fmt::format("the arm stands still (no joint of {}..{} is faster than {:g} rad/s for 2 s), and at rest friction hides "
-                                   "the load; record a motion in which the joints turn both ways and the load changes its attitude "
-                                   "to gravity", k, N, options_.standstill_speed);
+      result.missing += fmt::format("the arm stands still ({} not faster than {:g} rad/s for 2 s), and at rest friction hides "
+                                    "the load; record a motion in which the joints turn both ways and the load changes its attitude "
+                                    "to gravity", joints(k, N), options_.standstill_speed);
     } else if (!still.empty()) {
-      result.missing = fmt::format("joint {} stands still, and with joint {} moving alone the mass cannot be told from the load's first "
-                                   "moment; record a motion in which several joints, the wrist among them, turn both ways at the same time",
-                                   still, moving);
+      result.missing += fmt::format("{} at rest; {} moving alone does not tell the mass from the load's first moment; "
+                                    "record a motion in which several joints, the wrist among them, turn both ways at the same time",
+                                    named(still), named(moving));
     } else {
-      result.missing = fmt::format("{} the motion is too small or too short to tell the mass from the rest; record a longer motion, "
-                                   "with larger angles, in which the load changes its attitude to gravity",
-                                   after_change ? "after the last change of load" : "as recorded,");
+      result.missing += fmt::format("{} the motion is too small or too short to tell the mass from the rest; record a longer motion, "
+                                    "with larger angles, in which the load changes its attitude to gravity",
+                                    after_change ? "after the last change of load" : "as recorded,");
     }
+  }
+
+  static std::string joints(int first, int last) {
+    return first == last ? fmt::format("joint {}", last) : fmt::format("joints {} to {}", first, last);
+  }
+  static std::string named(const std::string& list) {
+    return (list.find(',') == std::string::npos ? "joint " : "joints ") + list;
   }
 
   model::Dynamics dynamics_;

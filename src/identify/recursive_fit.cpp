@@ -147,12 +147,12 @@ class Fit {
     // 3. Covariance, from blocks in time.
     BlockJackknife jackknife(prior_, variance);
     const double block = fit.residual.block_length(duration());
-    for_each_sample([&](std::size_t log, Eigen::Index k, const CausalSignals<N>& signals, const Eigen::MatrixXd& Y) {
+    for_each_sample([&](std::size_t log, Eigen::Index k, const CausalSignals<N>& signals) {
       const int b = first_block_of(log, block) +
                     static_cast<int>((logs_[log].time[k] - logs_[log].time[0]) / block);
       for (int i = 0; i < N; ++i) {
         if (!moves(signals, i)) continue;
-        jackknife.add(b, Y.row(i), signals.tau()[i], noise[i] * noise[i] * together);
+        jackknife.add(b, signals.regressor().row(i), signals.tau()[i], noise[i] * noise[i] * together);
       }
     }, 0.8);
     const BlockJackknife::Result spread = jackknife.solve();
@@ -189,38 +189,34 @@ class Fit {
   }
 
  private:
-  /// Calls f(log, k, signals, Y) for every sample after the filters have settled.
+  /// Calls f(log, k, signals) for every sample after the filters have settled.
   template <typename F>
   void for_each_sample(F f, double progress_from) {
     left_out_ = 0;
     Eigen::Index done = 0;
     for (std::size_t l = 0; l < logs_.size(); ++l) {
       const data::Log& log = logs_[l];
-      CausalSignals<N> signals(dynamics_.robot(), cutoff_);
+      CausalSignals<N> signals(dynamics_, cutoff_, data::median_sample_rate(log.time));
       for (Eigen::Index k = 0; k < log.num_samples(); ++k, ++done) {
         if (options_.progress && done % 256 == 0) {
           options_.progress(progress_from + (progress_from < 0.8 ? 0.4 : 0.2) * static_cast<double>(done) / num_samples());
         }
-        if (!signals.take(log, k)) {
-          ++left_out_;
-          continue;
-        }
-        if (!signals.settled()) continue;
-        Eigen::MatrixXd Y = dynamics_.regressor(signals.q(), signals.qd(), signals.qdd());
-        set_coulomb_columns(Y, signals.sign());
-        f(l, k, signals, Y);
+        const auto taken = signals.take(log, k);
+        if (taken == CausalSignals<N>::Taken::kRefused) ++left_out_;
+        if (taken == CausalSignals<N>::Taken::kReady) f(l, k, signals);
       }
     }
   }
 
-  bool moves(const CausalSignals<N>& signals, int i) const { return std::abs(signals.qd()[i]) >= options_.standstill_speed; }
+  bool moves(const CausalSignals<N>& signals, int i) const { return std::abs(signals.velocity(i)) >= options_.standstill_speed; }
 
   void recurse(const Eigen::VectorXd& variance, const Eigen::VectorXd& noise, double together, double progress_from) {
     Row x0, v0;
     std::copy_n(prior_.data(), kP, x0.begin());
     std::copy_n(variance.data(), kP, v0.begin());
     check_ok(estimator_->configure({}, x0, v0));
-    for_each_sample([&](std::size_t, Eigen::Index, const CausalSignals<N>& signals, const Eigen::MatrixXd& Y) {
+    for_each_sample([&](std::size_t, Eigen::Index, const CausalSignals<N>& signals) {
+      const auto Y = signals.regressor();
       Row w;
       for (int i = 0; i < N; ++i) {
         if (!moves(signals, i)) continue;
@@ -240,10 +236,10 @@ class Fit {
     }
     fit.rows = Eigen::VectorXi::Zero(N);
     fit.moving = Eigen::VectorXd::Zero(N);
-    for_each_sample([&](std::size_t l, Eigen::Index k, const CausalSignals<N>& signals, const Eigen::MatrixXd& Y) {
+    for_each_sample([&](std::size_t l, Eigen::Index k, const CausalSignals<N>& signals) {
       for (int i = 0; i < N; ++i) {
         if (!moves(signals, i)) continue;
-        residual[l](k, i) = signals.tau()[i] - Y.row(i).dot(x);
+        residual[l](k, i) = signals.tau()[i] - signals.regressor().row(i).dot(x);
         ++fit.rows[i];
         if (k > 0) fit.moving[i] += logs_[l].time[k] - logs_[l].time[k - 1];
       }
@@ -272,7 +268,7 @@ class Fit {
       if (fit.moving[i] < kLeastMoving) still += fmt::format("{}{}", still.empty() ? "" : ", ", i + 1);
     }
     if (!still.empty()) {
-      fit.missing.push_back(fmt::format("joint {} moves for less than {:g} s, so its friction and the torque it carries stay "
+      fit.missing.push_back(fmt::format("joint {} moving for less than {:g} s: the friction there and the torque it carries stay "
                                         "unknown; record a motion in which every joint turns both ways, faster than {:g} rad/s",
                                         still, kLeastMoving, options_.standstill_speed));
     }

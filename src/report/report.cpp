@@ -29,9 +29,10 @@ pre{background:var(--card);border-radius:6px;padding:.8rem 1rem;overflow-x:auto;
 .scroll{overflow-x:auto;margin:.9rem 0}
 table{border-collapse:collapse;font-size:.94rem;font-variant-numeric:tabular-nums}
 .caption{color:var(--mark);font-size:.9rem;margin:.9rem 0 0}.caption+.scroll{margin-top:.4rem}
-th,td{padding:.32rem .9rem .32rem 0;text-align:left;border-bottom:1px solid var(--grid);white-space:nowrap}
+th,td{padding:.32rem .9rem .32rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--grid)}
 th{font-weight:600;border-bottom:2px solid var(--mark)}
 td.n,th.n{text-align:right}
+td.n{white-space:nowrap}
 tbody tr:hover{background:var(--card)}
 figure{margin:1.1rem 0}
 figcaption{font-weight:600;margin-bottom:.15rem}

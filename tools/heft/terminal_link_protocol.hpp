@@ -32,10 +32,12 @@ const char* to_string(ProtocolMethod method);
 
 /// Settings of a run of the protocol.
 struct ProtocolSettings {
-  bool rotor_inertia{false};          ///< scenario B: the torque computation contains the rotor inertia's share of the noise
-  double period{0.005};               ///< sampling [s]
-  double acceleration_noise{10.0};    ///< σ [rad/s²]
+  bool rotor_inertia{
+      false};  ///< scenario B: the torque computation contains the rotor inertia's share of the noise
+  double period{0.005};             ///< sampling [s]
+  double acceleration_noise{10.0};  ///< σ [rad/s²]
   int seed{1};
+  bool all_methods{true};  ///< false: least squares and the joint model (35) only
   std::vector<int> sample_counts{200, 500, 1000, 2000, 5000, 10000, 20000};  ///< ascending
   FourierTrajectory exciting;
 };
@@ -44,12 +46,12 @@ struct ProtocolSettings {
 struct ProtocolPoint {
   ProtocolMethod method{};
   int samples{0};
-  bool passed{true};           ///< IVM: the conditioning check of the estimator let it out
+  bool passed{true};  ///< IVM: the conditioning check of the estimator let it out
   double amplification{0};
-  double error{0};             ///< e of the protocol
-  double torque_error_5{0};    ///< rms on the validation trajectory, joint 5 [mN m]
+  double error{0};           ///< e of the protocol
+  double torque_error_5{0};  ///< rms on the validation trajectory, joint 5 [mN m]
   double torque_error_6{0};
-  double inertia_33{0};        ///< estimate of Ī⁶₃₃ [g m²]
+  double inertia_33{0};                 ///< estimate of Ī⁶₃₃ [g m²]
   std::vector<double> base_parameters;  ///< 18, in the publication's order, SI units
 };
 
@@ -65,7 +67,11 @@ const std::vector<std::string>& base_parameter_names();
 /// Torque of the variation itself on the validation trajectory, joints 5 and 6 [mN m].
 std::pair<double, double> variation_torque();
 
-/// A random exciting trajectory of the same kind: six sines a joint, 0.25 to 1.6 Hz, scaled to the same rms accelerations.
+/// A random exciting trajectory of the same kind: six sines a joint, 0.25 to 1.6 Hz, scaled to the same rms
+/// accelerations. Of several drawn the one with the best-conditioned base regressor is taken: not every sum of
+/// sines is exciting.
 FourierTrajectory random_exciting_trajectory(int seed);
+/// Condition number of the column-scaled base regressor over 20 s.
+double condition_number(const FourierTrajectory& trajectory);
 
 }  // namespace heft::tools

@@ -42,12 +42,14 @@ class BlockJackknife {
     /// deviations. Infinite with fewer than two blocks.
     double interval_factor{0.0};
   };
-  /// @param members  blocks to use, in time order; empty: all
+  /// @param members  blocks to use, in time order
   /// @param merge    this many neighbouring blocks count as one
-  Result solve(const std::vector<int>& members = {}, int merge = 1) const;
+  Result solve(const std::vector<int>& members, int merge = 1) const;
+  /// The same with all blocks.
+  Result solve() const;
 
-  /// ∂x/∂z = −A⁻¹ Σ wᵀ d / σ², p × size of z; of the same blocks. Empty when there was no dependence.
-  Eigen::MatrixXd dependence(const std::vector<int>& members = {}) const;
+  /// ∂x/∂z = −A⁻¹ Σ wᵀ d / σ² of these blocks, p × size of z. Empty when there was no dependence.
+  Eigen::MatrixXd dependence(const std::vector<int>& members) const;
 
   int num_blocks() const { return static_cast<int>(blocks_.size()); }
   bool is_empty(int block) const;
@@ -60,7 +62,6 @@ class BlockJackknife {
     long rows{0};
   };
   Block& at(int block);
-  std::vector<int> present(const std::vector<int>& members) const;
 
   Eigen::VectorXd prior_, variance_;
   std::vector<Block> blocks_;

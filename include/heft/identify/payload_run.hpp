@@ -21,7 +21,6 @@ struct PayloadRunOptions {
   bool torque_at_joint{false};    ///< torque measured behind the gear: no friction in it
   double standstill_speed{0.03};  ///< rows of slower joints are left out [rad/s, m/s]
   double gate{10.0};              ///< rows further off than this many standard deviations are left out
-  double forgetting_factor{1.0};  ///< a row; below 1 the estimate follows slow changes, and the interval is wider
   /// How the model misses the torque without load, from its fit; absent: measured on this log in a first run.
   std::optional<ResidualStatistics> residual{};
   /// Covariance of the model's 14n parameters, from its fit; absent: the interval leaves the model's error out.
@@ -42,9 +41,9 @@ struct Estimated {
 /// The load changed.
 struct LoadChange {
   double time{0.0};         ///< when the torque began to differ [s]
-  double mass_before{0.0};  ///< [kg]
-  double mass{0.0};         ///< from then on [kg]
-  double std{0.0};          ///< of `mass` [kg]
+  double mass_before{0.0};  ///< [kg]; NaN: not told
+  double mass{0.0};         ///< from then on [kg]; NaN: not told
+  double std{0.0};          ///< of `mass` [kg]; NaN: not told
 };
 
 struct PayloadRun {
@@ -77,8 +76,8 @@ struct PayloadRun {
 
 /// Runs core's PayloadEstimator over a log, sample by sample, on the torque that `robot` does not explain.
 ///
-/// Behind the causal low-pass (see choose_cutoff; a controller would set it beforehand) each sample gives n − k + 1 rows;
-/// the friction of every joint used may differ from the model, because it does from day to day and under load. A
+/// Torque and every column of the regressor pass the same causal low-passes (src/identify/causal_signals.hpp; choose_cutoff;
+/// a controller would set the cut-off beforehand). Each sample gives n − k + 1 rows. The friction of every joint used may differ from the model, because it does from day to day and under load. A
 /// load that changes within the log shows as innovations far off for long (a two-sided cumulative sum per joint);
 /// then the covariance is taken up again and the estimate begins anew.
 ///

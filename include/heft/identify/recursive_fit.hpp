@@ -39,7 +39,7 @@ struct RecursiveFit {
 };
 
 /// Cut-off of the causal low-pass for a log: its pole at ten times the bandwidth of the motion, at least 3 Hz and at
-/// most a quarter of the sample rate. Torque and motion are filtered alike, so the motion need not pass unchanged;
+/// most a quarter of the sample rate. Torque and regressor are filtered alike, so the motion need not pass unchanged;
 /// far above it there is only noise.
 double choose_cutoff(const data::Log& log);
 
@@ -52,6 +52,9 @@ double choose_cutoff(const data::Log& log);
 /// Prior: the URDF's values, with standard deviations so wide (three times the mass, lengths of a link, torques as
 /// large as the measured ones) that data override them. Directions the motion does not determine, and those no motion
 /// could, stay at the prior. This is wanted: the model keeps sensible masses, and no torque depends on them.
+///
+/// Torque and every column of the regressor pass the same causal low-passes (src/identify/causal_signals.hpp), so that
+/// the model is the one that an estimator in the loop needs.
 ///
 /// Rows of joints that stand still are left out: at rest friction takes up any torque below its level.
 ///

@@ -1,0 +1,141 @@
+/// The model file: what is written is read back, what is wrong is named.
+#include "heft/model/model_file.hpp"
+
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heft/host/error.hpp"
+#include "support/arms.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace heft::model {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+ModelFile example() {
+  ModelFile model = make_model(test::planar_two_link());
+  model.actuation[1] = {0.1, 1.0 / 3.0, 2e-300, -0.25};
+  model.standard_deviations = Eigen::VectorXd::LinSpaced(28, 0.1, 2.8);
+  (*model.standard_deviations)[3] = std::numeric_limits<double>::quiet_NaN();
+  model.covariance = Eigen::MatrixXd::Random(28, 28);
+  model.provenance = {"ols", {"A.csv", "B.csv"}, {"a note"}};
+  return model;
+}
+
+/// The message when `from` in the example's JSON is replaced by `to`.
+std::string message_after(const std::string& from, const std::string& to) {
+  std::string text = to_json(example());
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  text.replace(at, from.size(), to);
+  return test::message_of<ModelError>([&] { (void)parse_model(text, "arm.json"); });
+}
+
+TEST(ModelFile, ReadsBackWhatItWrote) {
+  const test::TemporaryFolder folder;
+  const ModelFile written = example();
+  write_model(folder.path("model.json"), written);
+  const ModelFile read = read_model(folder.path("model.json"));
+  EXPECT_EQ(read.robot, written.robot);
+  EXPECT_EQ(read.links, written.links);
+  EXPECT_EQ(read.joint_names, written.joint_names);
+  EXPECT_EQ(read.link_names, written.link_names);
+  ASSERT_EQ(read.actuation.size(), 2U);
+  EXPECT_EQ(read.actuation[1].rotor_inertia, 0.1);
+  EXPECT_EQ(read.actuation[1].coulomb_friction, 1.0 / 3.0);
+  EXPECT_EQ(read.actuation[1].viscous_friction, 2e-300);
+  EXPECT_EQ(read.actuation[1].friction_offset, -0.25);
+  EXPECT_EQ(*read.covariance, *written.covariance);
+  EXPECT_TRUE(std::isnan((*read.standard_deviations)[3]));
+  EXPECT_EQ((*read.standard_deviations)[4], (*written.standard_deviations)[4]);
+  EXPECT_EQ(read.provenance.logs, written.provenance.logs);
+  EXPECT_EQ(to_json(read), to_json(written));
+}
+
+TEST(ModelFile, KeepsFieldsItDoesNotKnow) {
+  std::string text = to_json(example());
+  text.replace(text.rfind('}'), 1, R"(,"calibration": {"by": "someone", "at": [1, 2]}})");
+  const ModelFile model = parse_model(text, "arm.json");
+  EXPECT_THAT(to_json(model), AllOf(HasSubstr("\"calibration\""), HasSubstr("someone")));
+}
+
+TEST(ModelFile, OnlyFormatVersionAndLinksAreNeeded) {
+  const ModelFile model = parse_model(
+      R"({"format": "heft-model", "version": 1, "links": [{"parameters": [1,2,3,4,5,6,7,8,9,10]}]})",
+      "arm.json");
+  EXPECT_EQ(model.num_joints(), 1);
+  EXPECT_EQ(model.links[0][9], 10.0);
+  EXPECT_EQ(model.actuation[0].coulomb_friction, 0.0);
+  EXPECT_FALSE(model.covariance.has_value());
+}
+
+TEST(ModelFile, NamesFileAndPathOfWhatIsWrong) {
+  EXPECT_THAT(message_after("\"heft-model\"", "\"other\""),
+              AllOf(HasSubstr("arm.json: /format"), HasSubstr("heft-model")));
+  EXPECT_THAT(message_after("\"version\": 1", "\"version\": 2"),
+              AllOf(HasSubstr("arm.json: /version"), HasSubstr("found 2")));
+  EXPECT_THAT(message_after("\"links\"", "\"lynx\""),
+              AllOf(HasSubstr("arm.json: /links: missing"), HasSubstr("list")));
+  EXPECT_THAT(message_after("\"num_joints\": 2", "\"num_joints\": 3"),
+              AllOf(HasSubstr("/links"), HasSubstr("expected 3")));
+  EXPECT_THAT(
+      message_after("\"rotor_inertia\": 0.1", "\"rotor_inertia\": \"high\""),
+      AllOf(HasSubstr("arm.json: /joints/1/rotor_inertia"), HasSubstr("\"high\""), HasSubstr("a number")));
+  EXPECT_THAT(message_after("\"rotor_inertia\": 0.1", "\"rotor_inertia\": 1e999"), HasSubstr("arm.json"));
+  EXPECT_THAT(message_after("\"provenance\": {", "\"provenance\": [] ,\"x\": {"),
+              AllOf(HasSubstr("arm.json: /provenance"), HasSubstr("an object")));
+  EXPECT_THAT(message_after("{", "["), AllOf(HasSubstr("arm.json: not valid JSON"), HasSubstr("line")));
+}
+
+TEST(ModelFile, RefusesALinkWithoutTenParameters) {
+  const std::string message = test::message_of<ModelError>([] {
+    (void)parse_model(R"({"format": "heft-model", "version": 1, "links": [{"parameters": [1,2,3]}]})",
+                      "arm.json");
+  });
+  EXPECT_THAT(message, AllOf(HasSubstr("/links/0/parameters"), HasSubstr("found 3 entries"),
+                             HasSubstr("ten numbers")));
+}
+
+TEST(ModelFile, ReplacesTheRobotsParameters) {
+  Robot robot = test::planar_two_link();
+  ModelFile model = example();
+  model.links[1][kMass] = 9.0;
+  std::vector<std::string> notes;
+  apply(model, robot, &notes);
+  EXPECT_EQ(robot.joints[1].link[kMass], 9.0);
+  EXPECT_EQ(robot.joints[1].actuation.friction_offset, -0.25);
+  EXPECT_TRUE(notes.empty());
+}
+
+TEST(ModelFile, RefusesAnotherRobotsJoints) {
+  Robot robot = test::planar_two_link();
+  ModelFile model = example();
+  model.path = "arm.json";
+  model.joint_names[1] = "wrist";
+  EXPECT_THAT(test::message_of<ModelError>([&] { apply(model, robot); }),
+              AllOf(HasSubstr("arm.json: /joints/1/name"), HasSubstr("wrist"), HasSubstr("joint2")));
+  model = parse_model(
+      R"({"format": "heft-model", "version": 1, "links": [{"parameters": [1,2,3,4,5,6,7,8,9,10]}]})",
+      "arm.json");
+  EXPECT_THAT(test::message_of<ModelError>([&] { apply(model, robot); }),
+              AllOf(HasSubstr("arm.json"), HasSubstr("1 joints"), HasSubstr("expected 2")));
+}
+
+TEST(ModelFile, SaysWhenItWasMadeForARobotOfAnotherName) {
+  Robot robot = test::planar_two_link();
+  ModelFile model = example();
+  model.robot = "someone_else";
+  std::vector<std::string> notes;
+  apply(model, robot, &notes);
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_THAT(notes[0], AllOf(HasSubstr("someone_else"), HasSubstr("planar_two_link")));
+}
+
+}  // namespace
+}  // namespace heft::model

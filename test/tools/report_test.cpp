@@ -1,0 +1,231 @@
+/// The report room: tables, plots and pages.
+#include "heft/report/report.hpp"
+
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <random>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heft/host/file.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace heft::report {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+bool gnuplot_is_installed() { return std::system("command -v gnuplot >/dev/null 2>&1") == 0; }
+#define NEEDS_GNUPLOT() \
+  if (!gnuplot_is_installed()) GTEST_SKIP() << "gnuplot is not installed"
+
+/// A path without programs, for as long as it lives.
+class WithoutPrograms {
+ public:
+  WithoutPrograms() : path_(std::getenv("PATH")) { ::setenv("PATH", "/nonexistent", 1); }
+  ~WithoutPrograms() { ::setenv("PATH", path_.c_str(), 1); }
+
+ private:
+  std::string path_;
+};
+
+PlotSpec small_plot() { return {"Sine", "time [s]", "value", {{"a curve", {0, 1, 2, 3}, {0, 1, 0, -1}}}}; }
+
+std::size_t count(const std::string& text, const std::string& what) {
+  std::size_t number = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++number;
+  return number;
+}
+
+TEST(Table, AlignsNumbersRightAndTextLeft) {
+  Table table({"joint", "RMSE [N·m]", "remark"});
+  table.add_row({"1", "12.5", "fine"}).add_row({"10", "–", ""});
+  EXPECT_EQ(table.to_text(2),
+            "  joint  RMSE [N·m]  remark\n"
+            "  ─────  ──────────  ──────\n"
+            "      1        12.5  fine\n"
+            "     10           –\n");
+}
+
+TEST(Table, CountsLettersNotBytes) {
+  EXPECT_EQ(display_width("N·m"), 3U);
+  EXPECT_EQ(display_width("kg·m²"), 5U);
+  EXPECT_EQ(display_width("q\u0307"), 1U);  // a combining dot takes no column
+}
+
+TEST(Table, ShortRowsAreFilledAndLongOnesCut) {
+  Table table({"a", "b"});
+  table.add_row({"1"}).add_row({"1", "2", "3"});
+  EXPECT_EQ(table.rows()[0].size(), 2U);
+  EXPECT_EQ(table.rows()[1].size(), 2U);
+}
+
+TEST(Number, KeepsTheSignificantDigits) {
+  EXPECT_EQ(number(0.0), "0");
+  EXPECT_EQ(number(2.80512), "2.805");
+  EXPECT_EQ(number(123456.0), "123456");
+  EXPECT_EQ(number(-0.001234567), "-0.001235");
+  EXPECT_EQ(number(1.5e-9), "1.500e-09");
+  EXPECT_EQ(number(std::numeric_limits<double>::quiet_NaN()), "–");
+}
+
+TEST(Report, HasNoOutsideReferenceAndNoScript) {
+  NEEDS_GNUPLOT();
+  Report report("Title", "subtitle");
+  report.verdict("It works.", Tone::kGood)
+      .facts({{"mass", "1 kg", ""}})
+      .heading("h")
+      .paragraph("p")
+      .note("n");
+  report.preformatted("x")
+      .table(Table({"a"}).add_row({"1"}))
+      .plot(small_plot())
+      .plots("all", {small_plot(), small_plot()});
+  const std::string html = report.html();
+  EXPECT_THAT(html, HasSubstr("<svg"));
+  for (const char* outside :
+       {"http:", "https:", "src=\"/", "<link", "<script", "@import", "url(", "xlink", "file:"}) {
+    EXPECT_THAT(html, Not(HasSubstr(outside)));
+  }
+}
+
+TEST(Report, EscapesTextEverywhere) {
+  const std::string evil = "<b>\"Tom\" & 'Jerry'</b>";
+  PlotSpec spec = small_plot();
+  spec.title = spec.x_label = spec.y_label = spec.series[0].label = evil;
+  spec.marks.push_back({Mark::Direction::kVertical, 1.0, evil});
+  Report report(evil, evil);
+  report.verdict(evil)
+      .facts({{evil, evil, evil}})
+      .heading(evil)
+      .paragraph(evil)
+      .note(evil)
+      .preformatted(evil);
+  report.table(Table({evil}).add_row({evil}), evil).plot(spec).plots(evil, {spec});
+  EXPECT_THAT(report.html(), Not(HasSubstr("<b>\"")));
+  EXPECT_THAT(report.html(), Not(HasSubstr("Jerry'</b>")));
+  EXPECT_THAT(report.html(), HasSubstr("&lt;b&gt;&quot;Tom&quot; &amp; &#39;Jerry&#39;&lt;/b&gt;"));
+}
+
+TEST(Report, LabelsAreNotRunByGnuplot) {
+  NEEDS_GNUPLOT();
+  const test::TemporaryFolder folder;
+  const std::string trace = folder.path("trace");
+  PlotSpec spec = small_plot();
+  spec.x_label = "`touch " + trace + "`";
+  spec.series[0].label = "'; system('touch " + trace + "'); '";
+  spec.y_label = "two\nlines";
+  EXPECT_THAT(render_plot(spec), HasSubstr("<svg"));
+  EXPECT_EQ(folder.num_entries(), 0U);
+}
+
+TEST(Report, IsWrittenWhole) {
+  const test::TemporaryFolder folder;
+  Report("Page").verdict("Done.").write(folder.path("page.html"));
+  EXPECT_THAT(host::read_file(folder.path("page.html"), "report"), HasSubstr("</html>"));
+  EXPECT_EQ(folder.num_entries(), 1U);
+}
+
+TEST(Report, SmallMultiplesShareOneLegend) {
+  Report report("Page");
+  report.plots("all", {small_plot(), small_plot(), small_plot()});
+  EXPECT_EQ(count(report.html(), "a curve</span>"), 1U);
+}
+
+TEST(Report, SaysWhenGnuplotIsMissing) {
+  const WithoutPrograms nothing;
+  const std::string html = render_plot(small_plot());
+  EXPECT_THAT(html, HasSubstr("gnuplot was not found"));
+  EXPECT_THAT(html, HasSubstr("Sine"));
+  const test::TemporaryFolder folder;
+  EXPECT_FALSE(write_svg(small_plot(), folder.path("plot.svg")));
+  EXPECT_EQ(folder.num_entries(), 0U);
+}
+
+TEST(Plot, SaysWhenThereIsNothingToDraw) {
+  PlotSpec spec = small_plot();
+  for (double& y : spec.series[0].y) y = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(render_plot(spec), HasSubstr("no finite value"));
+  spec.series.clear();
+  EXPECT_THAT(render_plot(spec), HasSubstr("no finite value"));
+}
+
+TEST(Plot, DrawsConstantsSinglePointsAndGaps) {
+  NEEDS_GNUPLOT();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const Series& series : {Series{"constant", {0, 1, 2}, {5, 5, 5}}, Series{"zero", {0, 1}, {0, 0}},
+                               Series{"point", {1}, {1}}, Series{"gap", {0, 1, 2, 3, 4}, {1, 2, nan, 1, 2}},
+                               Series{"steps", {0, 1, 2}, {1, 2, 3}, {}, Style::kSteps},
+                               Series{"band", {0, 1, 2}, {1, 1, 1}, {2, nan, 2}, Style::kBand}}) {
+    PlotSpec spec{"Edge", "x", "y", {series}};
+    EXPECT_THAT(render_plot(spec), HasSubstr("<svg")) << series.label;
+  }
+}
+
+TEST(Plot, AMillionPointsStaySmall) {
+  NEEDS_GNUPLOT();
+  constexpr int kPoints = 1'000'000;
+  std::mt19937 generator(7);
+  std::normal_distribution<double> noise;
+  Series series{"noise", std::vector<double>(kPoints), std::vector<double>(kPoints)};
+  for (std::size_t k = 0; k < kPoints; ++k) {
+    series.x[k] = 1e-3 * static_cast<double>(k);
+    series.y[k] = noise(generator);
+  }
+  const std::string svg = render_plot({"Noise", "time [s]", "y", {series}});
+  EXPECT_THAT(svg, HasSubstr("<svg"));
+  EXPECT_LT(svg.size(), 60'000U);
+
+  // A cloud of points everywhere becomes a picture instead of a huge drawing.
+  for (std::size_t k = 0; k < kPoints; ++k) series.x[k] = noise(generator);
+  series.style = Style::kPoints;
+  const std::string cloud = render_plot({"Cloud", "x", "y", {series}});
+  EXPECT_THAT(cloud, HasSubstr("data:image/png;base64,iVBORw0KGgo"));
+  EXPECT_LT(cloud.size(), 600'000U);
+}
+
+TEST(Plot, ThinningKeepsEveryExtreme) {
+  constexpr std::size_t kPoints = 100'000;
+  Series series{"", std::vector<double>(kPoints), std::vector<double>(kPoints, 0.0)};
+  for (std::size_t k = 0; k < kPoints; ++k) series.x[k] = static_cast<double>(k);
+  series.y[12'345] = 7.0;  // a spike one sample wide
+  series.y[77'777] = -9.0;
+  const Series thin = decimate(series, 900, 300);
+  EXPECT_LE(thin.x.size(), 1800U);
+  EXPECT_EQ(*std::max_element(thin.y.begin(), thin.y.end()), 7.0);
+  EXPECT_EQ(*std::min_element(thin.y.begin(), thin.y.end()), -9.0);
+  const auto at = static_cast<std::size_t>(std::max_element(thin.y.begin(), thin.y.end()) - thin.y.begin());
+  EXPECT_EQ(thin.x[at], 12'345.0);
+  EXPECT_TRUE(std::is_sorted(thin.x.begin(), thin.x.end()));
+}
+
+TEST(Plot, ThinningLeavesShortSeriesAlone) {
+  const Series series{"", {0, 1, 2}, {3, 4, 5}};
+  const Series thin = decimate(series, 900, 300);
+  EXPECT_EQ(thin.x, series.x);
+  EXPECT_EQ(thin.y, series.y);
+}
+
+TEST(Plot, NothingBelowZeroOnALogAxis) {
+  NEEDS_GNUPLOT();
+  PlotSpec spec{"Log", "x", "y", {{"", {1, 2, 3, 4}, {1, 0, -5, 100}}}};
+  spec.log_y = true;
+  EXPECT_THAT(render_plot(spec), HasSubstr("<svg"));
+}
+
+TEST(Plot, StandaloneDrawingCarriesTitleAndLegend) {
+  NEEDS_GNUPLOT();
+  const test::TemporaryFolder folder;
+  ASSERT_TRUE(write_svg(small_plot(), folder.path("plot.svg")));
+  const std::string svg = host::read_file(folder.path("plot.svg"), "drawing");
+  EXPECT_THAT(svg, HasSubstr("xmlns=\"http://www.w3.org/2000/svg\""));
+  EXPECT_THAT(svg, HasSubstr("Sine"));
+  EXPECT_THAT(svg, HasSubstr("a curve"));
+}
+
+}  // namespace
+}  // namespace heft::report

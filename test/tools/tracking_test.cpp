@@ -1,0 +1,149 @@
+/// Commands that close the loop, as a user runs them.
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <nlohmann/json.hpp>
+
+#include "heft/host/file.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace heft {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct Outcome {
+  int exit_code{-1};
+  std::string out, err;
+};
+
+Outcome run_heft(const std::vector<std::string>& arguments) {
+  const test::TemporaryFolder streams;
+  std::string command = std::string("'") + HEFT_COMMAND + "'";
+  for (const std::string& argument : arguments) command += " '" + argument + "'";
+  command += " >'" + streams.path("out") + "' 2>'" + streams.path("err") + "' </dev/null";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),
+          host::read_file(streams.path("err"), "output")};
+}
+
+nlohmann::json json_of(const std::string& path) {
+  return nlohmann::json::parse(host::read_file(path, "result"));
+}
+
+TEST(Demo, FindsTheLoadWithinItsInterval) {
+  const test::TemporaryFolder folder;
+  for (const char* mass : {"0.5", "2", "4"}) {
+    const Outcome outcome = run_heft({"demo", "-o", folder.path("demo"), "--mass", mass});
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    const nlohmann::json result = json_of(folder.path("demo/results.json"));
+    const double value = result["mass"]["value"], half = result["mass"]["half_width_95"],
+                 truth = result["mass"]["true"];
+    EXPECT_DOUBLE_EQ(truth, std::stod(mass));
+    EXPECT_NEAR(value, truth, half);
+    EXPECT_LT(half, 0.05);
+    EXPECT_LT(result["converged_after"].get<double>(), 2.0);
+    for (std::size_t a = 0; a < 3; ++a) {
+      EXPECT_NEAR(result["com"]["value"][a].get<double>(), result["com"]["true"][a].get<double>(), 0.01);
+    }
+  }
+}
+
+TEST(Demo, CorrectionBringsTheTrackingErrorBack) {
+  const test::TemporaryFolder folder;
+  const Outcome outcome = run_heft({"demo", "-o", folder.path("demo"), "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json errors = nlohmann::json::parse(outcome.out)["rms_tracking_error"];
+  const double before = errors["before_grasp"], without = errors["after_grasp_uncorrected"],
+               with = errors["after_grasp_corrected"];
+  EXPECT_GT(without, 5 * before);
+  EXPECT_LT(with, 2 * before);
+  EXPECT_THAT(outcome.err, HasSubstr("report.html"));
+  EXPECT_THAT(host::read_file(folder.path("demo/report.html"), "page"), HasSubstr("</html>"));
+}
+
+TEST(Demo, RefusesAFolderThatIsAFile) {
+  const test::TemporaryFolder folder;
+  folder.write("taken", "");
+  const Outcome outcome = run_heft({"demo", "-o", folder.path("taken")});
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_THAT(outcome.err, HasSubstr("expected a folder"));
+}
+
+TEST(Reproduce, RefusesAPublicationItDoesNotKnow) {
+  const Outcome outcome = run_heft({"reproduce", "nothing", "-o", "x"});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("terminal-link"));
+}
+
+constexpr const char* kPick = R"({
+  "robot": "ur5e", "duration": 10.0, "sample_rate": 1000, "seed": 3,
+  "rotor_inertia": [0.7, 0.7, 0.7, 0.12, 0.12, 0.12],
+  "reference": {"kind": "fourier", "q0": [0.1, -1.1, 1.1, -0.4, 0.6, 0.0],
+    "amplitude": [[0.4, 0.1], [0.3, 0.1], [0.3, 0.1], [0.5, 0.1], [0.5, 0.1], [0.8, 0.1]],
+    "frequency_hz": [[0.2, 0.9], [0.25, 0.8], [0.3, 0.7], [0.35, 0.9], [0.4, 0.8], [0.45, 0.7]],
+    "phase": [[0.0, 1.0], [0.5, 0.0], [1.0, 2.0], [1.5, 0.3], [2.0, 0.1], [2.5, 1.2]], "ramp": 1.5},
+  "sensors": {"encoder_resolution": 2e-5, "velocity": "differenced", "velocity_cutoff_hz": 100},
+  "controller": {"kind": "track", "bandwidth_hz": 3},
+  "payload": [{"event": "grasp", "time": 4.0, "mass": 1.5, "com": [0.0, 0.02, 0.05], "inertia": [0.004, 0, 0.003, 0, 0, 0.004]}]
+})";
+
+TEST(Track, EstimatedLoadTracksBest) {
+  const test::TemporaryFolder folder;
+  folder.write("pick.json", kPick);
+  const Outcome outcome = run_heft({"track", "--scenario", folder.path("pick.json"), "--from", "2", "--json",
+                                    folder.path("out.json"), "--report", folder.path("page.html")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json result = json_of(folder.path("out.json"));
+  ASSERT_EQ(result["controllers"].size(), 4U);
+  std::vector<double> total;
+  for (const auto& controller : result["after_last_payload_event"]["controllers"]) {
+    double squares = 0;
+    for (const auto& v : controller["rms_error"]) squares += v.get<double>() * v.get<double>();
+    total.push_back(std::sqrt(squares));
+  }
+  ASSERT_EQ(total.size(), 4U);
+  EXPECT_LT(total[1], total[0]);        // gravity helps PD
+  EXPECT_LT(total[2], total[1]);        // computed torque helps more
+  EXPECT_LT(total[3], 0.5 * total[2]);  // and the load most
+  EXPECT_NEAR(result["load"]["mass"]["value"].get<double>(), 1.5,
+              result["load"]["mass"]["half_width_95"].get<double>());
+}
+
+TEST(Track, WorksOnAnArmWithAPrismaticAxis) {
+  const test::TemporaryFolder folder;
+  folder.write(
+      "scara.json",
+      R"({"robot": "scara", "duration": 3.0, "reference": {"kind": "fourier", "q0": [0.3, 0.8, 0.05, 0.0],
+    "amplitude": [[0.5], [0.5], [0.03], [0.6]], "frequency_hz": [[0.5], [0.6], [0.7], [0.4]], "phase": [[0], [1], [2], [3]], "ramp": 1.0}})");
+  const Outcome outcome = run_heft({"track", "--scenario", folder.path("scara.json"), "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(nlohmann::json::parse(outcome.out)["controllers"][3]["rms_error"].size(), 4U);
+}
+
+TEST(Track, AsksForAReference) {
+  const test::TemporaryFolder folder;
+  folder.write("s.json",
+               R"({"robot": "ur5e", "duration": 1.0, "initial": {"position": [0, 0, 0, 0, 0, 0]}})");
+  const Outcome outcome = run_heft({"track", "--scenario", folder.path("s.json")});
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_THAT(outcome.err, HasSubstr("/reference: found none"));
+}
+
+TEST(Track, RefusesUnknownSettings) {
+  const test::TemporaryFolder folder;
+  std::string text = kPick;
+  text.replace(text.find("bandwidth_hz"), 12, "bandwith_hz");
+  folder.write("s.json", text);
+  const Outcome outcome = run_heft({"track", "--scenario", folder.path("s.json")});
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_THAT(outcome.err, HasSubstr("bandwidth_hz"));
+}
+
+}  // namespace
+}  // namespace heft

@@ -1,0 +1,133 @@
+#include "arm_header.hpp"
+
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "heft/host/error.hpp"
+
+namespace heft::tools {
+namespace {
+
+bool is_identifier(const std::string& name) {
+  static const std::set<std::string> kReserved{"class", "struct",  "template", "float",  "double",
+                                               "int",   "default", "new",      "delete", "namespace",
+                                               "heft",  "public",  "private",  "this",   "auto"};
+  if (name.empty() || std::isdigit(static_cast<unsigned char>(name[0])) || kReserved.contains(name))
+    return false;
+  for (const char c : name) {
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '_') return false;
+  }
+  return true;
+}
+
+/// Shortest text that reads back to the same double.
+std::string literal(double value) { return fmt::format("{}", value == 0.0 ? 0.0 : value); }
+
+/// Numbers of a rotation or axis: what differs from 0 or ±1 by rounding alone is written exactly.
+double snapped(double value) {
+  constexpr double kRounding = 1e-12;
+  for (const double exact : {0.0, 1.0, -1.0}) {
+    if (std::abs(value - exact) < kRounding) return exact;
+  }
+  return value;
+}
+
+template <typename Values>
+std::string braces(const Values& values, bool snap) {
+  std::string text = "{";
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    text += (k ? ", " : "") + literal(snap ? snapped(values[k]) : values[k]);
+  }
+  return text + "}";
+}
+
+/// A text that is safe inside a line comment and a string literal.
+std::string plain(const std::string& text) {
+  std::string safe;
+  for (const char c : text) {
+    safe += (static_cast<unsigned char>(c) < 0x20 || c == '\\' || c == '"') ? '_' : c;
+  }
+  return safe;
+}
+
+}  // namespace
+
+std::string type_name_of(const std::string& robot_name) {
+  std::string name;
+  bool upper = true;
+  for (const char c : robot_name) {
+    if (!std::isalnum(static_cast<unsigned char>(c))) {
+      upper = true;
+      continue;
+    }
+    name += upper ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
+    upper = false;
+  }
+  if (name.empty()) return "Arm";
+  return std::isdigit(static_cast<unsigned char>(name[0])) ? "Arm" + name : name;
+}
+
+std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names) {
+  if (!is_identifier(names.type)) {
+    throw InputError(fmt::format("--name: found \"{}\"; expected a C++ type name such as {}", names.type,
+                                 type_name_of(robot.name)));
+  }
+  for (std::size_t from = 0; !names.name_space.empty();) {
+    const std::size_t colons = names.name_space.find("::", from);
+    if (!is_identifier(names.name_space.substr(from, colons - from))) {
+      throw InputError(fmt::format(
+          "--namespace: found \"{}\"; expected C++ names joined by ::, such as app::arms", names.name_space));
+    }
+    if (colons == std::string::npos) break;
+    from = colons + 2;
+  }
+
+  std::string text = fmt::format(
+      "/// @file\n/// Robot \"{}\" with {} joints, written by `heft export` from {}.\n/// Do not edit: "
+      "export again.\n"
+      "#pragma once\n\n#include <array>\n\n#include \"heft/core/arm_model.hpp\"\n\n",
+      plain(robot.name), robot.num_joints(), plain(names.source_of_truth));
+  if (!names.name_space.empty()) text += fmt::format("namespace {} {{\n\n", names.name_space);
+  text +=
+      fmt::format("/// Chain from {} to {}. SI units; inertia about the link-frame origin.\nstruct {} {{\n",
+                  plain(robot.base_link), plain(robot.tip_link), names.type);
+  const int n = robot.num_joints();
+  text += fmt::format("  static constexpr heft::ArmModel<double, {}> kModel{{\n", n);
+  text += "      // type, rotation (row-major), position [m], axis\n      .joints = {{\n";
+  for (const model::RobotJoint& joint : robot.joints) {
+    text += fmt::format(
+        "          // {}\n          {{heft::JointType::{},\n           {},\n           {},\n           "
+        "{}}},\n",
+        plain(joint.name), joint.joint.type == JointType::kRevolute ? "kRevolute" : "kPrismatic",
+        braces(joint.joint.rotation, true), braces(joint.joint.position, false),
+        braces(joint.joint.axis, true));
+  }
+  text += "      }},\n      // m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz\n      .links = {{\n";
+  for (const model::RobotJoint& joint : robot.joints) {
+    text +=
+        fmt::format("          {},  // {}\n", "{" + braces(joint.link, false) + "}", plain(joint.link_name));
+  }
+  text += "      }},\n      // rotor inertia, Coulomb, viscous, offset\n      .actuation = {{\n";
+  for (const model::RobotJoint& joint : robot.joints) {
+    const auto& a = joint.actuation;
+    text +=
+        fmt::format("          {},\n", braces(std::array<double, 4>{a.rotor_inertia, a.coulomb_friction,
+                                                                    a.viscous_friction, a.friction_offset},
+                                              false));
+  }
+  text += fmt::format("      }}}},\n      .gravity = {},\n  }};\n", braces(robot.gravity, false));
+  text += "  /// Placement of the tool flange in the last link frame: rotation (row-major), position [m].\n";
+  text += fmt::format("  static constexpr std::array<double, 9> kTipRotation{};\n",
+                      braces(robot.tip_rotation, true));
+  text += fmt::format("  static constexpr std::array<double, 3> kTipPosition{};\n",
+                      braces(robot.tip_position, false));
+  text += "};\n";
+  if (!names.name_space.empty()) text += fmt::format("\n}}  // namespace {}\n", names.name_space);
+  return text;
+}
+
+}  // namespace heft::tools

@@ -1,0 +1,385 @@
+/// @file
+/// heft demo: an arm on a path picks up a load that nobody told it of, finds it and carries on.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "command.hpp"
+#include "console.hpp"
+#include "heft/host/error.hpp"
+#include "heft/model/named_arms.hpp"
+#include "heft/report/report.hpp"
+#include "heft/sim/simulator.hpp"
+#include "operation_count_line.hpp"
+#include "output_folder.hpp"
+#include "parallel.hpp"
+#include "payload_result.hpp"
+#include "sim_controllers.hpp"
+
+namespace heft::tools {
+namespace {
+
+struct Options {
+  std::string output{"heft-demo"};
+  std::string json;
+  double mass{2.0};
+};
+
+constexpr double kDuration = 15.0;
+constexpr double kGrasp = 6.0;
+constexpr double kSettled = 2.0;  // after a start or a grasp, before errors are counted [s]
+
+/// The UR5 with drives: rotors, torque limits.
+model::Robot demo_robot() {
+  model::Robot robot = robot_of(model::Ur5Arm::kModel, "ur5");
+  constexpr std::array<double, 6> kRotor = {0.6, 0.6, 0.5, 0.1, 0.1, 0.1};
+  constexpr std::array<double, 6> kEffort = {150, 150, 150, 28, 28, 28};
+  for (std::size_t i = 0; i < 6; ++i) {
+    robot.joints[i].actuation.rotor_inertia = kRotor[i];
+    robot.joints[i].effort_limit = kEffort[i];
+  }
+  return robot;
+}
+
+/// The arm as the controller knows it: rigid bodies as identified, friction some percent off.
+model::Robot believed_robot(const model::Robot& robot) {
+  model::Robot believed = robot;
+  constexpr std::array<double, 6> kOff = {1.05, 0.95, 1.04, 0.94, 1.06, 0.96};
+  for (std::size_t i = 0; i < 6; ++i) {
+    believed.joints[i].actuation.coulomb_friction *= kOff[i];
+    believed.joints[i].actuation.viscous_friction *= kOff[5 - i];
+  }
+  return believed;
+}
+
+sim::Body demo_load(double mass) {
+  sim::Body body;
+  body.mass = mass;
+  body.com = Eigen::Vector3d(0.03, -0.02, 0.14);
+  // A block of 14 × 10 × 8 cm.
+  body.inertia =
+      mass / 12 *
+      Eigen::Vector3d(0.10 * 0.10 + 0.08 * 0.08, 0.14 * 0.14 + 0.08 * 0.08, 0.14 * 0.14 + 0.10 * 0.10)
+          .asDiagonal();
+  return body;
+}
+
+std::shared_ptr<const sim::Reference> demo_path() {
+  sim::FourierMotion motion;
+  motion.q0.resize(6);
+  motion.amplitude.resize(6, 2);
+  motion.frequency_hz.resize(6, 2);
+  motion.phase.resize(6, 2);
+  motion.q0 << 0.0, -1.2, 1.3, -0.5, 1.0, 0.2;
+  motion.amplitude << 0.50, 0.10, 0.30, 0.08, 0.35, 0.08, 0.50, 0.12, 0.60, 0.12, 0.70, 0.15;
+  motion.frequency_hz << 0.20, 0.75, 0.25, 0.65, 0.30, 0.80, 0.35, 0.90, 0.40, 0.85, 0.45, 0.70;
+  motion.phase << 0.0, 1.0, 0.5, 0.0, 1.0, 2.0, 1.5, 0.3, 2.0, 0.1, 2.5, 1.2;
+  const Eigen::VectorXd start = motion.q0;
+  return sim::ramp_in(sim::make_fourier(motion), start, 1.5);
+}
+
+struct Run {
+  Eigen::VectorXd time;
+  Eigen::MatrixXd error;  ///< reference minus position [rad]
+  Eigen::MatrixXd torque;
+};
+
+/// Root mean square over all joints between two times [rad].
+double rms_between(const Run& run, double from, double to) {
+  double sum = 0;
+  int count = 0;
+  for (Eigen::Index k = 0; k < run.time.size(); ++k) {
+    if (run.time[k] < from || run.time[k] >= to) continue;
+    sum += run.error.row(k).squaredNorm() / static_cast<double>(run.error.cols());
+    ++count;
+  }
+  return count > 0 ? std::sqrt(sum / count) : 0.0;
+}
+
+/// Length of the error over time, smoothed over a tenth of a second so that the eye sees its level.
+Eigen::VectorXd error_level(const Run& run) {
+  const Eigen::Index window = 100;
+  Eigen::VectorXd level(run.time.size());
+  double sum = 0;
+  for (Eigen::Index k = 0; k < run.time.size(); ++k) {
+    sum += run.error.row(k).squaredNorm();
+    if (k >= window) sum -= run.error.row(k - window).squaredNorm();
+    const double count = static_cast<double>(std::min(k + 1, window) * run.error.cols());
+    level[k] = 1e3 * std::sqrt(std::max(0.0, sum) / count);
+  }
+  return level;
+}
+
+report::Mark grasp_mark() { return {report::Mark::Direction::kVertical, kGrasp, "grasp"}; }
+
+void run(const Options& options) {
+  const Console console{options.json};
+  const std::filesystem::path folder = make_output_folder(options.output);
+  const model::Robot robot = demo_robot();
+  const model::Robot believed = believed_robot(robot);
+  const sim::Body load = demo_load(options.mass);
+
+  sim::SimulationSettings settings;
+  settings.robot = robot;
+  settings.duration = kDuration;
+  settings.loads = sim::loads_of(robot);
+  settings.torque_limit = sim::effort_limits_of(robot);
+  settings.reference = demo_path();
+  settings.initial_position.resize(6);
+  settings.initial_velocity.resize(6);
+  Eigen::VectorXd acceleration(6);
+  settings.reference->evaluate(0.0, settings.initial_position, settings.initial_velocity, acceleration);
+  sim::PayloadEvent grasp;
+  grasp.time = kGrasp;
+  grasp.body = load;
+  settings.payload_events = {grasp};
+  settings.sensors.encoder_quantum = Eigen::VectorXd::Constant(6, 2e-5);
+  settings.sensors.velocity = sim::VelocitySource::kDifferenced;
+  settings.sensors.velocity_cutoff_hz = 100;
+  settings.sensors.torque_noise = (Eigen::VectorXd(6) << 0.5, 0.5, 0.5, 0.1, 0.1, 0.1).finished();
+  settings.seed = 1;
+
+  TrackingSettings tracking;
+  tracking.bandwidth_hz = 3;
+  tracking.torque_limit = settings.torque_limit;
+  tracking.inertia = mean_inertia(believed, *settings.reference, kDuration);
+
+  const auto trace = std::make_shared<LoadTrace>();
+  std::array<Run, 2> runs;  // without and with the estimate
+  Progress progress("simulating");
+  for_each_parallel(
+      runs.size(),
+      [&](std::size_t i) {
+        sim::SimulationSettings own = settings;
+        own.controller =
+            make_tracking_controller(i == 0 ? TrackingMethod::kComputedTorque : TrackingMethod::kEstimated,
+                                     believed, tracking, i == 0 ? nullptr : trace);
+        const data::Log log = sim::simulate(own).log;
+        runs[i] = {log.time, log.qref - log.q, log.tau};
+      },
+      [&](double done) { progress.update(done); });
+  const Run& without = runs[0];
+  const Run& with = runs[1];
+
+  const double mass = trace->mass.back(), half = trace->mass_half_width.back();
+  const auto com = trace->com.back(), com_half = trace->com_half_width.back();
+  const double found_at = trace->settled_at() - kGrasp;
+  const auto noticed =
+      std::find_if(trace->change.begin(), trace->change.end(), [](double t) { return t > kGrasp; });
+  const double noticed_at =
+      noticed == trace->change.end() ? std::numeric_limits<double>::quiet_NaN() : *noticed - kGrasp;
+  const double before = rms_between(with, kSettled, kGrasp);
+  const double after_without = rms_between(without, kGrasp + kSettled, kDuration);
+  const double after_with = rms_between(with, kGrasp + kSettled, kDuration);
+  const bool covered = std::abs(mass - load.mass) <= half;
+  const std::string operations = operation_count_line();
+
+  const auto number = [](double v) {
+    return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
+  };
+  nlohmann::ordered_json json{
+      {"robot", robot.name},
+      {"grasp_time", kGrasp},
+      {"mass",
+       {{"value", number(mass)},
+        {"half_width_95", number(half)},
+        {"std", number(half / 1.96)},
+        {"identifiable", std::isfinite(half) && half < 0.5 * std::abs(mass)},
+        {"true", load.mass}}},
+      {"com",
+       {{"value", {number(com[0]), number(com[1]), number(com[2])}},
+        {"half_width_95", {number(com_half[0]), number(com_half[1]), number(com_half[2])}},
+        {"true", {load.com[0], load.com[1], load.com[2]}}}},
+      {"noticed_after", number(noticed_at)},
+      {"converged_after", number(found_at)},
+      {"rms_tracking_error",
+       {{"before_grasp", before},
+        {"after_grasp_uncorrected", after_without},
+        {"after_grasp_corrected", after_with}}},
+      {"report", (folder / "report.html").string()}};
+  if (!operations.empty()) json["operations"] = operations;
+
+  report::Report page(
+      "An arm picks up a load nobody told it of",
+      fmt::format("A simulated UR5 under computed torque at 1 kHz; {} kg in the gripper from {:.0f} s on.",
+                  load.mass, kGrasp));
+  page.verdict(fmt::format("The load weighs {:.3f} kg ± {:.3f} kg (in truth {:.3f} kg). With it in the model "
+                           "the tracking error "
+                           "falls from {:.2f} to {:.2f} mrad; it was {:.2f} mrad before the grasp.",
+                           mass, half, load.mass, 1e3 * after_without, 1e3 * after_with, 1e3 * before),
+               covered ? report::Tone::kGood : report::Tone::kNeutral);
+  page.facts({{"mass found", fmt::format("{:.3f} kg", mass),
+               fmt::format("± {:.3f}, in truth {:.3f}", half, load.mass)},
+              {"centre of mass [mm]",
+               fmt::format("{:.0f}, {:.0f}, {:.0f}", 1e3 * com[0], 1e3 * com[1], 1e3 * com[2]),
+               fmt::format("± {:.0f}, {:.0f}, {:.0f}; in truth {:.0f}, {:.0f}, {:.0f}", 1e3 * com_half[0],
+                           1e3 * com_half[1], 1e3 * com_half[2], 1e3 * load.com[0], 1e3 * load.com[1],
+                           1e3 * load.com[2])},
+              {"time to find it", fmt::format("{:.2f} s", found_at),
+               fmt::format("noticed after {:.2f} s; then within 5 % for good", noticed_at)},
+              {"tracking error", fmt::format("÷ {:.1f}", after_without / after_with),
+               "after the grasp, with the load in the model"}});
+
+  report::PlotSpec mass_plot;
+  mass_plot.title = "What the estimator says the load weighs, with its 95 % interval";
+  mass_plot.x_label = "time [s]";
+  mass_plot.y_label = "mass [kg]";
+  mass_plot.height = 340;
+  mass_plot.y_range = std::pair<double, double>(-0.5 * load.mass, 2.0 * load.mass);
+  {
+    report::Series interval{"95 % interval", trace->time, {}, {}, report::Style::kBand, report::Hue::kBlue};
+    const double lowest = mass_plot.y_range->first, highest = mass_plot.y_range->second;
+    for (std::size_t k = 0; k < trace->mass.size(); ++k) {
+      interval.y.push_back(std::clamp(trace->mass[k] - trace->mass_half_width[k], lowest, highest));
+      interval.y_high.push_back(std::clamp(trace->mass[k] + trace->mass_half_width[k], lowest, highest));
+    }
+    mass_plot.series.push_back(interval);
+    mass_plot.series.push_back(
+        {"estimate", trace->time, trace->mass, {}, report::Style::kLine, report::Hue::kBlue});
+    mass_plot.series.push_back({"truth",
+                                {0, kGrasp, kGrasp, kDuration},
+                                {0, 0, load.mass, load.mass},
+                                {},
+                                report::Style::kDashed,
+                                report::Hue::kNeutral});
+  }
+  mass_plot.marks = {grasp_mark()};
+  page.plot(mass_plot);
+
+  report::PlotSpec error_plot;
+  error_plot.title = "Tracking error of the whole arm (rms over joints and a tenth of a second)";
+  error_plot.x_label = "time [s]";
+  error_plot.y_label = "error [mrad]";
+  error_plot.height = 340;
+  error_plot.series = {
+      report::line("nobody tells the controller", without.time, error_level(without),
+                   report::Hue::kVermillion),
+      report::line("with the estimated load", with.time, error_level(with), report::Hue::kBlue)};
+  error_plot.marks = {grasp_mark()};
+  page.plot(error_plot);
+
+  report::Table table(
+      {"joint", "before the grasp [mrad]", "after, uncorrected [mrad]", "after, corrected [mrad]"});
+  nlohmann::ordered_json per_joint = nlohmann::ordered_json::array();
+  std::vector<report::PlotSpec> small;
+  for (int j = 0; j < 6; ++j) {
+    const Run one_with{with.time, with.error.col(j), {}}, one_without{without.time, without.error.col(j), {}};
+    const double b = rms_between(one_with, kSettled, kGrasp),
+                 u = rms_between(one_without, kGrasp + kSettled, kDuration),
+                 c = rms_between(one_with, kGrasp + kSettled, kDuration);
+    table.add_row({fmt::format("{}", j + 1), fmt::format("{:.2f}", 1e3 * b), fmt::format("{:.2f}", 1e3 * u),
+                   fmt::format("{:.2f}", 1e3 * c)});
+    per_joint.push_back({{"joint", j + 1},
+                         {"before_grasp", b},
+                         {"after_grasp_uncorrected", u},
+                         {"after_grasp_corrected", c}});
+    report::PlotSpec spec;
+    spec.title = fmt::format("Joint {}", j + 1);
+    spec.x_label = "time [s]";
+    spec.y_label = "error [mrad]";
+    spec.width = 460;
+    spec.height = 200;
+    spec.series = {
+        report::line("nobody tells the controller", without.time, 1e3 * without.error.col(j),
+                     report::Hue::kVermillion),
+        report::line("with the estimated load", with.time, 1e3 * with.error.col(j), report::Hue::kBlue)};
+    spec.marks = {grasp_mark()};
+    small.push_back(spec);
+  }
+  table.add_row({"all", fmt::format("{:.2f}", 1e3 * before), fmt::format("{:.2f}", 1e3 * after_without),
+                 fmt::format("{:.2f}", 1e3 * after_with)});
+  json["per_joint"] = per_joint;
+  page.plots("Tracking error, joint by joint", small);
+  page.heading("In numbers");
+  page.table(
+      table,
+      fmt::format("Root mean square tracking error from {:.0f} s after the start or the grasp on", kSettled));
+
+  std::vector<report::PlotSpec> com_plots;
+  for (std::size_t a = 0; a < 3; ++a) {
+    report::PlotSpec spec;
+    spec.title = fmt::format("Centre of mass, {}", "xyz"[a]);
+    spec.x_label = "time [s]";
+    spec.y_label = "[mm]";
+    spec.width = 460;
+    spec.height = 200;
+    std::vector<double> time, value, low, high;
+    for (std::size_t k = 0; k < trace->time.size(); ++k) {
+      if (trace->time[k] < kGrasp) continue;
+      time.push_back(trace->time[k]);
+      value.push_back(1e3 * trace->com[k][a]);
+      low.push_back(1e3 * (trace->com[k][a] - trace->com_half_width[k][a]));
+      high.push_back(1e3 * (trace->com[k][a] + trace->com_half_width[k][a]));
+    }
+    const double truth = 1e3 * load.com[static_cast<Eigen::Index>(a)];
+    for (std::size_t k = 0; k < low.size(); ++k) {
+      low[k] = std::clamp(low[k], truth - 60, truth + 60);
+      high[k] = std::clamp(high[k], truth - 60, truth + 60);
+    }
+    spec.series = {{"95 % interval", time, low, high, report::Style::kBand, report::Hue::kBlue},
+                   {"estimate", time, value, {}, report::Style::kLine, report::Hue::kBlue}};
+    spec.y_range = std::pair<double, double>(truth - 60, truth + 60);
+    spec.marks = {{report::Mark::Direction::kHorizontal, truth, "truth"}};
+    com_plots.push_back(spec);
+  }
+  page.plots("Where the load sits, in the axes of the last link", com_plots);
+  if (!operations.empty()) page.note(operations);
+  page.note(
+      "Encoders of 2e-5 rad, velocity from differences, torque noise of 0.5 and 0.1 N·m; the controller "
+      "knows the rigid bodies "
+      "of the arm and its friction to about 5 %.");
+  page.note(
+      "The estimator sees encoder positions and the torque the drives report, nothing else. Positions pass a "
+      "causal filter that gives "
+      "velocity and acceleration, the torque passes the same filter; the residual of the arm's own model is "
+      "explained by ten "
+      "inertial parameters of a body at the last link and a change of the last joint's friction, by "
+      "recursive least squares. "
+      "Residuals several times their usual size over some samples say that the load is another; what was "
+      "known is then "
+      "forgotten and the new load is weighed afresh. The interval is 1.96 standard deviations, from the "
+      "residuals' own size and "
+      "correlation.");
+  page.write((folder / "report.html").string());
+  write_json((folder / "results.json").string(), json);
+  write_json(options.json, json);
+
+  console.print(
+      "The load weighs {:.3f} kg ± {:.3f} kg (in truth {:.3f} kg), found {:.2f} s after the grasp.\n", mass,
+      half, load.mass, found_at);
+  console.print("Centre of mass {:.0f}, {:.0f}, {:.0f} mm (in truth {:.0f}, {:.0f}, {:.0f}).\n", 1e3 * com[0],
+                1e3 * com[1], 1e3 * com[2], 1e3 * load.com[0], 1e3 * load.com[1], 1e3 * load.com[2]);
+  console.print(
+      "Tracking error: {:.2f} mrad before the grasp; after it {:.2f} mrad without, {:.2f} mrad with the "
+      "estimated load.\n",
+      1e3 * before, 1e3 * after_without, 1e3 * after_with);
+  if (!operations.empty()) console.print("{}\n", operations);
+  console.print("Report: {}\n", (folder / "report.html").string());
+}
+
+}  // namespace
+
+Action set_up_demo(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  app.add_option("-o,--output", options->output,
+                 "folder for report.html and results.json; made if it is not there")
+      ->type_name("FOLDER")
+      ->capture_default_str();
+  app.add_option("--mass", options->mass, "[kg] load that the arm grips")
+      ->check(CLI::Range(0.1, 5.0))
+      ->capture_default_str();
+  app.add_option("--json", options->json, "write the results as JSON; - is standard output")
+      ->type_name("FILE");
+  app.footer("Needs no files: arm, path, sensors and load are built in. Takes a few seconds.");
+  return [options] { run(*options); };
+}
+
+}  // namespace heft::tools

@@ -1,0 +1,199 @@
+/// @file
+/// heft dynamics: inverse dynamics, gravity torque or regressor for each row of a log.
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "command.hpp"
+#include "console.hpp"
+#include "heft/host/file.hpp"
+#include "heft/model/dynamics.hpp"
+#include "heft/report/report.hpp"
+#include "options.hpp"
+#include "torque_score.hpp"
+
+namespace heft::tools {
+namespace {
+
+struct Options {
+  RobotOptions robot;
+  LogOptions log;
+  ResultOptions result;
+  std::string what{"torque"};
+  std::string output;
+};
+
+/// Columns of the regressor in core's order: Y{row}_{parameter}{link or joint}, the rows of one sample side by side.
+std::string regressor_header(int num_joints, bool with_actuation) {
+  static constexpr std::array<const char*, 10> kLink{"m",   "mcx", "mcy", "mcz", "Ixx",
+                                                     "Ixy", "Iyy", "Ixz", "Iyz", "Izz"};
+  static constexpr std::array<const char*, 4> kActuation{"rotor", "coulomb", "viscous", "offset"};
+  std::string header = "time";
+  for (int row = 1; row <= num_joints; ++row) {
+    for (int link = 1; link <= num_joints; ++link) {
+      for (const char* name : kLink) header += fmt::format(",Y{}_{}{}", row, name, link);
+    }
+    if (!with_actuation) continue;
+    for (const char* name : kActuation) {
+      for (int joint = 1; joint <= num_joints; ++joint) header += fmt::format(",Y{}_{}{}", row, name, joint);
+    }
+  }
+  return header;
+}
+
+/// One CSV line: time, then the values, shortest form that reads back to the same number.
+template <typename Values>
+void append_row(std::string& csv, double time, const Values& values) {
+  csv += fmt::format("{}", time);
+  for (const double value : values) csv += fmt::format(",{}", value == 0.0 ? 0.0 : value);  // no "-0"
+  csv += '\n';
+}
+
+/// What one log gives.
+struct LogResult {
+  data::Log log;
+  Eigen::MatrixXd torque;            ///< samples × joints; empty for the regressor
+  std::optional<TorqueScore> score;  ///< when the log holds torque to compare with
+};
+
+/// Computes the rows of one log and appends them to `csv`, each after `prefix`.
+LogResult work_on(const std::string& path, const Options& options, const model::Dynamics& dynamics,
+                  const std::string& prefix, std::string& csv) {
+  const int n = dynamics.num_joints();
+  const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;
+  const bool is_gravity = options.what == "gravity";
+  data::LogRequirements needs;
+  needs.num_joints = n;
+  needs.robot_name = dynamics.robot().name;
+  needs.velocity = needs.acceleration = !is_gravity;
+  needs.min_samples = 1;  // each row stands for itself; what has to be derived asks for more
+  LogResult result{prepare_log(path, options.log, needs).log, {}, {}};
+  const data::Log& log = result.log;
+  const int num_samples = log.num_samples();
+  if (options.what != "regressor") result.torque.resize(num_samples, n);
+
+  Progress progress(path);
+  for (int k = 0; k < num_samples; ++k) {
+    progress.update(static_cast<double>(k) / num_samples);
+    csv += prefix;
+    const Eigen::VectorXd q = log.q.row(k);
+    if (is_gravity) {
+      result.torque.row(k) = dynamics.gravity_torque(q);
+      append_row(csv, log.time[k], result.torque.row(k));
+      continue;
+    }
+    const Eigen::VectorXd qd = log.qd.row(k);
+    const Eigen::VectorXd qdd = log.qdd.row(k);
+    if (options.what == "regressor") {
+      const Eigen::MatrixXd Y = dynamics.regressor(q, qd, qdd);
+      append_row(csv, log.time[k],
+                 Y.leftCols(at_motor ? Y.cols() : Eigen::Index{10 * n}).reshaped<Eigen::RowMajor>().eval());
+    } else {
+      result.torque.row(k) =
+          at_motor ? dynamics.joint_torque(q, qd, qdd) : dynamics.inverse_dynamics(q, qd, qdd);
+      append_row(csv, log.time[k], result.torque.row(k));
+    }
+  }
+  if (options.what == "torque" && log.tau.cols() == n) {
+    result.score = score_torque(log, result.torque, options.log.band);
+  }
+  return result;
+}
+
+void run(const Options& options) {
+  const Console console{options.output, options.result.json};
+  const model::Dynamics dynamics(load_robot(options.robot));
+  const std::string& robot = dynamics.robot().name;
+  const int n = dynamics.num_joints();
+  const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;
+  const bool is_gravity = options.what == "gravity";
+  const bool is_regressor = options.what == "regressor";
+  const bool several = options.log.logs.size() > 1;
+  const std::string subject = is_gravity     ? "gravity torque"
+                              : is_regressor ? "regressor"
+                              : at_motor     ? "torque with rotor inertia and friction"
+                                             : "torque of the rigid bodies";
+
+  std::string csv = several ? "log," : "";
+  if (is_regressor) {
+    csv += regressor_header(n, at_motor);
+  } else {
+    csv += "time";
+    for (int j = 1; j <= n; ++j) csv += fmt::format(",{}{}", is_gravity ? "g" : "tau", j);
+  }
+  csv += '\n';
+
+  report::Report page(fmt::format("{}: {}", robot, subject),
+                      fmt::format("{} log{}", options.log.logs.size(), several ? "s" : ""));
+  nlohmann::ordered_json json{{"robot", robot}, {"what", options.what}, {"torque_at", options.log.torque_at}};
+  json["logs"] = nlohmann::ordered_json::array();
+  std::string text;
+  for (std::size_t k = 0; k < options.log.logs.size(); ++k) {
+    const std::string& path = options.log.logs[k];
+    const LogResult result = work_on(path, options, dynamics, several ? fmt::format("{},", k + 1) : "", csv);
+    nlohmann::ordered_json entry{{"log", path}, {"samples", result.log.num_samples()}};
+    page.heading(path);
+    text += fmt::format("{}: {} of {} for {} row{}\n", path, subject, robot, result.log.num_samples(),
+                        result.log.num_samples() == 1 ? "" : "s");
+    if (is_regressor) {
+      page.paragraph(fmt::format("Regressor with {} columns a joint.", (at_motor ? 14 : 10) * n));
+    } else {
+      const Eigen::VectorXd largest = result.torque.cwiseAbs().colwise().maxCoeff();
+      entry["max_abs"] = json_array(largest);
+      if (result.score) {
+        entry.update(score_json(*result.score));
+        const report::Table table = score_table(*result.score);
+        const std::string meaning = score_meaning(*result.score);
+        text += "Against the torque that the log holds:\n" + table.to_text(2) + meaning + '\n';
+        page.verdict(
+            fmt::format("The model meets the measured torque within {} % of each joint's largest torque.",
+                        report::number(result.score->percent_of_max.maxCoeff(), 2)));
+        page.table(table, meaning);
+      } else {
+        page.verdict(fmt::format("Largest {}: {} N·m.", subject, report::number(largest.maxCoeff())));
+      }
+      page.plots("Torque over time", torque_plots(result.log, result.torque));
+    }
+    json["logs"].push_back(std::move(entry));
+  }
+  host::write_file_atomically(options.output, csv);
+  write_json(options.result.json, json);
+  console.print("{}", text);
+  finish(console, options.output, options.result, page);
+}
+
+}  // namespace
+
+Action set_up_dynamics(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  add_robot_options(app, options->robot);
+  add_log_options(app, options->log);
+  app.add_option("--what", options->what,
+                 "torque (with rotor inertia and friction; rigid bodies only with --torque-at joint), "
+                 "gravity or regressor")
+      ->type_name("WHAT")
+      ->check(CLI::IsMember({"torque", "gravity", "regressor"}))
+      ->capture_default_str();
+  add_output_option(app, options->output, "result (CSV), one line a log row; - is standard output");
+  add_result_options(app, options->result);
+  app.footer(
+      "The log needs q1..qN; qd and qdd are derived when missing. Columns of the result after `time` (with "
+      "several logs a\n"
+      "column `log` with their number, from 1, stands first):\n"
+      "  torque     tau1..tauN\n"
+      "  gravity    g1..gN\n"
+      "  regressor  Y1_m1 ... : row 1 for all links (m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, then "
+      "the next link),\n"
+      "             then Y1_rotor1..N, Y1_coulomb1..N, Y1_viscous1..N, Y1_offset1..N, then row 2...\n"
+      "             With --torque-at joint the columns after the links are left out.\n"
+      "When the log holds torque, --what torque also compares the two.\n"
+      "Example: heft dynamics --urdf ur5e --log motion.csv -o torque.csv");
+  return [options] { run(*options); };
+}
+
+}  // namespace heft::tools

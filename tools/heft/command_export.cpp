@@ -1,0 +1,57 @@
+/// @file
+/// heft export: a robot and a model as a constexpr C++ header for firmware.
+#include <memory>
+#include <string>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include "arm_header.hpp"
+#include "command.hpp"
+#include "console.hpp"
+#include "heft/host/file.hpp"
+#include "options.hpp"
+
+namespace heft::tools {
+namespace {
+
+struct Options {
+  RobotOptions robot;
+  std::string type_name;
+  std::string name_space;
+  std::string output;
+};
+
+void run(const Options& options) {
+  const Console console{options.output};
+  const model::Robot robot = load_robot(options.robot);
+  ArmHeaderNames names;
+  names.type = options.type_name.empty() ? type_name_of(robot.name) : options.type_name;
+  names.name_space = options.name_space;
+  names.source_of_truth = options.robot.urdf;
+  if (!options.robot.model.empty()) names.source_of_truth += " and " + options.robot.model;
+  host::write_file_atomically(options.output, arm_header(robot, names));
+  console.print("{} with {} joints as struct {}\n", robot.name, robot.num_joints(),
+                names.name_space.empty() ? names.type : names.name_space + "::" + names.type);
+  if (options.output != "-") console.print("Written: {}\n", options.output);
+}
+
+}  // namespace
+
+Action set_up_export(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  add_robot_options(app, options->robot);
+  app.add_option("--name", options->type_name, "name of the struct (default: made from the robot's name)")
+      ->type_name("TYPE");
+  app.add_option("--namespace", options->name_space,
+                 "namespace of the struct, such as app::arms (default: none)")
+      ->type_name("NAME");
+  add_output_option(app, options->output, "the header (.hpp); - is standard output");
+  app.footer(
+      "The header needs heft's core alone. Its struct is a description for the compile-time dynamics:\n"
+      "a member kModel of type heft::ArmModel<double, N>.\n"
+      "Example: heft export --urdf ur5e --model fitted.json --namespace app -o ur5e.hpp");
+  return [options] { run(*options); };
+}
+
+}  // namespace heft::tools

@@ -1,0 +1,139 @@
+/// @file
+/// heft simulate: runs a scenario file on the simulated arm and writes its log.
+#include <memory>
+#include <string>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "command.hpp"
+#include "console.hpp"
+#include "heft/data/log.hpp"
+#include "heft/report/report.hpp"
+#include "options.hpp"
+#include "scenario_input.hpp"
+#include "torque_score.hpp"
+
+namespace heft::tools {
+namespace {
+
+struct Options {
+  std::string scenario;
+  std::string output;
+  ResultOptions result;
+};
+
+const char* name_of(sim::SimulationEvent::Kind kind) {
+  switch (kind) {
+    case sim::SimulationEvent::Kind::kGrasp: return "grasp";
+    case sim::SimulationEvent::Kind::kRelease: return "release";
+    case sim::SimulationEvent::Kind::kStick: return "stick";
+    case sim::SimulationEvent::Kind::kSlip: return "slip";
+  }
+  return "event";
+}
+
+/// Root mean square of reference minus position, per joint; empty without a reference.
+Eigen::VectorXd tracking_error(const data::Log& log) {
+  if (log.qref.cols() != log.q.cols()) return {};
+  return (log.qref - log.q).colwise().squaredNorm().cwiseSqrt() /
+         std::sqrt(static_cast<double>(log.num_samples()));
+}
+
+/// A plot a joint of one channel, with its reference where there is one and the payload events as marks.
+std::vector<report::PlotSpec> channel_plots(const sim::SimulationResult& result,
+                                            const Eigen::MatrixXd& channel, const Eigen::MatrixXd& reference,
+                                            const std::string& label) {
+  std::vector<report::PlotSpec> plots;
+  const data::Log& log = result.log;
+  for (Eigen::Index j = 0; j < channel.cols(); ++j) {
+    report::PlotSpec spec;
+    spec.title = fmt::format("Joint {}", j + 1);
+    spec.x_label = "time [s]";
+    spec.y_label = label;
+    const bool has_reference = reference.cols() == channel.cols();
+    if (has_reference)
+      spec.series.push_back(report::line("reference", log.time, reference.col(j), report::Hue::kNeutral));
+    spec.series.push_back(
+        report::line(has_reference ? "measured" : "", log.time, channel.col(j), report::Hue::kBlue));
+    for (const sim::SimulationEvent& event : result.events) {
+      if (event.joint < 0)
+        spec.marks.push_back({report::Mark::Direction::kVertical, event.time, name_of(event.kind)});
+    }
+    plots.push_back(std::move(spec));
+  }
+  return plots;
+}
+
+void run(const Options& options) {
+  const Console console{options.output, options.result.json};
+  const sim::Scenario scenario = read_scenario(options.scenario);
+  const sim::SimulationResult result = sim::simulate_scenario(scenario);
+  const data::Log& log = result.log;
+  const double duration = log.time[log.num_samples() - 1] - log.time[0];
+
+  nlohmann::ordered_json json{{"scenario", options.scenario},
+                              {"robot", scenario.settings.robot.name},
+                              {"samples", log.num_samples()},
+                              {"duration", duration}};
+  json["events"] = nlohmann::ordered_json::array();
+  std::size_t num_payload = 0, num_stick = 0;
+  std::string happened;
+  for (const sim::SimulationEvent& event : result.events) {
+    json["events"].push_back({{"time", event.time},
+                              {"kind", name_of(event.kind)},
+                              {"joint", event.joint < 0 ? nlohmann::ordered_json(nullptr)
+                                                        : nlohmann::ordered_json(event.joint + 1)}});
+    if (event.joint < 0) {
+      ++num_payload;
+      happened += fmt::format("  {} at {:.4f} s\n", name_of(event.kind), event.time);
+    } else if (event.kind == sim::SimulationEvent::Kind::kStick) {
+      ++num_stick;
+    }
+  }
+  json["solver"] = {{"steps", result.counts.steps},
+                    {"evaluations", result.counts.evaluations},
+                    {"failed_steps", result.counts.failed_steps},
+                    {"restarts", result.counts.restarts}};
+  std::string text = fmt::format(
+      "{} simulated for {:.6g} s: {} samples, {} payload events, {} times a joint came to stick\n{}",
+      scenario.settings.robot.name, duration, log.num_samples(), num_payload, num_stick, happened);
+  const Eigen::VectorXd error = tracking_error(log);
+  report::Table table({"joint", "RMS tracking error [rad, m]", "largest torque [N·m, N]"});
+  if (error.size() > 0) json["rms_tracking_error"] = json_array(error);
+  for (int j = 0; j < log.num_joints(); ++j) {
+    table.add_row({fmt::format("{}", j + 1), error.size() > 0 ? report::number(error[j]) : "–",
+                   log.tau.cols() > 0 ? report::number(log.tau.col(j).cwiseAbs().maxCoeff()) : "–"});
+  }
+  text += table.to_text(2);
+
+  data::write_log(options.output, log);
+  write_json(options.result.json, json);
+  report::Report page(fmt::format("{}: simulation", scenario.settings.robot.name), options.scenario);
+  page.verdict(fmt::format("{:.6g} s simulated, {} payload events.", duration, num_payload));
+  page.table(table);
+  page.plots("Position", channel_plots(result, log.q, log.qref, "position [rad, m]"));
+  page.plots("Torque", channel_plots(result, log.tau, {}, "torque [N·m, N]"));
+  console.print("{}", text);
+  finish(console, options.output, options.result, page);
+}
+
+}  // namespace
+
+Action set_up_simulate(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  app.add_option("--scenario", options->scenario,
+                 "what to simulate: robot, motion, controller, sensors, events (JSON)")
+      ->type_name("SCENARIO.json")
+      ->required();
+  add_output_option(app, options->output, "the log (CSV); - is standard output");
+  add_result_options(app, options->result);
+  app.footer(
+      "The scenario names its robot as --urdf does elsewhere; a relative path is looked for beside the "
+      "scenario first.\n"
+      "Example: heft simulate --scenario pick.json -o pick.csv");
+  return [options] { run(*options); };
+}
+
+}  // namespace heft::tools

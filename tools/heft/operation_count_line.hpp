@@ -1,0 +1,14 @@
+/// @file
+/// One line on what an estimator sample costs, for people.
+#pragma once
+
+#include <string>
+
+namespace heft::tools {
+
+/// Multiplications and additions of one sample of the terminal-link estimator (publication's arm, rows 5 and 6,
+/// instrumental variables, information form), counted now by running the production code with a counting scalar,
+/// beside the publication's figure.
+std::string operation_count_line();
+
+}  // namespace heft::tools

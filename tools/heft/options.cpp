@@ -1,0 +1,134 @@
+#include "options.hpp"
+
+#include <array>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include "console.hpp"
+#include "heft/model/model_file.hpp"
+#include "heft/urdf/urdf_import.hpp"
+
+namespace heft::tools {
+
+void add_robot_options(CLI::App& app, RobotOptions& options) {
+  app.add_option("--urdf", options.urdf,
+                 "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...)")
+      ->type_name("ROBOT")
+      ->required();
+  app.add_option("--model", options.model, "model file whose parameters replace those of the URDF")
+      ->type_name("MODEL.json");
+  app.add_option("--base", options.base, "link where the chain begins (default: the root)")
+      ->type_name("LINK");
+  app.add_option("--tip", options.tip, "link where the chain ends (default: the only leaf)")
+      ->type_name("LINK");
+  app.add_option("--mount", options.mount,
+                 "[rad] how the base stands: turned about the level world's x, then y, then z (default: "
+                 "0,0,0; a ceiling "
+                 "is 3.14159265358979,0,0)")
+      ->type_name("ROLL,PITCH,YAW")
+      ->delimiter(',')
+      ->expected(3);
+}
+
+/// Rotation about x by roll, then about the fixed y by pitch, then about the fixed z by yaw, row-major.
+static std::array<double, 9> rotation_of(const std::vector<double>& angles) {
+  const double cr = std::cos(angles[0]), sr = std::sin(angles[0]);
+  const double cp = std::cos(angles[1]), sp = std::sin(angles[1]);
+  const double cy = std::cos(angles[2]), sy = std::sin(angles[2]);
+  return {cy * cp,
+          cy * sp * sr - sy * cr,
+          cy * sp * cr + sy * sr,  //
+          sy * cp,
+          sy * sp * sr + cy * cr,
+          sy * sp * cr - cy * sr,  //
+          -sp,
+          cp * sr,
+          cp * cr};
+}
+
+model::Robot load_robot(const RobotOptions& options) {
+  urdf::UrdfOptions urdf_options;
+  urdf_options.base_link = options.base;
+  urdf_options.tip_link = options.tip;
+  if (!options.mount.empty()) urdf_options.mount_rotation = rotation_of(options.mount);
+  std::vector<std::string> notes;
+  model::Robot robot = urdf::load_urdf(urdf::resolve_robot(options.urdf), urdf_options, &notes);
+  if (!options.model.empty()) model::apply(model::read_model(options.model), robot, &notes);
+  for (const std::string& text : notes) note(text);
+  return robot;
+}
+
+void add_log_options(CLI::App& app, LogOptions& options) {
+  app.add_option("--log", options.logs, "log (CSV); may be given several times")
+      ->type_name("LOG.csv")
+      ->required();
+  app.add_option("--torque-constant", options.torque_constant,
+                 "[N·m/A] one value, or one a joint: torque from the currents i1.. when tau1.. are missing")
+      ->type_name("K,K,...")
+      ->delimiter(',');
+  app.add_option("--torque-at", options.torque_at,
+                 "where the torque was measured: motor (rotor inertia and gear friction are in it) or joint "
+                 "(a sensor "
+                 "behind the gear)")
+      ->type_name("WHERE")
+      ->check(CLI::IsMember({"motor", "joint"}))
+      ->capture_default_str();
+  app.add_option("--band", options.band,
+                 "low-pass cut-off for derived signals [Hz] (default: chosen from the motion)")
+      ->type_name("HZ")
+      ->check(CLI::PositiveNumber);
+}
+
+PreparedLog prepare_log(const std::string& path, const LogOptions& options,
+                        const data::LogRequirements& needs) {
+  PreparedLog prepared;
+  data::LogRequirements requirements = needs;
+  requirements.torque_constant = options.torque_constant;
+  // Derived below where missing, so the log need not have them.
+  requirements.velocity = false;
+  requirements.acceleration = false;
+  std::vector<std::string> notes;
+  prepared.log = data::read_log(path, requirements, &notes);
+  for (const std::string& text : notes) note(text);
+  const bool derive =
+      (needs.velocity && prepared.log.qd.cols() == 0) || (needs.acceleration && prepared.log.qdd.cols() == 0);
+  if (!derive) return prepared;
+  data::MotionOptions motion;
+  motion.cutoff = options.band;
+  prepared.motion = data::derive_motion(prepared.log, motion);
+  std::string derived = prepared.motion.velocity_derived ? "velocity" : "";
+  if (prepared.motion.acceleration_derived) derived += derived.empty() ? "acceleration" : " and acceleration";
+  note(fmt::format(
+      "{}: {} derived from position{}", path, derived,
+      prepared.motion.cutoff > 0.0
+          ? fmt::format(", zero-phase low-pass {:.3g} Hz{}", prepared.motion.cutoff,
+                        prepared.motion.cutoff_chosen ? " (chosen from the motion; --band sets it)" : "")
+          : std::string(", not filtered")));
+  if (!prepared.motion.gaps.empty()) {
+    note(fmt::format("{}: {} gaps in time; derived values inside them mean nothing", path,
+                     prepared.motion.gaps.size()));
+  }
+  return prepared;
+}
+
+void add_result_options(CLI::App& app, ResultOptions& options) {
+  app.add_option("--json", options.json, "write the results as JSON; - is standard output")
+      ->type_name("FILE");
+  app.add_option("--report", options.report, "write a page with tables and plots")->type_name("FILE.html");
+}
+
+void finish(const Console& console, const std::string& output, const ResultOptions& options,
+            const report::Report& page) {
+  if (!options.report.empty()) page.write(options.report);
+  if (!output.empty() && output != "-") console.print("Written: {}\n", output);
+  if (!options.json.empty() && options.json != "-") console.print("Results: {}\n", options.json);
+  if (!options.report.empty()) console.print("Report: {}\n", options.report);
+}
+
+void add_output_option(CLI::App& app, std::string& output, const std::string& meaning, bool required) {
+  app.add_option("-o,--output", output, meaning)->type_name("FILE")->required(required);
+}
+
+}  // namespace heft::tools

@@ -1,0 +1,71 @@
+/// @file
+/// Options that several commands share, and what they stand for.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "heft/data/differentiate.hpp"
+#include "heft/data/log.hpp"
+#include "heft/model/robot.hpp"
+#include "heft/report/report.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace heft::tools {
+
+class Console;
+
+/// --urdf, --model and what selects the chain.
+struct RobotOptions {
+  std::string urdf;
+  std::string model;
+  std::string base;
+  std::string tip;
+  std::vector<double> mount;  ///< roll, pitch, yaw of the base in the world [rad]; empty: level
+};
+void add_robot_options(CLI::App& app, RobotOptions& options);
+/// The robot of --urdf with the parameters of --model, if given. Notes go to standard error.
+model::Robot load_robot(const RobotOptions& options);
+
+/// Where the torque of a log was measured.
+enum class TorqueAt {
+  kMotor,  ///< rotor inertia and gear friction are in it
+  kJoint   ///< a sensor behind the gear: rigid bodies only
+};
+
+/// --log, --torque-constant, --torque-at, --band.
+struct LogOptions {
+  std::vector<std::string> logs;
+  std::vector<double> torque_constant;
+  std::string torque_at{"motor"};
+  double band{0.0};  ///< [Hz]; 0: chosen from the motion
+
+  TorqueAt measured_at() const { return torque_at == "joint" ? TorqueAt::kJoint : TorqueAt::kMotor; }
+};
+void add_log_options(CLI::App& app, LogOptions& options);
+
+/// A log with what a command needs of it; qd and qdd are derived where missing. Notes go to standard error.
+struct PreparedLog {
+  data::Log log;
+  data::MotionReport motion;
+};
+PreparedLog prepare_log(const std::string& path, const LogOptions& options,
+                        const data::LogRequirements& needs);
+
+/// --json and --report.
+struct ResultOptions {
+  std::string json;
+  std::string report;
+};
+void add_result_options(CLI::App& app, ResultOptions& options);
+/// Writes the report, if asked for, and says where the command's files lie.
+void finish(const Console& console, const std::string& output, const ResultOptions& options,
+            const report::Report& page);
+
+/// -o/--output.
+void add_output_option(CLI::App& app, std::string& output, const std::string& meaning, bool required = true);
+
+}  // namespace heft::tools

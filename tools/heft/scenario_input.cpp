@@ -1,0 +1,24 @@
+#include "scenario_input.hpp"
+
+#include <filesystem>
+
+#include "console.hpp"
+#include "heft/host/file.hpp"
+#include "heft/urdf/urdf_import.hpp"
+
+namespace heft::tools {
+
+sim::Scenario read_scenario(const std::string& path) {
+  const auto load = [&](const std::string& name) {
+    const std::filesystem::path beside = std::filesystem::path(path).parent_path() / name;
+    const std::string file =
+        std::filesystem::is_regular_file(beside) ? beside.string() : urdf::resolve_robot(name);
+    std::vector<std::string> notes;
+    const model::Robot robot = urdf::load_urdf(file, {}, &notes);
+    for (const std::string& text : notes) note(text);
+    return robot;
+  };
+  return sim::parse_scenario(host::read_file(path, "scenario"), path, load);
+}
+
+}  // namespace heft::tools

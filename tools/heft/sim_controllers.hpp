@@ -1,0 +1,87 @@
+/// @file
+/// Core's controllers and payload estimator behind the simulator's controller interface, for any robot.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/model/robot.hpp"
+#include "heft/sim/controller.hpp"
+#include "heft/sim/reference.hpp"
+
+namespace heft::tools {
+
+/// Controllers that a tracking comparison sets side by side. All get the same bandwidth.
+enum class TrackingMethod {
+  kPd,              ///< position-velocity feedback
+  kPdGravity,       ///< with the gravity torque of the nominal arm
+  kComputedTorque,  ///< the nominal arm
+  kEstimated        ///< computed torque with the load that is estimated while the arm moves
+};
+const char* to_string(TrackingMethod method);
+
+/// What the controllers are told. Vectors of n.
+struct TrackingSettings {
+  double bandwidth_hz{3.0};  ///< of the position loop: natural frequency of the error
+  double damping_ratio{1.0};
+  /// Inertia that PD gains are scaled with, so that the error has the bandwidth on average [kg·m², kg].
+  Eigen::VectorXd inertia;
+  Eigen::VectorXd torque_limit;  ///< size 0: none
+  bool friction_feed_forward{true};
+  // Estimator.
+  int rows{1};                ///< k: torques of joints k..n are used
+  double filter_hz{20.0};     ///< poles of the filter that gives motion and torque to the estimator
+  double update_rate{100.0};  ///< estimator updates a second [Hz]
+  double mass_prior{
+      0.0};  ///< standard deviation of the mass before anything is known [kg]; 0: a third of the arm's
+  Eigen::VectorXd
+      noise;  ///< first guess of the torque residual's standard deviation; size 0: from friction and weight
+};
+
+/// What the estimator said over time, one entry an update.
+struct LoadTrace {
+  std::vector<double> time;                   ///< of the sample, the filters' delay not taken off [s]
+  std::vector<double> mass, mass_half_width;  ///< estimate and half of its 95 % interval [kg]
+  std::vector<std::array<double, 3>> com,
+      com_half_width;          ///< in the last link frame [m]; NaN while the mass is unclear
+  std::vector<double> change;  ///< when the torques said that the load is another [s]
+  /// First time after the last change from which the mass stayed within 5 % of its last value; NaN: it never did.
+  double settled_at() const;
+};
+
+/// Mean diagonal of the nominal mass matrix with rotors along a reference, n.
+Eigen::VectorXd mean_inertia(const model::Robot& robot, const sim::Reference& reference, double duration);
+
+/// A controller for the simulator.
+/// @param nominal  the arm as the controller believes it to be, friction and rotors included, without load
+/// @param trace    filled by kEstimated; may be null
+/// @throws ModelError when the robot has more joints than heft handles
+std::shared_ptr<sim::Controller> make_tracking_controller(TrackingMethod method, const model::Robot& nominal,
+                                                          const TrackingSettings& settings,
+                                                          std::shared_ptr<LoadTrace> trace = nullptr);
+
+/// A compile-time arm as a robot with made-up names.
+template <int N>
+model::Robot robot_of(const ArmModel<double, N>& arm, const std::string& name) {
+  model::Robot robot;
+  robot.name = name;
+  robot.base_link = "base";
+  robot.tip_link = "link" + std::to_string(N);
+  robot.gravity = arm.gravity;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
+    model::RobotJoint joint;
+    joint.name = "joint" + std::to_string(i + 1);
+    joint.link_name = "link" + std::to_string(i + 1);
+    joint.joint = arm.joints[i];
+    joint.link = arm.links[i];
+    joint.actuation = arm.actuation[i];
+    robot.joints.push_back(joint);
+  }
+  return robot;
+}
+
+}  // namespace heft::tools

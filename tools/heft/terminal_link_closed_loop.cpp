@@ -1,0 +1,406 @@
+#include "terminal_link_closed_loop.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <Eigen/Dense>
+
+#include "heft/core/control/joint_controller.hpp"
+#include "heft/core/dynamics/regressor.hpp"
+#include "heft/core/estimate/payload_estimator.hpp"
+#include "heft/core/estimate/terminal_link_estimator.hpp"
+#include "heft/core/filter/state_variable_filter.hpp"
+#include "heft/sim/simulator.hpp"
+#include "parallel.hpp"
+#include "sim_controllers.hpp"
+#include "terminal_link_setup.hpp"
+
+namespace heft::tools {
+namespace {
+
+using namespace terminal_link;
+
+constexpr double kPeriod = 1e-3;
+constexpr double kBandwidthHz = 4.0;
+constexpr double kRamp = 1.0;
+constexpr double kExcitingTime = 22.0, kTrackingTime = 12.0;
+constexpr double kCounted = 2.0;  // tracking errors count from here on [s]
+constexpr double kFilterHz = 20.0;
+constexpr int kDecimation = 5;       // estimator at 5 ms
+constexpr double kSignWidth = 0.02;  // of the Coulomb sign in feed-forward [rad/s]
+constexpr double kEncoderStep = 2 * std::numbers::pi / 131072;
+
+sim::Body payload_body() {
+  sim::Body body;
+  body.mass = 0.25;
+  body.com = Eigen::Vector3d(0.03, 0.03, 0.03);
+  body.inertia = Eigen::Matrix3d::Identity() * (0.25 * 0.04 * 0.04 / 6);  // a cube of 4 cm
+  return body;
+}
+
+std::shared_ptr<const sim::Reference> reference_of(const FourierTrajectory& t) {
+  const Eigen::Index terms = static_cast<Eigen::Index>(t.frequency_hz[0].size());
+  sim::FourierMotion motion{Eigen::VectorXd(kN), Eigen::MatrixXd(kN, terms), Eigen::MatrixXd(kN, terms),
+                            Eigen::MatrixXd(kN, terms)};
+  for (Eigen::Index i = 0; i < kN; ++i) {
+    const std::size_t j = static_cast<std::size_t>(i);
+    motion.q0[i] = t.q0[j];
+    for (Eigen::Index k = 0; k < terms; ++k) {
+      motion.amplitude(i, k) = t.amplitude_rad[j][static_cast<std::size_t>(k)];
+      motion.frequency_hz(i, k) = t.frequency_hz[j][static_cast<std::size_t>(k)];
+      motion.phase(i, k) = t.phase_rad[j][static_cast<std::size_t>(k)];
+    }
+  }
+  return sim::ramp_in(sim::make_fourier(motion), motion.q0, kRamp);
+}
+
+/// What a controller knows of the arm.
+struct Belief {
+  Parameters parameters;
+  FrictionFeedForward<double, kN> friction;
+};
+
+Belief belief_of(const ArmModel<double, kN>& arm) {
+  Belief belief{Parameters{reduced_links(arm)}, {}};
+  belief.friction.sign_width = kSignWidth;
+  for (int i = 0; i < kN; ++i) {
+    belief.friction.coulomb[i] = arm.actuation[static_cast<std::size_t>(i)].coulomb_friction;
+    belief.friction.viscous[i] = arm.actuation[static_cast<std::size_t>(i)].viscous_friction;
+  }
+  return belief;
+}
+
+/// Core's controllers with compile-time geometry.
+class ArmController final : public sim::Controller {
+ public:
+  ArmController(TrackingMethod method, Belief belief, const Vector& inertia)
+      : method_(method), belief_(std::move(belief)) {
+    const double w = 2 * std::numbers::pi * kBandwidthHz;
+    JointFeedback<double, kN>::Config config;
+    const bool scaled = method == TrackingMethod::kPd || method == TrackingMethod::kPdGravity;
+    const Vector scale = scaled ? inertia : Vector(Vector::Ones());
+    config.stiffness = scale * (w * w);
+    config.damping = scale * (2 * w);
+    (void)feedback_.configure(config);
+  }
+  void control(double, const sim::Measurement& m, Eigen::Ref<Eigen::VectorXd> torque) override {
+    JointReference<double, kN> reference;
+    reference.q = m.q_ref;
+    reference.qd = m.qd_ref;
+    reference.qdd = m.qdd_ref;
+    const Vector q = m.q, qd = m.qd;
+    Vector tau = Vector::Zero();
+    ControlRecord record;
+    const Status status =
+        method_ == TrackingMethod::kComputedTorque
+            ? computed_torque<Arm>(feedback_, belief_.parameters, belief_.friction, kRotor, reference, q, qd,
+                                   tau, record)
+            : pd_control<Arm>(feedback_, belief_.parameters, method_ == TrackingMethod::kPdGravity, reference,
+                              q, qd, tau, record);
+    if (status == Status::kOk) torque = tau;
+  }
+
+ private:
+  TrackingMethod method_;
+  Belief belief_;
+  JointFeedback<double, kN> feedback_;
+};
+
+/// Simulates the arm with or without the payload under a controller.
+data::Log simulate_arm(const FourierTrajectory& trajectory, double duration, bool payload, int seed,
+                       std::shared_ptr<sim::Controller> controller) {
+  sim::SimulationSettings s;
+  s.robot = robot_of(model::KawasakiArm::kModel, "kawasaki6r");
+  for (int i = 0; i < kN; ++i)
+    s.robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = kRotor[i];
+  s.duration = duration;
+  s.sample_rate = 1 / kPeriod;
+  s.loads = sim::loads_of(s.robot);
+  s.reference = reference_of(trajectory);
+  s.initial_position.resize(kN);
+  s.initial_velocity.resize(kN);
+  Eigen::VectorXd acceleration(kN);
+  s.reference->evaluate(0.0, s.initial_position, s.initial_velocity, acceleration);
+  if (payload) {
+    sim::PayloadEvent grasp;
+    grasp.body = payload_body();
+    s.payload_events = {grasp};
+  }
+  s.sensors.encoder_quantum = Eigen::VectorXd::Constant(kN, kEncoderStep);
+  s.sensors.velocity = sim::VelocitySource::kDifferenced;
+  s.sensors.velocity_cutoff_hz = 60;
+  s.sensors.torque_noise = (Eigen::VectorXd(kN) << 10e-3, 10e-3, 10e-3, 4e-3, 2e-3, 2e-3).finished();
+  s.seed = static_cast<std::uint64_t>(seed);
+  s.controller = std::move(controller);
+  return sim::simulate(s).log;
+}
+
+/// One sample as the estimators get it: everything through the same filter.
+struct FilteredSample {
+  Vector q, qd, qdd, qdd_desired, sign, tau;  ///< tau less the rotors' share
+};
+
+/// Motion from encoders by the state-variable filter, torque and the sign of the velocity through the same filter: a
+/// filtered sign is not the sign of a filtered velocity.
+std::vector<FilteredSample> filtered(const data::Log& log) {
+  StateVariableFilter<double, kN> motion, desired, sign, torque;
+  (void)motion.configure(kFilterHz);
+  (void)desired.configure(kFilterHz);
+  (void)sign.configure(kFilterHz);
+  (void)torque.configure(kFilterHz);
+  std::vector<FilteredSample> samples;
+  for (Eigen::Index k = 1; k < log.num_samples(); ++k) {
+    // A row's torque acts until the next row: everything is taken half-way between two rows.
+    const Vector q = 0.5 * (log.q.row(k) + log.q.row(k - 1)).transpose();
+    const Vector q_ref = 0.5 * (log.qref.row(k) + log.qref.row(k - 1)).transpose();
+    Vector s;
+    for (int i = 0; i < kN; ++i) s[i] = velocity_sign(0.5 * (log.qd(k, i) + log.qd(k - 1, i)), kSignWidth);
+    const Vector tau = log.tau.row(k - 1).transpose();
+    (void)motion.update(q, kPeriod);
+    (void)desired.update(q_ref, kPeriod);
+    (void)sign.update(s, kPeriod);
+    (void)torque.update(tau, kPeriod);
+    if (log.time[k] < kRamp + 0.5 || k % kDecimation != 0) continue;
+    const Vector& qdd = motion.second_derivative();
+    samples.push_back({motion.value(), motion.derivative(), qdd, desired.second_derivative(), sign.value(),
+                       torque.value() - kRotor.cwiseProduct(qdd)});
+  }
+  return samples;
+}
+
+template <int First>
+TerminalRows<double, TerminalLayout<Arm, First>> rows_of(const FilteredSample& s, const Vector& qdd) {
+  auto rows = rows_at<First>(s.q, s.qd, qdd);
+  using Layout = TerminalLayout<Arm, First>;
+  for (int r = 0; r < Layout::kRows; ++r) {
+    rows[static_cast<std::size_t>(r)][static_cast<std::size_t>(Layout::friction(r))] = s.sign[First + r];
+  }
+  return rows;
+}
+
+/// The production estimator over the samples of a run. The desired acceleration makes the instruments: it knows
+/// nothing of the encoders' noise.
+template <int First>
+TerminalLinkEstimator<Arm, First> estimated(const std::vector<FilteredSample>& samples, const Belief& nominal,
+                                            bool instruments) {
+  TerminalLinkEstimator<Arm, First> estimator;
+  typename TerminalLinkEstimator<Arm, First>::Config config;
+  config.use_instruments = instruments;
+  if (First < 3) {
+    // Forty-eight parameters are never as far apart as eighteen: the check is for start-up, not for a whole run.
+    config.max_amplification = 200;
+    config.max_amplification_least_squares = 200;
+  }
+  (void)estimator.configure(config, nominal.parameters, nominal.friction.coulomb, nominal.friction.viscous);
+  typename TerminalLinkEstimator<Arm, First>::Record record;
+  for (const FilteredSample& s : samples) {
+    (void)estimator.update_rows(rows_of<First>(s, s.qdd), rows_of<First>(s, s.qdd_desired), s.qd, s.tau,
+                                record);
+  }
+  (void)estimator.solve_now();
+  return estimator;
+}
+
+template <int First>
+Belief belief_of(const TerminalLinkEstimator<Arm, First>& estimator, const Belief& nominal) {
+  Belief belief = nominal;
+  belief.parameters = estimator.reduced();
+  estimator.friction(belief.friction.coulomb, belief.friction.viscous);
+  return belief;
+}
+
+template <typename Estimator>
+LayoutVector<4> vector_of(const Estimator& estimator) {
+  LayoutVector<4> x;
+  for (int i = 0; i < kBase; ++i) x[i] = estimator.estimate()[static_cast<std::size_t>(i)];
+  return x;
+}
+
+/// e of an estimate against the arm with 250 g, columns scaled over the run itself.
+class ErrorMeasure {
+ public:
+  explicit ErrorMeasure(const std::vector<FilteredSample>& samples) {
+    const Eigen::Matrix<double, kBase, kBase> inverse = publication_map().inverse();
+    Base squares = Base::Zero();
+    for (const FilteredSample& s : samples) {
+      squares += (as_matrix<4>(rows_of<4>(s, s.qdd)) * inverse).cwiseAbs2().colwise().sum().transpose();
+    }
+    rms_ = (squares / static_cast<double>(samples.size())).cwiseSqrt();
+    const Parameters loaded =
+        corrected_for_payload(parameters_without_payload(), sim::inertial_parameters(payload_body()));
+    truth_ = to_publication(layout_parameters<4>(loaded, model::KawasakiArm::kModel));
+  }
+  double operator()(const LayoutVector<4>& x) const {
+    return rms_.cwiseProduct(to_publication(x) - truth_).norm() /
+           rms_.cwiseProduct(truth_ - base_without_payload()).norm();
+  }
+
+ private:
+  Base rms_, truth_;
+};
+
+/// Section 8: accelerations by differencing the encoders twice, nothing filtered.
+std::vector<EncoderEstimate> double_difference_estimates(const data::Log& log, const ErrorMeasure& error) {
+  System<4> least_squares, desired;
+  std::array<System<4>, 3> delayed;
+  std::array<DelayedMean<double, kN, 8>, 3> means;
+  for (std::size_t g = 0; g < 3; ++g) (void)means[g].configure(static_cast<int>(g) + 1, 1);
+  for (Eigen::Index k = 2; k < log.num_samples(); ++k) {
+    const Vector q = log.q.row(k - 1).transpose();
+    const Vector qd = (log.q.row(k) - log.q.row(k - 2)).transpose() / (2 * kPeriod);
+    const Vector qdd =
+        (log.q.row(k) - 2 * log.q.row(k - 1) + log.q.row(k - 2)).transpose() / (kPeriod * kPeriod);
+    const Vector wanted =
+        (log.qref.row(k) - 2 * log.qref.row(k - 1) + log.qref.row(k - 2)).transpose() / (kPeriod * kPeriod);
+    const Vector tau = 0.5 * (log.tau.row(k - 1) + log.tau.row(k - 2)).transpose();
+    const Vector net = tau - kRotor.cwiseProduct(qdd);
+    std::array<Vector, 3> mean;
+    std::array<bool, 3> ready;
+    for (std::size_t g = 0; g < 3; ++g) {
+      ready[g] = means[g].ready();
+      mean[g] = means[g].update(qdd);
+    }
+    if (log.time[k] < kRamp + 0.5) continue;
+    const auto rows = rows_at<4>(q, qd, qdd);
+    least_squares.add(rows, rows, net);
+    desired.add(rows, rows_at<4>(q, qd, wanted), net);
+    for (std::size_t g = 0; g < 3; ++g) {
+      if (ready[g]) delayed[g].add(rows, rows_at<4>(q, qd, mean[g]), net);
+    }
+  }
+  const auto take = [&](const char* name, System<4>& system) {
+    return EncoderEstimate{name, system.solve() ? error(system.solution()) : std::nan("")};
+  };
+  return {take("differenced twice, LSM", least_squares),
+          take("differenced twice, IVM, acceleration 1 sample ago", delayed[0]),
+          take("differenced twice, IVM, acceleration 2 samples ago", delayed[1]),
+          take("differenced twice, IVM, acceleration 3 samples ago", delayed[2]),
+          take("differenced twice, IVM, desired acceleration", desired)};
+}
+
+/// The load as a body of its own, from rows 4..6 of the residual of an arm that was calibrated without it.
+void weigh(const std::vector<FilteredSample>& without, const std::vector<FilteredSample>& with,
+           const Belief& calibrated, ClosedLoop& out, InertialParameters<double>& payload) {
+  const auto residual = [&](const FilteredSample& s) {
+    Vector r = s.tau - inverse_dynamics<Arm>(calibrated.parameters, s.q, s.qd, s.qdd);
+    r -= calibrated.friction.coulomb.cwiseProduct(s.sign) + calibrated.friction.viscous.cwiseProduct(s.qd);
+    return r;
+  };
+  using Estimator = PayloadEstimator<double, kN>;
+  Estimator::Config config;
+  config.first_row = 3;
+  config.mass_prior = 1;
+  config.length_prior = 0.1;
+  config.estimate_friction = false;
+  config.gate = 0;
+  Vector squares = Vector::Zero(), products = Vector::Zero(), last = Vector::Zero();
+  constexpr std::size_t kStride = 4;  // 20 ms
+  std::size_t count = 0;
+  for (std::size_t k = 0; k < without.size(); k += kStride, ++count) {
+    const Vector r = residual(without[k]);
+    squares += r.cwiseAbs2();
+    products += r.cwiseProduct(last);
+    last = r;
+  }
+  config.noise_std = (squares / static_cast<double>(count)).cwiseSqrt();
+  // What is left of the residual's correlation at 20 ms widens the interval as that of a first-order process.
+  double widening = 1;
+  for (int i = 3; i < kN; ++i) {
+    const double rho = std::clamp(products[i] / squares[i], 0.0, 0.95);
+    widening = std::max(widening, std::sqrt((1 + rho) / (1 - rho)));
+  }
+  Estimator estimator;
+  (void)estimator.configure(config);
+  Estimator::Record record;
+  for (std::size_t k = 0; k < with.size(); k += kStride) {
+    const FilteredSample& s = with[k];
+    LinkRegressor<double, kN> Y;
+    link_regressor<Arm>(joint_trigonometry<Arm>(s.q), s.q, s.qd, s.qdd, Y);
+    (void)estimator.update(Y, s.qd, residual(s), record);
+  }
+  payload = estimator.payload();
+  out.payload_mass = payload[kMass];
+  out.payload_half_width = 1.96 * widening * estimator.standard_deviation(kMass);
+  for (std::size_t a = 0; a < 3; ++a) out.payload_com[a] = payload[kMcx + a] / payload[kMass];
+}
+
+}  // namespace
+
+ClosedLoop run_closed_loop(int seed) {
+  ClosedLoop out;
+  const sim::Body body = payload_body();
+  out.payload_true = body.mass;
+  out.payload_com_true = {body.com[0], body.com[1], body.com[2]};
+  out.duration = kTrackingTime;
+
+  const ArmModel<double, kN> nominal_model = nominal_arm(seed);
+  const Belief nominal = belief_of(nominal_model);
+  model::Robot nominal_robot = robot_of(nominal_model, "nominal");
+  for (int i = 0; i < kN; ++i)
+    nominal_robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = kRotor[i];
+  const FourierTrajectory exciting = exciting_trajectory(), validation = validation_trajectory();
+  const Vector inertia = mean_inertia(nominal_robot, *reference_of(validation), kTrackingTime);
+
+  std::array<std::vector<FilteredSample>, 2> samples;
+  data::Log loaded;
+  for_each_parallel(2, [&](std::size_t i) {
+    data::Log log =
+        simulate_arm(exciting, kExcitingTime, i == 1, seed + static_cast<int>(i),
+                     std::make_shared<ArmController>(TrackingMethod::kComputedTorque, nominal, inertia));
+    samples[i] = filtered(log);
+    if (i == 1) loaded = std::move(log);
+  });
+
+  const ErrorMeasure error(samples[1]);
+  const auto k5 = estimated<4>(samples[1], nominal, true);
+  out.source = to_string(k5.source());
+  out.estimates = double_difference_estimates(loaded, error);
+  out.estimates.push_back({"filtered, LSM", error(vector_of(estimated<4>(samples[1], nominal, false)))});
+  out.estimates.push_back({"filtered, IVM, desired acceleration", error(vector_of(k5))});
+  out.estimates.push_back({"nominal values", error(layout_parameters<4>(nominal.parameters, nominal_model))});
+
+  const Belief by_k5 = belief_of<4>(k5, nominal);
+  const Belief calibrated = belief_of<3>(estimated<3>(samples[0], nominal, true), nominal);
+  InertialParameters<double> payload{};
+  weigh(samples[0], samples[1], calibrated, out, payload);
+  Belief with_mass = calibrated;
+  with_mass.parameters = corrected_for_payload(calibrated.parameters, payload);
+  const Belief whole = belief_of<0>(estimated<0>(samples[1], nominal, true), nominal);
+
+  struct Contender {
+    const char* name;
+    const char* knows;
+    TrackingMethod method;
+    const Belief* belief;
+  };
+  const std::vector<Contender> contenders = {
+      {"PD", "nothing of the arm", TrackingMethod::kPd, &nominal},
+      {"PD + gravity", "gravity torque of the nominal arm", TrackingMethod::kPdGravity, &nominal},
+      {"computed torque, nominal", "nominal values within ±10 %, no payload", TrackingMethod::kComputedTorque,
+       &nominal},
+      {"computed torque, k = 5", "rows 5 and 6 as estimated; joints 1 to 4 know nothing of the payload",
+       TrackingMethod::kComputedTorque, &by_k5},
+      {"computed torque, k = 4 + payload mass",
+       "rows 4 to 6 as estimated without payload, and the payload weighed and carried into every row",
+       TrackingMethod::kComputedTorque, &with_mass},
+      {"computed torque, k = 1", "all rows as estimated with the payload", TrackingMethod::kComputedTorque,
+       &whole}};
+  out.runs.resize(contenders.size());
+  for_each_parallel(contenders.size(), [&](std::size_t i) {
+    const Contender& c = contenders[i];
+    const data::Log log = simulate_arm(validation, kTrackingTime, true, seed + 10,
+                                       std::make_shared<ArmController>(c.method, *c.belief, inertia));
+    Eigen::Index first = 0;
+    while (log.time[first] < kCounted) ++first;
+    const Eigen::Index rows = log.num_samples() - first;
+    out.runs[i] = {c.name, log.time.tail(rows), (log.qref - log.q).bottomRows(rows),
+                   log.tau.bottomRows(rows)};
+  });
+  for (const Contender& c : contenders) out.run_notes.emplace_back(c.knows);
+  return out;
+}
+
+}  // namespace heft::tools
