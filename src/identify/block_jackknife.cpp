@@ -42,7 +42,8 @@ void BlockJackknife::add(int block, const Eigen::VectorXd& w, double y, double n
   ++b.rows;
 }
 
-void BlockJackknife::add_dependence(int block, const Eigen::VectorXd& w, const Eigen::VectorXd& d, double noise_variance) {
+void BlockJackknife::add_dependence(int block, const Eigen::VectorXd& w, const Eigen::VectorXd& d,
+                                    double noise_variance) {
   Block& b = at(block);
   if (b.H.size() == 0) b.H = Eigen::MatrixXd::Zero(prior_.size(), d.size());
   b.H.noalias() += (w / noise_variance) * d.transpose();
@@ -74,7 +75,8 @@ BlockJackknife::Result BlockJackknife::solve(const std::vector<int>& members, in
     A += full;
     r += block.r;
     // Blocks are merged by their place in time, so that an empty one leaves a gap and not a shift.
-    if (b / merge != previous) sums.push_back({Eigen::MatrixXd::Zero(A.rows(), A.cols()), Eigen::VectorXd::Zero(r.size())});
+    if (b / merge != previous)
+      sums.push_back({Eigen::MatrixXd::Zero(A.rows(), A.cols()), Eigen::VectorXd::Zero(r.size())});
     previous = b / merge;
     sums.back().A += full;
     sums.back().r += block.r;

@@ -6,9 +6,9 @@
 #include <memory>
 #include <random>
 
+#include <fmt/format.h>
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
-#include <fmt/format.h>
 
 #include "causal_signals.hpp"
 #include "change_detector.hpp"
@@ -23,7 +23,8 @@ namespace heft::identify {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-/// A parameter counts as identified when the data have reduced its prior standard deviation to less than this share.
+/// A parameter counts as identified when the data have reduced its prior standard deviation to less than
+/// this share.
 constexpr double kIdentified = 0.1;
 /// Length of the shortest blocks that sums are kept for [s].
 constexpr double kFineBlock = 0.5;
@@ -31,14 +32,16 @@ constexpr double kFineBlock = 0.5;
 void check(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
   const int n = robot.num_joints();
   if (options.first_joint < 1 || options.first_joint > n) {
-    throw DataError(fmt::format("rows from joint {}: robot \"{}\" has {} joints; expected 1 to {}", options.first_joint,
-                                robot.name, n, n));
+    throw DataError(fmt::format("rows from joint {}: robot \"{}\" has {} joints; expected 1 to {}",
+                                options.first_joint, robot.name, n, n));
   }
   if (log.num_joints() != n || log.tau.cols() != n) {
-    throw DataError(fmt::format("{}: {} joint positions and {} torques; expected {} of each, as robot \"{}\" has", log.path,
-                                log.num_joints(), log.tau.cols(), n, robot.name));
+    throw DataError(
+        fmt::format("{}: {} joint positions and {} torques; expected {} of each, as robot \"{}\" has",
+                    log.path, log.num_joints(), log.tau.cols(), n, robot.name));
   }
-  if (log.num_samples() < 2) throw DataError(fmt::format("{}: {} samples; expected at least 2", log.path, log.num_samples()));
+  if (log.num_samples() < 2)
+    throw DataError(fmt::format("{}: {} samples; expected at least 2", log.path, log.num_samples()));
 }
 
 /// Ten parameters about the last link frame into ten about the flange frame.
@@ -55,14 +58,16 @@ Eigen::Matrix<double, 10, 10> to_flange(const model::Robot& robot) {
   for (std::size_t c = 0; c < 10; ++c) {
     InertialParameters<double> unit{};
     unit[c] = 1.0;
-    const InertialParameters<double> column = to_inertial_parameters(moved(to_pseudo_inertia(unit), turn, origin));
-    for (std::size_t r = 0; r < 10; ++r) T(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = column[r];
+    const InertialParameters<double> column =
+        to_inertial_parameters(moved(to_pseudo_inertia(unit), turn, origin));
+    for (std::size_t r = 0; r < 10; ++r)
+      T(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = column[r];
   }
   return T;
 }
 
-/// Whether some motion shows the mass in the rows of joints first..n: its column over random states does not lie
-/// in the span of the other nine.
+/// Whether some motion shows the mass in the rows of joints first..n: its column over random states does
+/// not lie in the span of the other nine.
 bool mass_is_visible(const model::Dynamics& dynamics, int first) {
   const int n = dynamics.num_joints();
   const int rows = n - first;
@@ -108,13 +113,14 @@ class Run {
     PayloadRun result;
     result.first_joint = options_.first_joint;
     result.samples = log_.num_samples();
-    result.cutoff = options_.cutoff > 0            ? options_.cutoff
+    result.cutoff = options_.cutoff > 0             ? options_.cutoff
                     : options_.residual.has_value() ? options_.residual->cutoff
                                                     : choose_cutoff(log_);
     if (!(result.cutoff > 0)) result.cutoff = choose_cutoff(log_);
     cutoff_ = result.cutoff;
     result.mass_visible = mass_is_visible(dynamics_, options_.first_joint - 1);
-    period_ = (log_.time[log_.num_samples() - 1] - log_.time[0]) / static_cast<double>(log_.num_samples() - 1);
+    period_ =
+        (log_.time[log_.num_samples() - 1] - log_.time[0]) / static_cast<double>(log_.num_samples() - 1);
 
     if (options_.residual) {
       residual_ = *options_.residual;
@@ -129,7 +135,8 @@ class Run {
  private:
   bool is_used(int i) const { return i >= options_.first_joint - 1; }
 
-  /// Without statistics of the model: run once with the noise guessed, and take the scatter of the innovations.
+  /// Without statistics of the model: run once with the noise guessed, and take the scatter of the
+  /// innovations.
   void learn_residual() {
     residual_.std.resize(N);
     residual_.correlation_time = Eigen::VectorXd::Constant(N, 0.5);
@@ -175,7 +182,8 @@ class Run {
     jackknife_ = std::make_unique<BlockJackknife>(Eigen::VectorXd::Zero(kP), prior_variance_);
     segments_ = {{log_.time[0], {}}};
     innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), N, kNaN);
-    for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest}) count->setZero(N);
+    for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest})
+      count->setZero(N);
     const Eigen::Index samples = log_.num_samples();
     result.time = log_.time;
     result.mass_history = Eigen::VectorXd::Constant(samples, kNaN);
@@ -189,7 +197,8 @@ class Run {
     double previous = log_.time[0];
     for (Eigen::Index k = 0; k < samples; ++k) {
       if (options_.progress && k % 256 == 0) {
-        options_.progress(1.0 - progress_share + progress_share * static_cast<double>(k) / static_cast<double>(samples));
+        options_.progress(1.0 - progress_share +
+                          progress_share * static_cast<double>(k) / static_cast<double>(samples));
       }
       const double time = log_.time[k];
       const double step = time - previous;
@@ -249,7 +258,8 @@ class Run {
         estimator->restart();
         detector.reset();
       }
-      if (!segments_.back().blocks.empty() && segments_.back().blocks.back() <= skip_until_) segments_.back().blocks.clear();
+      if (!segments_.back().blocks.empty() && segments_.back().blocks.back() <= skip_until_)
+        segments_.back().blocks.clear();
       result.mass_history[k] = estimator->payload()[0];
       const double own = estimator->standard_deviation(0);
       if (own < kIdentified * std::sqrt(prior_variance_[0])) result.mass_std_history[k] = spread * own;
@@ -260,9 +270,11 @@ class Run {
   double running_spread(const Estimator& estimator) const {
     const double own = estimator.standard_deviation(0);
     if (!(own < kIdentified * std::sqrt(prior_variance_[0]))) return 1.0;
-    const auto solution = jackknife_->solve(segments_.back().blocks, merge(segments_.back()));
+    const int neighbours = merge(segments_.back());
+    const auto solution = jackknife_->solve(segments_.back().blocks, neighbours);
     if (solution.blocks < 3) return 1.0;
-    return std::max(1.0, std::sqrt(solution.covariance(0, 0)) / own * solution.interval_factor / 1.96);
+    const double variance = solution.covariance(0, 0) * residual_.edge_factor(neighbours * kFineBlock);
+    return std::max(1.0, std::sqrt(variance) / own * solution.interval_factor / 1.96);
   }
 
   /// Short blocks that make one block which may count as independent.
@@ -273,7 +285,7 @@ class Run {
 
   struct Solved {
     BlockJackknife::Result jackknife;
-    Eigen::MatrixXd covariance;    ///< residual and model
+    Eigen::MatrixXd covariance;  ///< residual and model
     Eigen::MatrixXd model_part;
     bool has_mass{false};
     double mass{0.0}, std{kNaN};
@@ -282,6 +294,7 @@ class Run {
   Solved solve(const Segment& segment) const {
     Solved solved;
     solved.jackknife = jackknife_->solve(segment.blocks, merge(segment));
+    solved.jackknife.covariance *= residual_.edge_factor(merge(segment) * kFineBlock);
     solved.covariance = solved.jackknife.covariance;
     solved.model_part = Eigen::MatrixXd::Zero(kP, kP);
     if (options_.model_covariance) {
@@ -304,8 +317,8 @@ class Run {
            scatter < kIdentified * kIdentified * prior;
   }
 
-  /// Whether two stretches carry different loads, by the mass and first moments that both tell; true where there is
-  /// nothing to compare.
+  /// Whether two stretches carry different loads, by the mass and first moments that both tell; true where
+  /// there is nothing to compare.
   bool differ(const Solved& before, const Solved& after) const {
     bool comparable = false;
     for (Eigen::Index i = 0; i < 4; ++i) {
@@ -327,15 +340,17 @@ class Run {
   }
 
   void conclude(PayloadRun& result) {
-    // An alarm that did not move the load was none (a contact, friction): put the parts together. A part between two
-    // alarms that tells nothing is left out; the last one counts in any case, since it is what holds now.
+    // An alarm that did not move the load was none (a contact, friction): put the parts together. A part
+    // between two alarms that tells nothing is left out; the last one counts in any case, since it is what
+    // holds now.
     std::vector<Segment> segments;
     std::vector<Solved> solved;
     for (std::size_t s = 0; s < segments_.size(); ++s) {
       const Solved present = solve(segments_[s]);
       if (s + 1 < segments_.size() && !tells_something(present)) continue;
       if (!segments.empty() && !differ(solved.back(), present)) {
-        segments.back().blocks.insert(segments.back().blocks.end(), segments_[s].blocks.begin(), segments_[s].blocks.end());
+        segments.back().blocks.insert(segments.back().blocks.end(), segments_[s].blocks.begin(),
+                                      segments_[s].blocks.end());
         solved.back() = solve(segments.back());
         continue;
       }
@@ -344,7 +359,8 @@ class Run {
     }
     for (std::size_t s = 1; s < segments.size(); ++s) {
       const auto mass = [](const Solved& part) { return part.has_mass ? part.mass : kNaN; };
-      result.changes.push_back({segments[s].begin, mass(solved[s - 1]), mass(solved[s]), solved[s].has_mass ? solved[s].std : kNaN});
+      result.changes.push_back({segments[s].begin, mass(solved[s - 1]), mass(solved[s]),
+                                solved[s].has_mass ? solved[s].std : kNaN});
     }
     const Solved& final_state = solved.back();
     result.load_since = segments.back().begin;
@@ -417,7 +433,8 @@ class Run {
     std::optional<double> since;
     for (Eigen::Index k = 0; k < result.time.size(); ++k) {
       if (result.time[k] < result.load_since || std::isnan(result.mass_history[k])) continue;
-      const bool there = std::isfinite(result.mass_std_history[k]) && std::abs(result.mass_history[k] - m) <= tolerance;
+      const bool there =
+          std::isfinite(result.mass_std_history[k]) && std::abs(result.mass_history[k] - m) <= tolerance;
       if (!there) since.reset();
       else if (!since) since = result.time[k];
     }
@@ -429,8 +446,10 @@ class Run {
     const auto& known = result.first_moment.identifiable;
     const bool has_moment = std::all_of(known.begin(), known.end(), [](bool told) { return told; });
     if (!result.mass_visible) {
-      result.missing = fmt::format("the torque of {} does not depend on the mass of the load, whatever the motion, only on its first "
-                                   "moment and inertia; use more rows (--rows with a smaller K)", joints(k, N));
+      result.missing = fmt::format(
+          "the torque of {} does not depend on the mass of the load, whatever the motion, only on its first "
+          "moment and inertia; use more rows (--rows with a smaller K)",
+          joints(k, N));
       if (has_moment) return;
       result.missing += "; and ";
     }
@@ -440,17 +459,21 @@ class Run {
       list += fmt::format("{}{}", list.empty() ? "" : ", ", i + 1);
     }
     if (moving.empty()) {
-      result.missing += fmt::format("the arm stands still ({} not faster than {:g} rad/s for 2 s), and at rest friction hides "
-                                    "the load; record a motion in which the joints turn both ways and the load changes its attitude "
-                                    "to gravity", joints(k, N), options_.standstill_speed);
+      result.missing += fmt::format(
+          "the arm stands still ({} not faster than {:g} rad/s for 2 s), and at rest friction hides "
+          "the load; record a motion in which the joints turn both ways and the load changes its attitude "
+          "to gravity",
+          joints(k, N), options_.standstill_speed);
     } else if (!still.empty()) {
-      result.missing += fmt::format("{} at rest; {} moving alone does not tell the mass from the load's first moment; "
-                                    "record a motion in which several joints, the wrist among them, turn both ways at the same time",
-                                    named(still), named(moving));
+      result.missing += fmt::format(
+          "{} at rest; {} moving alone does not tell the mass from the load's first moment; "
+          "record a motion in which several joints, the wrist among them, turn both ways at the same time",
+          named(still), named(moving));
     } else {
-      result.missing += fmt::format("{} the motion is too small or too short to tell the mass from the rest; record a longer motion, "
-                                    "with larger angles, in which the load changes its attitude to gravity",
-                                    after_change ? "after the last change of load" : "as recorded,");
+      result.missing += fmt::format(
+          "{} the motion is too small or too short to tell the mass from the rest; record a longer motion, "
+          "with larger angles, in which the load changes its attitude to gravity",
+          after_change ? "after the last change of load" : "as recorded,");
     }
   }
 
@@ -478,8 +501,8 @@ class Run {
 template <int N>
 PayloadRun run_sized(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
   if constexpr (N > model::kMaxJoints) {
-    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name, robot.num_joints(),
-                                 model::kMaxJoints));
+    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name,
+                                 robot.num_joints(), model::kMaxJoints));
   } else {
     if (robot.num_joints() == N) return Run<N>(robot, log, options).run();
     return run_sized<N + 1>(robot, log, options);

@@ -6,8 +6,8 @@
 #include <memory>
 #include <random>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
+#include <Eigen/Eigenvalues>
 
 #include "causal_signals.hpp"
 #include "heft/core/estimate/recursive_least_squares.hpp"
@@ -28,15 +28,18 @@ void check(const model::Robot& robot, const std::vector<data::Log>& logs) {
   if (logs.empty()) throw DataError("fit: no log given; expected at least one with joint torques");
   for (const data::Log& log : logs) {
     if (log.num_joints() != robot.num_joints() || log.tau.cols() != robot.num_joints()) {
-      throw DataError(fmt::format("{}: {} joint positions and {} torques; expected {} of each, as robot \"{}\" has", log.path,
-                                  log.num_joints(), log.tau.cols(), robot.num_joints(), robot.name));
+      throw DataError(
+          fmt::format("{}: {} joint positions and {} torques; expected {} of each, as robot \"{}\" has",
+                      log.path, log.num_joints(), log.tau.cols(), robot.num_joints(), robot.name));
     }
-    if (log.num_samples() < 2) throw DataError(fmt::format("{}: {} samples; expected at least 2", log.path, log.num_samples()));
+    if (log.num_samples() < 2)
+      throw DataError(fmt::format("{}: {} samples; expected at least 2", log.path, log.num_samples()));
   }
 }
 
 /// Standard deviations of the prior, 14n, from the size of the arm and of the torques.
-Eigen::VectorXd prior_deviations(const model::Robot& robot, const std::vector<data::Log>& logs, bool torque_at_joint) {
+Eigen::VectorXd prior_deviations(const model::Robot& robot, const std::vector<data::Log>& logs,
+                                 bool torque_at_joint) {
   constexpr double kWide = 3.0;
   const int n = robot.num_joints();
   double total = 0.0, reach = 0.0;
@@ -52,7 +55,8 @@ Eigen::VectorXd prior_deviations(const model::Robot& robot, const std::vector<da
     double length = 0.2 * reach;
     if (i + 1 < n) {
       length = std::max(length, Eigen::Map<const Eigen::Vector3d>(
-                                    robot.joints[static_cast<std::size_t>(i + 1)].joint.position.data()).norm());
+                                    robot.joints[static_cast<std::size_t>(i + 1)].joint.position.data())
+                                    .norm());
     }
     const double mass = kWide * std::max(link[kMass], typical);
     deviation[10 * i] = mass;
@@ -94,11 +98,13 @@ int count_determinable(const model::Dynamics& dynamics, bool torque_at_joint) {
     gram.selfadjointView<Eigen::Lower>().rankUpdate(Y.transpose());
   }
   gram = gram.selfadjointView<Eigen::Lower>();
+  // Columns that are zero but for rounding must not be scaled up.
+  const double least = 1e-20 * gram.diagonal().maxCoeff();
   const Eigen::VectorXd scale =
-      gram.diagonal().unaryExpr([](double d) { return d > 0 ? 1.0 / std::sqrt(d) : 0.0; });
-  const Eigen::VectorXd values =
-      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scale.asDiagonal() * gram * scale.asDiagonal(), Eigen::EigenvaluesOnly)
-          .eigenvalues();
+      gram.diagonal().unaryExpr([least](double d) { return d > least ? 1.0 / std::sqrt(d) : 0.0; });
+  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
+                                     scale.asDiagonal() * gram * scale.asDiagonal(), Eigen::EigenvaluesOnly)
+                                     .eigenvalues();
   return static_cast<int>((values.array() > 1e-11 * values.maxCoeff()).count());
 }
 
@@ -116,7 +122,8 @@ class Fit {
     RecursiveFit fit;
     fit.residual.cutoff = options_.cutoff;
     if (!(fit.residual.cutoff > 0)) {
-      for (const data::Log& log : logs_) fit.residual.cutoff = std::max(fit.residual.cutoff, choose_cutoff(log));
+      for (const data::Log& log : logs_)
+        fit.residual.cutoff = std::max(fit.residual.cutoff, choose_cutoff(log));
     }
     cutoff_ = fit.residual.cutoff;
     const model::Robot& robot = dynamics_.robot();
@@ -147,14 +154,16 @@ class Fit {
     // 3. Covariance, from blocks in time.
     BlockJackknife jackknife(prior_, variance);
     const double block = fit.residual.block_length(duration());
-    for_each_sample([&](std::size_t log, Eigen::Index k, const CausalSignals<N>& signals) {
-      const int b = first_block_of(log, block) +
-                    static_cast<int>((logs_[log].time[k] - logs_[log].time[0]) / block);
-      for (int i = 0; i < N; ++i) {
-        if (!moves(signals, i)) continue;
-        jackknife.add(b, signals.regressor().row(i), signals.tau()[i], noise[i] * noise[i] * together);
-      }
-    }, 0.8);
+    for_each_sample(
+        [&](std::size_t log, Eigen::Index k, const CausalSignals<N>& signals) {
+          const int b = first_block_of(log, block) +
+                        static_cast<int>((logs_[log].time[k] - logs_[log].time[0]) / block);
+          for (int i = 0; i < N; ++i) {
+            if (!moves(signals, i)) continue;
+            jackknife.add(b, signals.regressor().row(i), signals.tau()[i], noise[i] * noise[i] * together);
+          }
+        },
+        0.8);
     const BlockJackknife::Result spread = jackknife.solve();
 
     fit.model = model::make_model(robot);
@@ -163,26 +172,29 @@ class Fit {
       std::copy_n(x.begin() + static_cast<std::ptrdiff_t>(10 * i), 10, fit.model.links[i].begin());
       fit.model.actuation[i] = {x[10 * N + i], x[11 * N + i], x[12 * N + i], x[13 * N + i]};
     }
-    Eigen::VectorXd deviation = spread.covariance.diagonal().cwiseSqrt();
+    Eigen::VectorXd deviation = (fit.residual.edge_factor(block) * spread.covariance.diagonal()).cwiseSqrt();
     for (int i = 0; i < kP; ++i) {
       if (!(estimator_->variance(i) < kDetermined * variance[i]) || spread.blocks < 2) {
         deviation[i] = std::numeric_limits<double>::quiet_NaN();
       }
     }
     fit.model.standard_deviations = deviation;
-    if (spread.blocks >= 2) fit.model.covariance = spread.covariance;
+    if (spread.blocks >= 2) fit.model.covariance = spread.covariance * fit.residual.edge_factor(block);
     fit.model.provenance.method = "recursive-least-squares";
     for (const data::Log& log : logs_) fit.model.provenance.logs.push_back(log.path);
 
     // Directions in which the data have shrunk the prior: eigenvalues of P₀^½ A P₀^½ above the threshold.
     const Eigen::VectorXd root = variance.cwiseSqrt();
-    const Eigen::MatrixXd posterior = root.cwiseInverse().asDiagonal() * spread.information_inverse * root.cwiseInverse().asDiagonal();
-    const Eigen::VectorXd shares = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(posterior, Eigen::EigenvaluesOnly).eigenvalues();
+    const Eigen::MatrixXd posterior =
+        root.cwiseInverse().asDiagonal() * spread.information_inverse * root.cwiseInverse().asDiagonal();
+    const Eigen::VectorXd shares =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(posterior, Eigen::EigenvaluesOnly).eigenvalues();
     fit.determined = static_cast<int>((shares.array() < kDetermined).count());
     fit.determinable = count_determinable(dynamics_, options_.torque_at_joint);
     find_missing(fit);
     fit.model.provenance.notes.push_back(
-        fmt::format("causal low-pass {:.4g} Hz; {} of {} determinable combinations of parameters determined; what the data do "
+        fmt::format("causal low-pass {:.4g} Hz; {} of {} determinable combinations of parameters determined; "
+                    "what the data do "
                     "not determine keeps the value of the URDF",
                     cutoff_, fit.determined, fit.determinable));
     return fit;
@@ -199,7 +211,8 @@ class Fit {
       CausalSignals<N> signals(dynamics_, cutoff_, data::median_sample_rate(log.time));
       for (Eigen::Index k = 0; k < log.num_samples(); ++k, ++done) {
         if (options_.progress && done % 256 == 0) {
-          options_.progress(progress_from + (progress_from < 0.8 ? 0.4 : 0.2) * static_cast<double>(done) / num_samples());
+          options_.progress(progress_from +
+                            (progress_from < 0.8 ? 0.4 : 0.2) * static_cast<double>(done) / num_samples());
         }
         const auto taken = signals.take(log, k);
         if (taken == CausalSignals<N>::Taken::kRefused) ++left_out_;
@@ -208,23 +221,28 @@ class Fit {
     }
   }
 
-  bool moves(const CausalSignals<N>& signals, int i) const { return std::abs(signals.velocity(i)) >= options_.standstill_speed; }
+  bool moves(const CausalSignals<N>& signals, int i) const {
+    return std::abs(signals.velocity(i)) >= options_.standstill_speed;
+  }
 
-  void recurse(const Eigen::VectorXd& variance, const Eigen::VectorXd& noise, double together, double progress_from) {
+  void recurse(const Eigen::VectorXd& variance, const Eigen::VectorXd& noise, double together,
+               double progress_from) {
     Row x0, v0;
     std::copy_n(prior_.data(), kP, x0.begin());
     std::copy_n(variance.data(), kP, v0.begin());
     check_ok(estimator_->configure({}, x0, v0));
-    for_each_sample([&](std::size_t, Eigen::Index, const CausalSignals<N>& signals) {
-      const auto Y = signals.regressor();
-      Row w;
-      for (int i = 0; i < N; ++i) {
-        if (!moves(signals, i)) continue;
-        for (int c = 0; c < kP; ++c) w[static_cast<std::size_t>(c)] = Y(i, c);
-        typename Estimator::Record record;
-        check_ok(estimator_->update(w, signals.tau()[i], noise[i] * noise[i] * together, record));
-      }
-    }, progress_from);
+    for_each_sample(
+        [&](std::size_t, Eigen::Index, const CausalSignals<N>& signals) {
+          const auto Y = signals.regressor();
+          Row w;
+          for (int i = 0; i < N; ++i) {
+            if (!moves(signals, i)) continue;
+            for (int c = 0; c < kP; ++c) w[static_cast<std::size_t>(c)] = Y(i, c);
+            typename Estimator::Record record;
+            check_ok(estimator_->update(w, signals.tau()[i], noise[i] * noise[i] * together, record));
+          }
+        },
+        progress_from);
   }
 
   /// Residual of the present estimate over all samples: scatter, correlation time, rows, time in motion.
@@ -232,18 +250,21 @@ class Fit {
     const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(estimator_->solution().data(), kP);
     std::vector<Eigen::MatrixXd> residual;
     for (const data::Log& log : logs_) {
-      residual.push_back(Eigen::MatrixXd::Constant(log.num_samples(), N, std::numeric_limits<double>::quiet_NaN()));
+      residual.push_back(
+          Eigen::MatrixXd::Constant(log.num_samples(), N, std::numeric_limits<double>::quiet_NaN()));
     }
     fit.rows = Eigen::VectorXi::Zero(N);
     fit.moving = Eigen::VectorXd::Zero(N);
-    for_each_sample([&](std::size_t l, Eigen::Index k, const CausalSignals<N>& signals) {
-      for (int i = 0; i < N; ++i) {
-        if (!moves(signals, i)) continue;
-        residual[l](k, i) = signals.tau()[i] - signals.regressor().row(i).dot(x);
-        ++fit.rows[i];
-        if (k > 0) fit.moving[i] += logs_[l].time[k] - logs_[l].time[k - 1];
-      }
-    }, 0.4);
+    for_each_sample(
+        [&](std::size_t l, Eigen::Index k, const CausalSignals<N>& signals) {
+          for (int i = 0; i < N; ++i) {
+            if (!moves(signals, i)) continue;
+            residual[l](k, i) = signals.tau()[i] - signals.regressor().row(i).dot(x);
+            ++fit.rows[i];
+            if (k > 0) fit.moving[i] += logs_[l].time[k] - logs_[l].time[k - 1];
+          }
+        },
+        0.4);
     fit.samples = static_cast<int>(num_samples());
     fit.left_out = left_out_;
     fit.residual.std.resize(N);
@@ -252,13 +273,14 @@ class Fit {
       double squares = 0.0;
       for (std::size_t l = 0; l < logs_.size(); ++l) {
         for (const double e : residual[l].col(i)) squares += std::isfinite(e) ? e * e : 0.0;
-        fit.residual.correlation_time[i] = std::max(fit.residual.correlation_time[i],
-                                                    correlation_time(residual[l].col(i), mean_period()));
+        fit.residual.correlation_time[i] =
+            std::max(fit.residual.correlation_time[i], correlation_time(residual[l].col(i), mean_period()));
       }
       // A joint that never moved has no scatter of its own; what it may have must not be zero.
       const double largest = logs_.front().tau.col(i).cwiseAbs().maxCoeff();
       const double floor = 1e-6 * largest + 1e-9;
-      fit.residual.std[i] = fit.rows[i] > 0 ? std::max(floor, std::sqrt(squares / fit.rows[i])) : 0.05 * largest + floor;
+      fit.residual.std[i] =
+          fit.rows[i] > 0 ? std::max(floor, std::sqrt(squares / fit.rows[i])) : 0.05 * largest + floor;
     }
   }
 
@@ -268,9 +290,10 @@ class Fit {
       if (fit.moving[i] < kLeastMoving) still += fmt::format("{}{}", still.empty() ? "" : ", ", i + 1);
     }
     if (!still.empty()) {
-      fit.missing.push_back(fmt::format("joint {} moving for less than {:g} s: the friction there and the torque it carries stay "
-                                        "unknown; record a motion in which every joint turns both ways, faster than {:g} rad/s",
-                                        still, kLeastMoving, options_.standstill_speed));
+      fit.missing.push_back(fmt::format(
+          "joint {} moving for less than {:g} s: the friction there and the torque it carries stay "
+          "unknown; record a motion in which every joint turns both ways, faster than {:g} rad/s",
+          still, kLeastMoving, options_.standstill_speed));
     }
   }
 
@@ -289,7 +312,8 @@ class Fit {
     return sum;
   }
   double mean_period() const {
-    return duration() / static_cast<double>(std::max<Eigen::Index>(1, num_samples() - static_cast<Eigen::Index>(logs_.size())));
+    return duration() / static_cast<double>(std::max<Eigen::Index>(
+                            1, num_samples() - static_cast<Eigen::Index>(logs_.size())));
   }
   int first_block_of(std::size_t log, double block) const {
     int first = 0;
@@ -309,10 +333,11 @@ class Fit {
 };
 
 template <int N>
-RecursiveFit fit_sized(const model::Robot& robot, const std::vector<data::Log>& logs, const RecursiveFitOptions& options) {
+RecursiveFit fit_sized(const model::Robot& robot, const std::vector<data::Log>& logs,
+                       const RecursiveFitOptions& options) {
   if constexpr (N > model::kMaxJoints) {
-    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name, robot.num_joints(),
-                                 model::kMaxJoints));
+    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name,
+                                 robot.num_joints(), model::kMaxJoints));
   } else {
     if (robot.num_joints() == N) return Fit<N>(robot, logs, options).run();
     return fit_sized<N + 1>(robot, logs, options);
@@ -332,7 +357,8 @@ double choose_cutoff(const data::Log& log) {
   return std::min(std::max(kLeast, 10.0 * bandwidth), 0.25 * rate);
 }
 
-RecursiveFit fit_recursively(const model::Robot& robot, const std::vector<data::Log>& logs, const RecursiveFitOptions& options) {
+RecursiveFit fit_recursively(const model::Robot& robot, const std::vector<data::Log>& logs,
+                             const RecursiveFitOptions& options) {
   check(robot, logs);
   return fit_sized<1>(robot, logs, options);
 }

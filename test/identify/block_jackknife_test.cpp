@@ -2,8 +2,8 @@
 #include <cmath>
 #include <random>
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 #include "heft/identify/block_jackknife.hpp"
 
@@ -29,8 +29,10 @@ TEST(BlockJackknife, EstimateIsTheRegularisedLeastSquares) {
   const Eigen::Vector3d prior(0.5, -1, 2), variance(4, 0.5, 100);
   BlockJackknife jackknife(prior, variance);
   for (int k = 0; k < 40; ++k) jackknife.add(k / 7, problem.W.row(k), problem.y[k], 0.25);
-  const Eigen::Matrix3d A = Eigen::Matrix3d(variance.cwiseInverse().asDiagonal()) + 4 * problem.W.transpose() * problem.W;
-  const Eigen::Vector3d x = A.inverse() * (prior.cwiseQuotient(variance) + 4 * problem.W.transpose() * problem.y);
+  const Eigen::Matrix3d A =
+      Eigen::Matrix3d(variance.cwiseInverse().asDiagonal()) + 4 * problem.W.transpose() * problem.W;
+  const Eigen::Vector3d x =
+      A.inverse() * (prior.cwiseQuotient(variance) + 4 * problem.W.transpose() * problem.y);
   const auto result = jackknife.solve();
   EXPECT_LT((result.estimate - x).norm(), 1e-12);
   EXPECT_LT((result.information_inverse - A.inverse()).norm(), 1e-12);

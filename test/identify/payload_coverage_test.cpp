@@ -12,7 +12,8 @@
 namespace heft::identify {
 namespace {
 
-const InertialParameters<double> kLoad = test::body(1.5, {0.04, 0.11, -0.05}, {0.01, 0.001, 0.008, -0.002, 0.0005, 0.012});
+const InertialParameters<double> kLoad =
+    test::body(1.5, {0.04, 0.11, -0.05}, {0.01, 0.001, 0.008, -0.002, 0.0005, 0.012});
 
 struct Count {
   int inside{0};
@@ -38,8 +39,7 @@ TEST(PayloadCoverage, IntervalsHoldNinetyFiveTimesInAHundred) {
   for (const double correlation : {0.05, 0.2, 0.4}) {
     test::SyntheticSettings settings;
     settings.duration = 40;
-    settings.sample_rate = 50;
-    settings.noise = 0.03;
+    settings.noise = 0.06;
     settings.correlation = correlation;
     PayloadRunOptions options;
     options.residual = fit_recursively(arm, {test::synthetic_log(arm, settings)}).residual;
@@ -57,7 +57,8 @@ TEST(PayloadCoverage, IntervalsHoldNinetyFiveTimesInAHundred) {
     EXPECT_LE(mass.share(), 0.97) << "correlation " << correlation;
     EXPECT_GE(rest.share(), 0.93) << "correlation " << correlation;
     EXPECT_LE(rest.share(), 0.97) << "correlation " << correlation;
-    std::printf("correlation %.2f s: mass %.3f, first moments %.3f\n", correlation, mass.share(), rest.share());
+    std::printf("correlation %.2f s: mass %.3f, first moments %.3f\n", correlation, mass.share(),
+                rest.share());
   }
 }
 
@@ -66,7 +67,6 @@ TEST(PayloadCoverage, IntervalsHoldWithAModelFittedToOneLog) {
   const model::Robot loaded = test::carrying(arm, kLoad);
   test::SyntheticSettings settings;
   settings.duration = 40;
-  settings.sample_rate = 50;
   settings.noise = 0.03;
   settings.correlation = 0.1;
   Count mass;

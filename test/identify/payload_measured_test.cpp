@@ -17,6 +17,8 @@ namespace {
 using ::testing::HasSubstr;
 
 constexpr double kMass = 2.805;
+/// What the torque constants are uncertain by, in mass: they differ by up to 3 % from joint to joint.
+constexpr double kTorqueScale = 0.02 * kMass;
 
 class MeasuredUr10e : public ::testing::Test {
  protected:
@@ -50,24 +52,24 @@ TEST_F(MeasuredUr10e, WeighsTheKnownLoad) {
     const PayloadRun found = run("exc-14h-50s-load2p805kg", k);
     ASSERT_TRUE(found.mass.identifiable[0]);
     EXPECT_NEAR(found.mass.value[0], kMass, 0.05 * kMass) << "k = " << k;
+    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale) << "k = " << k;
     EXPECT_LT(found.mass.half_width[0], 0.1) << "k = " << k;
-    // From the wrist alone (k = 4) it comes out 3 % heavy: the torque constants differ by as much from joint to joint.
     EXPECT_TRUE(found.changes.empty());
-    if (k == 4) continue;
-    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0]) << "k = " << k;
   }
 }
 
 TEST_F(MeasuredUr10e, WeighsTheKnownLoadWhateverItsModelWasFittedTo) {
   for (const char* baseline : {"exc-8h-20s", "exc-10h-20s", "exc-12h-40s", "exc-14h-50s", "ptp-10-points"}) {
     const PayloadRun found = run("exc-14h-50s-load2p805kg", 1, baseline);
-    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0]) << baseline;
+    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale) << baseline;
+    EXPECT_NEAR(found.mass.value[0], kMass, 0.03 * kMass) << baseline;
     EXPECT_LT(found.mass.half_width[0], 0.12) << baseline;
   }
 }
 
 TEST_F(MeasuredUr10e, FindsNoLoadWhereThereIsNone) {
-  for (const char* name : {"exc-8h-20s", "exc-10h-20s", "exc-12h-20s", "exc-12h-30s", "exc-12h-40s", "exc-14h-50s", "ptp-10-points"}) {
+  for (const char* name : {"exc-8h-20s", "exc-10h-20s", "exc-12h-20s", "exc-12h-30s", "exc-12h-40s",
+                           "exc-14h-50s", "ptp-10-points"}) {
     const PayloadRun found = run(name);
     ASSERT_TRUE(found.mass.identifiable[0]) << name;
     EXPECT_LT(std::abs(found.mass.value[0]), 0.05) << name;
@@ -119,7 +121,7 @@ TEST_F(MeasuredUr10e, ALoadTakenUpHalfWayIsSeenAtOnce) {
   ASSERT_EQ(found.changes.size(), 1U);
   EXPECT_NEAR(found.changes[0].time, kGrasp, 0.2);
   EXPECT_NEAR(found.changes[0].mass_before, 0, 0.1);
-  EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0]);
+  EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale);
   EXPECT_LT(found.mass.half_width[0], 0.2);
   ASSERT_TRUE(found.converged_at.has_value());
   EXPECT_LT(*found.converged_at, kGrasp + 5);

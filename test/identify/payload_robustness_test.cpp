@@ -86,7 +86,8 @@ TEST(PayloadRobustness, WhatIsNotFiniteChangesNothingAndSaysSo) {
       if (place == 2) samples.Y(3, 57) = bad;
       if (place == 3) sign[5] = bad;
       Estimator::Record record;
-      EXPECT_EQ(estimator.update(samples.Y, samples.qd, sign, samples.residual, record), Status::kNonFiniteInput);
+      EXPECT_EQ(estimator.update(samples.Y, samples.qd, sign, samples.residual, record),
+                Status::kNonFiniteInput);
       EXPECT_EQ(record.rows_used, 0);
       EXPECT_EQ(state_of(estimator), before) << "bad number " << bad << " in place " << place;
     }

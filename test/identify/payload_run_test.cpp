@@ -21,7 +21,8 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const InertialParameters<double> kLoad = test::body(1.5, {0.04, 0.11, -0.05}, {0.01, 0.001, 0.008, -0.002, 0.0005, 0.012});
+const InertialParameters<double> kLoad =
+    test::body(1.5, {0.04, 0.11, -0.05}, {0.01, 0.001, 0.008, -0.002, 0.0005, 0.012});
 
 test::SyntheticSettings noisy() {
   test::SyntheticSettings settings;
@@ -37,7 +38,8 @@ ResidualStatistics residual_of(const model::Robot& robot, test::SyntheticSetting
   return fit_recursively(robot, {test::synthetic_log(robot, settings)}).residual;
 }
 
-PayloadRun run_on(const model::Robot& arm, const model::Robot& truth, const test::SyntheticSettings& settings, int k = 1) {
+PayloadRun run_on(const model::Robot& arm, const model::Robot& truth, const test::SyntheticSettings& settings,
+                  int k = 1) {
   PayloadRunOptions options;
   options.first_joint = k;
   options.residual = residual_of(arm, settings);
@@ -59,7 +61,8 @@ TEST(PayloadRun, FindsTheLoadInsideItsInterval) {
     EXPECT_TRUE(run.mass_visible);
     expect_within_interval(run.mass, Eigen::VectorXd::Constant(1, 1.5));
     EXPECT_LT(run.mass.half_width[0], 0.1) << "k = " << k;
-    for (std::size_t i = 0; i < 10; ++i) EXPECT_NEAR(run.on_last_link[i], kLoad[i], 0.03) << "k = " << k << ", parameter " << i;
+    for (std::size_t i = 0; i < 10; ++i)
+      EXPECT_NEAR(run.on_last_link[i], kLoad[i], 0.03) << "k = " << k << ", parameter " << i;
     EXPECT_TRUE(run.changes.empty());
     EXPECT_TRUE(run.missing.empty());
     ASSERT_TRUE(run.converged_at.has_value());
@@ -75,7 +78,8 @@ TEST(PayloadRun, StatesTheLoadInTheFlangeFrame) {
   // Link axes to tip axes: x, z, -y. Centre (0.04, 0.11 - 0.0823, -0.05).
   expect_within_interval(run.com, Eigen::Vector3d(0.04, -0.05, -(0.11 - 0.0823)));
   const double y = 0.11 - 0.0823;
-  // About the centre of mass in link axes, turned: Ixx, Ixy ← Ixz, Iyy ← Izz, Ixz ← −Ixy, Iyz ← −Iyz, Izz ← Iyy.
+  // About the centre of mass in link axes, turned: Ixx, Ixy ← Ixz, Iyy ← Izz, Ixz ← −Ixy, Iyz ← −Iyz, Izz ←
+  // Iyy.
   const auto turned = test::body(1.5, {0.04, -0.05, -y}, {0.01, -0.002, 0.012, -0.001, -0.0005, 0.008});
   expect_within_interval(run.inertia, Eigen::Map<const Eigen::VectorXd>(turned.data() + 4, 6));
 }
@@ -94,7 +98,8 @@ TEST(PayloadRun, WristRowsTellTheFirstMomentButNotTheMass) {
   EXPECT_FALSE(run.mass_visible);
   EXPECT_FALSE(run.mass.identifiable[0]);
   EXPECT_TRUE(std::isnan(run.mass.std[0]));
-  EXPECT_THAT(run.missing, AllOf(HasSubstr("joints 5 to 6 does not depend on the mass"), HasSubstr("--rows")));
+  EXPECT_THAT(run.missing,
+              AllOf(HasSubstr("joints 5 to 6 does not depend on the mass"), HasSubstr("--rows")));
   for (std::size_t i = 1; i < 4; ++i) EXPECT_NEAR(run.on_last_link[i], kLoad[i], 0.01);
 }
 
@@ -117,7 +122,9 @@ TEST(PayloadRun, FrictionThatChangedDoesNotPassForLoad) {
   expect_within_interval(run.mass, Eigen::VectorXd::Constant(1, 1.5));
   for (Eigen::Index i = 0; i < 6; ++i) {
     const double expected = 0.3 * arm.joints[static_cast<std::size_t>(i)].actuation.coulomb_friction;
-    EXPECT_NEAR(run.coulomb_change.value[i], expected, std::max(0.25 * expected, 2 * run.coulomb_change.half_width[i])) << "joint " << i + 1;
+    EXPECT_NEAR(run.coulomb_change.value[i], expected,
+                std::max(0.25 * expected, 2 * run.coulomb_change.half_width[i]))
+        << "joint " << i + 1;
   }
 }
 
@@ -149,7 +156,9 @@ TEST(PayloadRun, SeesALoadTakenUpAndPutDown) {
   const model::Robot loaded = test::carrying(arm, kLoad);
   test::SyntheticSettings settings = noisy();
   settings.duration = 75;
-  settings.robot_at = [&](double time) -> const model::Robot& { return time < 25 || time > 50 ? arm : loaded; };
+  settings.robot_at = [&](double time) -> const model::Robot& {
+    return time < 25 || time > 50 ? arm : loaded;
+  };
   const PayloadRun run = run_on(arm, arm, settings);
   ASSERT_EQ(run.changes.size(), 2U);
   EXPECT_NEAR(run.changes[0].time, 25, 0.5);
@@ -286,7 +295,8 @@ TEST(PayloadRun, OneMovingJointDoesNotTellTheMass) {
   options.residual = residual_of(arm, noisy());
   const PayloadRun run = run_payload(arm, log, options);
   EXPECT_FALSE(run.mass.identifiable[0]);
-  EXPECT_THAT(run.missing, AllOf(HasSubstr("joints 1, 3, 4, 5, 6 at rest"), HasSubstr("joint 2 moving alone")));
+  EXPECT_THAT(run.missing,
+              AllOf(HasSubstr("joints 1, 3, 4, 5, 6 at rest"), HasSubstr("joint 2 moving alone")));
 }
 
 TEST(PayloadRun, WorksOnOtherArms) {
@@ -303,9 +313,11 @@ TEST(PayloadRun, RefusesRowsTheArmDoesNotHave) {
   for (const int k : {0, 7, -1}) {
     PayloadRunOptions options;
     options.first_joint = k;
-    EXPECT_THAT(test::message_of<DataError>([&] { run_payload(arm, log, options); }), HasSubstr("expected 1 to 6"));
+    EXPECT_THAT(test::message_of<DataError>([&] { run_payload(arm, log, options); }),
+                HasSubstr("expected 1 to 6"));
   }
-  EXPECT_THAT(test::message_of<DataError>([&] { run_payload(test::scara_arm(), log, {}); }), HasSubstr("expected 4 of each"));
+  EXPECT_THAT(test::message_of<DataError>([&] { run_payload(test::scara_arm(), log, {}); }),
+              HasSubstr("expected 4 of each"));
   data::Log bare = log;
   bare.tau.resize(0, 0);
   EXPECT_THAT(test::message_of<DataError>([&] { run_payload(arm, bare, {}); }), HasSubstr("0 torques"));

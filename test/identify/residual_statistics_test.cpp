@@ -33,7 +33,8 @@ TEST(CorrelationTime, MatchesFirstOrderNoise) {
 TEST(CorrelationTime, ToleratesHolesAndTooLittle) {
   Eigen::VectorXd e = first_order(0.9, 100000, 2);
   const double whole = correlation_time(e, 0.01);
-  for (Eigen::Index k = 0; k < e.size(); k += 1000) e.segment(k, 200).setConstant(std::numeric_limits<double>::quiet_NaN());
+  for (Eigen::Index k = 0; k < e.size(); k += 1000)
+    e.segment(k, 200).setConstant(std::numeric_limits<double>::quiet_NaN());
   EXPECT_NEAR(correlation_time(e, 0.01), whole, 0.2 * whole);
   e.setConstant(std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(correlation_time(e, 0.01), 0.01);
@@ -53,6 +54,9 @@ TEST(ResidualStatistics, BlocksAreSeveralCorrelationTimesLongButLeaveTen) {
   EXPECT_DOUBLE_EQ(residual.correlated_samples(0.01), 80);
   EXPECT_DOUBLE_EQ(residual.correlated_samples(2), 1);
   EXPECT_DOUBLE_EQ(ResidualStatistics{}.block_length(60), 1.0);
+  EXPECT_DOUBLE_EQ(residual.edge_factor(2.0), 1.25);
+  EXPECT_DOUBLE_EQ(residual.edge_factor(0.1), 2.0);
+  EXPECT_DOUBLE_EQ(ResidualStatistics{}.edge_factor(1.0), 1.0);
 }
 
 }  // namespace

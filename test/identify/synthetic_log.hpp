@@ -20,11 +20,11 @@ namespace heft::test {
 struct SyntheticSettings {
   double duration{30.0};
   double sample_rate{100.0};
-  double jitter{0.0};            ///< of the time stamps, share of a period
-  double amplitude{0.5};         ///< of each of five harmonics, falling with their number [rad, m]
-  double fundamental{0.1};       ///< [Hz]
-  double noise{0.0};             ///< standard deviation, share of the largest torque of each joint
-  double correlation{0.1};       ///< time constant of the noise [s]
+  double jitter{0.0};       ///< of the time stamps, share of a period
+  double amplitude{0.5};    ///< of each of five harmonics, falling with their number [rad, m]
+  double fundamental{0.1};  ///< [Hz]
+  double noise{0.0};        ///< standard deviation, share of the largest torque of each joint
+  double correlation{0.1};  ///< time constant of the noise [s]
   std::uint32_t motion_seed{1};
   std::uint32_t noise_seed{1};
   bool with_velocity{true};

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -64,16 +64,19 @@ Recording read_recording(const std::string& path, const LogOptions& options, con
   return recording;
 }
 
-Eigen::VectorXd numbers(const nlohmann::ordered_json& json, const char* key, int size, const std::string& path) {
+Eigen::VectorXd numbers(const nlohmann::ordered_json& json, const char* key, int size,
+                        const std::string& path) {
   const auto list = json.value(key, nlohmann::ordered_json());
   if (!list.is_array() || list.size() != static_cast<std::size_t>(size)) {
-    throw ModelError(fmt::format("{}: /{}/{}: expected {} numbers, one a joint", path, kResidualField, key, size));
+    throw ModelError(
+        fmt::format("{}: /{}/{}: expected {} numbers, one a joint", path, kResidualField, key, size));
   }
   Eigen::VectorXd values(size);
   for (int i = 0; i < size; ++i) {
     const auto& entry = list[static_cast<std::size_t>(i)];
     if (!entry.is_number() || !(entry.get<double>() > 0)) {
-      throw ModelError(fmt::format("{}: /{}/{}/{}: found {}; expected a number above 0", path, kResidualField, key, i, entry.dump()));
+      throw ModelError(fmt::format("{}: /{}/{}/{}: found {}; expected a number above 0", path, kResidualField,
+                                   key, i, entry.dump()));
     }
     values[i] = entry.get<double>();
   }
@@ -98,16 +101,17 @@ std::optional<identify::ResidualStatistics> residual_of(const model::ModelFile& 
 }
 
 void keep_residual(model::ModelFile& file, const identify::ResidualStatistics& residual) {
-  nlohmann::ordered_json others = file.other_fields.empty() ? nlohmann::ordered_json::object()
-                                                            : nlohmann::ordered_json::parse(file.other_fields);
+  nlohmann::ordered_json others = file.other_fields.empty()
+                                      ? nlohmann::ordered_json::object()
+                                      : nlohmann::ordered_json::parse(file.other_fields);
   others[kResidualField] = {{"std", json_array(residual.std)},
                             {"correlation_time", json_array(residual.correlation_time)},
                             {"cutoff_hz", residual.cutoff}};
   file.other_fields = others.dump();
 }
 
-identify::RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs, const Options& options,
-                           const std::string& what) {
+identify::RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs,
+                           const Options& options, const std::string& what) {
   Progress progress(what);
   identify::RecursiveFitOptions fit_options;
   fit_options.cutoff = options.log.band;
@@ -128,7 +132,8 @@ Arm arm_of(const model::Robot& robot, const identify::RecursiveFit& fitted) {
   return arm;
 }
 
-identify::PayloadRun estimate(const Arm& arm, const data::Log& log, const Options& options, double zero_mass_std) {
+identify::PayloadRun estimate(const Arm& arm, const data::Log& log, const Options& options,
+                              double zero_mass_std) {
   Progress progress(log.path);
   identify::PayloadRunOptions run;
   run.first_joint = options.rows;
@@ -141,8 +146,8 @@ identify::PayloadRun estimate(const Arm& arm, const data::Log& log, const Option
   return identify::run_payload(arm.robot, log, run);
 }
 
-/// Torque that a model expects; the sign of friction goes through zero within 0.005 rad/s, so that a joint that
-/// stands still with a noisy velocity has none.
+/// Torque that a model expects; the sign of friction goes through zero within 0.005 rad/s, so that a joint
+/// that stands still with a noisy velocity has none.
 Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, bool at_motor) {
   constexpr double kSignWidth = 0.005;
   const model::Dynamics dynamics(robot);
@@ -151,8 +156,9 @@ Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, bool at
     torque.row(k) = dynamics.inverse_dynamics(log.q.row(k), log.qd.row(k), log.qdd.row(k));
     for (int i = 0; i < robot.num_joints(); ++i) {
       const auto& drive = robot.joints[static_cast<std::size_t>(i)].actuation;
-      torque(k, i) += at_motor ? drive.rotor_inertia * log.qdd(k, i) + friction_torque(drive, log.qd(k, i), kSignWidth)
-                               : drive.friction_offset;
+      torque(k, i) +=
+          at_motor ? drive.rotor_inertia * log.qdd(k, i) + friction_torque(drive, log.qd(k, i), kSignWidth)
+                   : drive.friction_offset;
     }
   }
   return torque;
@@ -165,8 +171,10 @@ model::Robot loaded(const model::Robot& robot, const identify::PayloadRun& run, 
   if (!with_friction) return result;
   for (std::size_t i = 0; i < result.joints.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(i);
-    if (run.coulomb_change.identifiable[i]) result.joints[i].actuation.coulomb_friction += run.coulomb_change.value[at];
-    if (run.viscous_change.identifiable[i]) result.joints[i].actuation.viscous_friction += run.viscous_change.value[at];
+    if (run.coulomb_change.identifiable[i])
+      result.joints[i].actuation.coulomb_friction += run.coulomb_change.value[at];
+    if (run.viscous_change.identifiable[i])
+      result.joints[i].actuation.viscous_friction += run.viscous_change.value[at];
   }
   return result;
 }
@@ -177,13 +185,15 @@ Estimate shown(const identify::Estimated& estimated) {
 
 std::string frame_name(const model::Robot& robot) {
   const bool at_link = robot.tip_link == robot.joints.back().link_name;
-  return at_link ? fmt::format("the frame of the last link, {}", robot.tip_link) : fmt::format("the frame of {}", robot.tip_link);
+  return at_link ? fmt::format("the frame of the last link, {}", robot.tip_link)
+                 : fmt::format("the frame of {}", robot.tip_link);
 }
 
 /// The mass is told; or all first moments are, where the rows asked for cannot show the mass.
 bool is_answered(const identify::PayloadRun& run) {
   const auto& known = run.first_moment.identifiable;
-  return run.mass.identifiable[0] || (!run.mass_visible && std::all_of(known.begin(), known.end(), [](bool told) { return told; }));
+  return run.mass.identifiable[0] ||
+         (!run.mass_visible && std::all_of(known.begin(), known.end(), [](bool told) { return told; }));
 }
 
 struct Shown {
@@ -191,7 +201,8 @@ struct Shown {
   std::vector<report::PlotSpec> residual_plots;
 };
 
-Shown present(const Arm& arm, const Recording& recording, const identify::PayloadRun& run, const Options& options) {
+Shown present(const Arm& arm, const Recording& recording, const identify::PayloadRun& run,
+              const Options& options) {
   const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;
   const data::Log& log = recording.derived;
   Shown shown_run;
@@ -212,7 +223,9 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   if (options.true_mass > 0) result.true_mass = options.true_mass;
   result.missing = run.missing;
   result.cutoff = run.cutoff;
-  result.mass_std_parts = {{"this log's residual", run.mass_std_residual}, {"model", run.mass_std_model}, {"zero check", run.mass_std_zero}};
+  result.mass_std_parts = {{"this log's residual", run.mass_std_residual},
+                           {"model", run.mass_std_model},
+                           {"zero check", run.mass_std_zero}};
   result.blocks = run.blocks;
   result.block_length = run.block;
   result.time = run.time;
@@ -223,10 +236,12 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   const int rejected = run.rows_rejected.sum();
   const int used = run.rows_used.sum();
   if (rejected > 0) {
-    result.notes.push_back(fmt::format("{} of {} torque rows were left out as outliers", rejected, used + rejected));
+    result.notes.push_back(
+        fmt::format("{} of {} torque rows were left out as outliers", rejected, used + rejected));
   }
   if (run.left_out > 0) {
-    result.notes.push_back(fmt::format("{} samples were left out: torque or velocity more than five times the robot's limit", run.left_out));
+    result.notes.push_back(fmt::format(
+        "{} samples were left out: torque or velocity more than five times the robot's limit", run.left_out));
   }
 
   const Eigen::MatrixXd before = predict(arm.robot, log, at_motor);
@@ -242,26 +257,33 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
     const TorqueScore score_after = score_torque(log, *after, score_before.band);
     result.rmse_after = score_after.rmse;
     result.rmse_in_band_after = score_after.rmse_in_band;
-    const TorqueScore score_friction = score_torque(log, predict(loaded(arm.robot, run, true), log, at_motor), score_before.band);
+    const TorqueScore score_friction =
+        score_torque(log, predict(loaded(arm.robot, run, true), log, at_motor), score_before.band);
     result.rmse_after_friction = score_friction.rmse;
   }
   if (after && !run.mass.identifiable[0]) {
-    result.notes.push_back(fmt::format("The joints before joint {} get the load without its mass, which can make them worse.", run.first_joint));
+    result.notes.push_back(
+        fmt::format("The joints before joint {} get the load without its mass, which can make them worse.",
+                    run.first_joint));
   }
   for (Eigen::Index j = 0; j < before.cols(); ++j) {
     report::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = "torque error [N·m]";
-    spec.series.push_back(report::line("without the load", log.time, log.tau.col(j) - before.col(j), report::Hue::kNeutral));
-    if (after) spec.series.push_back(report::line("with the load found", log.time, log.tau.col(j) - after->col(j), report::Hue::kBlue));
+    spec.series.push_back(
+        report::line("without the load", log.time, log.tau.col(j) - before.col(j), report::Hue::kNeutral));
+    if (after)
+      spec.series.push_back(
+          report::line("with the load found", log.time, log.tau.col(j) - after->col(j), report::Hue::kBlue));
     shown_run.residual_plots.push_back(std::move(spec));
   }
   return shown_run;
 }
 
 /// Load found where there is none: what the model gets wrong from one recording to the next.
-std::vector<ZeroCheck> check_zero(const Arm& arm, const model::Robot& bare, const std::vector<data::Log>& baselines,
+std::vector<ZeroCheck> check_zero(const Arm& arm, const model::Robot& bare,
+                                  const std::vector<data::Log>& baselines,
                                   const std::vector<Recording>& zeros, const Options& options) {
   std::vector<ZeroCheck> checks;
   const auto add = [&](const Arm& with, const data::Log& log) {
@@ -295,15 +317,18 @@ double excess_of(const std::vector<ZeroCheck>& checks) {
 std::string describe(const identify::RecursiveFit& fitted, const std::vector<data::Log>& logs) {
   std::string names;
   for (const data::Log& log : logs) names += fmt::format("{}{}", names.empty() ? "" : ", ", log.path);
-  return fmt::format("Model: recursive least squares over all joints of {}: {} of the {} combinations of parameters that any "
-                     "motion could tell; causal low-pass {:.3g} Hz.",
-                     names, fitted.determined, fitted.determinable, fitted.residual.cutoff);
+  return fmt::format(
+      "Model: recursive least squares over all joints of {}: {} of the {} combinations of parameters that "
+      "any "
+      "motion could tell; causal low-pass {:.3g} Hz.",
+      names, fitted.determined, fitted.determinable, fitted.residual.cutoff);
 }
 
 report::Table residual_table(const identify::ResidualStatistics& residual) {
   report::Table table({"joint", "residual of the model, filtered [N·m]", "correlated over [s]"});
   for (Eigen::Index j = 0; j < residual.std.size(); ++j) {
-    table.add_row({fmt::format("{}", j + 1), report::number(residual.std[j]), report::number(residual.correlation_time[j], 2)});
+    table.add_row({fmt::format("{}", j + 1), report::number(residual.std[j]),
+                   report::number(residual.correlation_time[j], 2)});
   }
   return table;
 }
@@ -312,8 +337,8 @@ void run(const Options& options) {
   const Console console{options.output, options.result.json};
   const model::Robot robot = load_robot(options.robot);
   if (options.rows > robot.num_joints()) {
-    throw InputError(fmt::format("--rows {}: robot \"{}\" has {} joints; expected 1 to {}", options.rows, robot.name,
-                                 robot.num_joints(), robot.num_joints()));
+    throw InputError(fmt::format("--rows {}: robot \"{}\" has {} joints; expected 1 to {}", options.rows,
+                                 robot.name, robot.num_joints(), robot.num_joints()));
   }
 
   Arm arm{robot, std::nullopt, std::nullopt};
@@ -327,19 +352,22 @@ void run(const Options& options) {
     if (arm.covariance && !arm.covariance->allFinite()) arm.covariance.reset();
     model_text = fmt::format("Model: {}.", options.robot.model);
   } else {
-    for (const std::string& path : options.baselines) baselines.push_back(read_recording(path, options.log, robot).causal);
+    for (const std::string& path : options.baselines)
+      baselines.push_back(read_recording(path, options.log, robot).causal);
     fitted = fit(robot, baselines, options, "fitting the arm without load");
     arm = arm_of(robot, *fitted);
     model_text = describe(*fitted, baselines);
   }
   std::vector<Recording> recordings, zeros;
   for (const std::string& path : options.zeros) zeros.push_back(read_recording(path, options.log, robot));
-  for (const std::string& path : options.log.logs) recordings.push_back(read_recording(path, options.log, robot));
+  for (const std::string& path : options.log.logs)
+    recordings.push_back(read_recording(path, options.log, robot));
 
   const std::vector<ZeroCheck> zero_checks = check_zero(arm, robot, baselines, zeros, options);
   const double zero_mass_std = excess_of(zero_checks);
 
-  report::Report page(fmt::format("{}: the load at the flange", robot.name), fmt::format("torque of joints {} and up", options.rows));
+  report::Report page(fmt::format("{}: the load at the flange", robot.name),
+                      fmt::format("torque of joints {} and up", options.rows));
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   std::string text = model_text + '\n';
   if (fitted) text += residual_table(fitted->residual).to_text(2);
@@ -378,33 +406,42 @@ Action set_up_payload(CLI::App& app) {
   auto options = std::make_shared<Options>();
   add_robot_options(app, options->robot);
   add_log_options(app, options->log);
-  app.add_option("--baseline", options->baselines, "log of the arm without load, to fit the model to; may be given several times")
+  app.add_option("--baseline", options->baselines,
+                 "log of the arm without load, to fit the model to; may be given several times")
       ->type_name("NOLOAD.csv");
   app.add_option("--zero", options->zeros,
-                 "log without load that the model was not fitted to: the mass found there is the model's error, and widens the "
-                 "interval; may be given several times (default with several --baseline: each by the model of the others)")
+                 "log without load that the model was not fitted to: the mass found there is the model's "
+                 "error, and widens the "
+                 "interval; may be given several times (default with several --baseline: each by the model "
+                 "of the others)")
       ->type_name("NOLOAD.csv");
   app.add_option("--rows", options->rows, "K: use the torques of joints K..N")
       ->type_name("K")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  app.add_option("--true-mass", options->true_mass, "[kg] the load's mass where it is known: shown beside the estimate")
+  app.add_option("--true-mass", options->true_mass,
+                 "[kg] the load's mass where it is known: shown beside the estimate")
       ->type_name("KG")
       ->check(CLI::PositiveNumber);
-  add_output_option(app, options->output, "the model that --baseline gives (JSON), for --model next time", false);
+  add_output_option(app, options->output, "the model that --baseline gives (JSON), for --model next time",
+                    false);
   add_result_options(app, options->result);
   app.parse_complete_callback([options] {
     if (options->robot.model.empty() == options->baselines.empty()) {
-      throw CLI::ValidationError("the load is what the model of the arm without load does not explain: give either --model "
-                                 "MODEL.json or --baseline NOLOAD.csv, a log to fit it to");
+      throw CLI::ValidationError(
+          "the load is what the model of the arm without load does not explain: give either --model "
+          "MODEL.json or --baseline NOLOAD.csv, a log to fit it to");
     }
     if (options->baselines.empty() && !options->output.empty()) {
-      throw CLI::ValidationError("--output writes the model that --baseline gives; with --model there is nothing to write");
+      throw CLI::ValidationError(
+          "--output writes the model that --baseline gives; with --model there is nothing to write");
     }
   });
   app.footer(
-      "Logs need torque (tau1..tauN, or currents with --torque-constant). The arm without load is fitted by recursive\n"
-      "least squares over all joints; its errors go into the interval. The interval holds for the torque scale given:\n"
+      "Logs need torque (tau1..tauN, or currents with --torque-constant). The arm without load is fitted by "
+      "recursive\n"
+      "least squares over all joints; its errors go into the interval. The interval holds for the torque "
+      "scale given:\n"
       "a torque constant that is 2 % off moves the mass by 2 %.\n"
       "With one log --json gives one object, with several a list.\n"
       "Example: heft payload --urdf ur10e --baseline empty.csv --log carrying.csv --report load.html");

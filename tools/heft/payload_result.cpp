@@ -29,7 +29,8 @@ Eigen::VectorXd half_widths(const Estimate& estimate) {
 /// What is not identifiable is null: a number there would be the prior's, not the data's.
 Eigen::VectorXd told(const Estimate& estimate, Eigen::VectorXd values) {
   for (Eigen::Index k = 0; k < values.size(); ++k) {
-    if (!estimate.identifiable[static_cast<std::size_t>(k)]) values[k] = std::numeric_limits<double>::quiet_NaN();
+    if (!estimate.identifiable[static_cast<std::size_t>(k)])
+      values[k] = std::numeric_limits<double>::quiet_NaN();
   }
   return values;
 }
@@ -104,20 +105,27 @@ std::vector<std::string> remarks(const PayloadResult& result) {
     for (const StdPart& part : result.mass_std_parts) {
       parts += fmt::format("{}{} {}", parts.empty() ? "" : ", ", part.source, report::number(part.std, 2));
     }
-    lines.push_back(fmt::format("Standard deviation of the mass [kg]: {}; from {} blocks of {:.3g} s, since the residual is "
-                                "correlated in time.", parts, result.blocks, result.block_length));
+    lines.push_back(fmt::format(
+        "Standard deviation of the mass [kg]: {}; from {} blocks of {:.3g} s, since the residual is "
+        "correlated in time.",
+        parts, result.blocks, result.block_length));
     if (!result.has_model_covariance) {
-      lines.push_back("The model file holds no covariance, so the interval leaves the model's own error out.");
+      lines.push_back(
+          "The model file holds no covariance, so the interval leaves the model's own error out.");
     }
-    lines.push_back("The interval holds for the torque scale given: torque constants that are 2 % off move the mass by 2 %.");
+    lines.push_back(
+        "The interval holds for the torque scale given: torque constants that are 2 % off move the mass by 2 "
+        "%.");
   }
   for (const ZeroCheck& check : result.zero_checks) {
-    lines.push_back(fmt::format("Zero check, {}: {} ± {} kg where there is no load.", check.log, report::number(check.mass, 2),
-                                report::number(check.half_width, 2)));
+    lines.push_back(fmt::format("Zero check, {}: {} ± {} kg where there is no load.", check.log,
+                                report::number(check.mass, 2), report::number(check.half_width, 2)));
   }
   if (identifiable(result.mass, 0) && result.zero_checks.empty() && !result.mass_std_parts.empty()) {
-    lines.push_back("No zero check: what the model gets wrong from one day to the next is not in the interval (--zero gives it a "
-                    "log without load).");
+    lines.push_back(
+        "No zero check: what the model gets wrong from one day to the next is not in the interval (--zero "
+        "gives it a "
+        "log without load).");
   }
   lines.insert(lines.end(), result.notes.begin(), result.notes.end());
   return lines;
@@ -131,14 +139,15 @@ std::vector<std::string> joint_names(Eigen::Index count) {
 
 std::vector<double> to_vector(const Eigen::VectorXd& values) { return {values.begin(), values.end()}; }
 
-/// Range of the mass plot: that of the values told after the first tenth of the run, so that the wild values at the
-/// start do not press the rest flat.
+/// Range of the mass plot: that of the values told after the first tenth of the run, so that the wild
+/// values at the start do not press the rest flat.
 std::pair<double, double> settled_range(const PayloadResult& result) {
   double low = std::min(0.0, result.true_mass.value_or(0.0));
   double high = std::max(0.0, result.true_mass.value_or(0.0));
   for (Eigen::Index k = result.time.size() / 10; k < result.time.size(); ++k) {
     if (!std::isfinite(result.mass_history[k])) continue;
-    if (result.mass_std_history.size() == result.time.size() && !std::isfinite(result.mass_std_history[k])) continue;
+    if (result.mass_std_history.size() == result.time.size() && !std::isfinite(result.mass_std_history[k]))
+      continue;
     low = std::min(low, result.mass_history[k]);
     high = std::max(high, result.mass_history[k]);
   }
@@ -158,10 +167,12 @@ Eigen::VectorXd root_mean_squares(const Eigen::MatrixXd& error) {
 nlohmann::ordered_json to_json(const PayloadResult& result) {
   nlohmann::ordered_json json{{"robot", result.robot}, {"log", result.log}};
   const bool has_mass = result.mass.value.size() > 0 && identifiable(result.mass, 0);
-  json["mass"] = {{"value", has_mass ? number_or_null(result.mass.value[0]) : nlohmann::ordered_json(nullptr)},
-                  {"std", has_mass ? number_or_null(result.mass.std[0]) : nlohmann::ordered_json(nullptr)},
-                  {"half_width_95", has_mass ? number_or_null(half_width(result.mass, 0)) : nlohmann::ordered_json(nullptr)},
-                  {"identifiable", has_mass}};
+  json["mass"] = {
+      {"value", has_mass ? number_or_null(result.mass.value[0]) : nlohmann::ordered_json(nullptr)},
+      {"std", has_mass ? number_or_null(result.mass.std[0]) : nlohmann::ordered_json(nullptr)},
+      {"half_width_95",
+       has_mass ? number_or_null(half_width(result.mass, 0)) : nlohmann::ordered_json(nullptr)},
+      {"identifiable", has_mass}};
   if (result.first_moment.value.size() > 0) json["first_moment"] = estimate_json(result.first_moment);
   json["com"] = estimate_json(result.com);
   json["inertia"] = estimate_json(result.inertia);
@@ -180,11 +191,13 @@ nlohmann::ordered_json to_json(const PayloadResult& result) {
   if (result.rmse_before.size() > 0) {
     json["rmse_before"] = json_array(result.rmse_before);
     if (result.rmse_after.size() > 0) json["rmse_after"] = json_array(result.rmse_after);
-    if (result.rmse_after_friction.size() > 0) json["rmse_after_with_friction"] = json_array(result.rmse_after_friction);
+    if (result.rmse_after_friction.size() > 0)
+      json["rmse_after_with_friction"] = json_array(result.rmse_after_friction);
   }
   if (result.rmse_in_band_before.size() > 0) {
     json["rmse_in_band_before"] = json_array(result.rmse_in_band_before);
-    if (result.rmse_in_band_after.size() > 0) json["rmse_in_band_after"] = json_array(result.rmse_in_band_after);
+    if (result.rmse_in_band_after.size() > 0)
+      json["rmse_in_band_after"] = json_array(result.rmse_in_band_after);
     json["band_hz"] = result.band > 0 ? nlohmann::ordered_json(result.band) : nlohmann::ordered_json(nullptr);
   }
   if (!result.frame.empty()) json["frame"] = result.frame;
@@ -220,8 +233,9 @@ std::string to_text(const PayloadResult& result) {
                               : "Not converged.\n";
   for (const std::string& line : remarks(result)) text += line + '\n';
   for (const MassChange& change : result.changes) {
-    text += std::isfinite(change.mass) ? fmt::format("Change at {:.3f} s: {} kg\n", change.time, report::number(change.mass))
-                                       : fmt::format("Change at {:.3f} s: new mass not told\n", change.time);
+    text += std::isfinite(change.mass)
+                ? fmt::format("Change at {:.3f} s: {} kg\n", change.time, report::number(change.mass))
+                : fmt::format("Change at {:.3f} s: new mass not told\n", change.time);
   }
   if (result.rmse_before.size() > 0) {
     text += "\nTorque error per joint, without the load in the model and with it:\n" +
@@ -264,8 +278,8 @@ void add_to(report::Report& page, const PayloadResult& result) {
     spec.y_range = settled_range(result);
     page.plot(spec);
   }
-  page.table(estimate_table(result),
-             fmt::format("The load in {}; inertia about its origin", result.frame.empty() ? "the flange frame" : result.frame));
+  page.table(estimate_table(result), fmt::format("The load in {}; inertia about its origin",
+                                                 result.frame.empty() ? "the flange frame" : result.frame));
   for (const std::string& line : remarks(result)) page.note(line);
   if (result.rmse_before.size() > 0) {
     report::PlotSpec spec;
@@ -273,7 +287,8 @@ void add_to(report::Report& page, const PayloadResult& result) {
     spec.y_label = "RMSE [N·m]";
     spec.series = {report::bars("without the load", to_vector(result.rmse_before), report::Hue::kNeutral)};
     if (result.rmse_after.size() > 0) {
-      spec.series.push_back(report::bars("with the load found", to_vector(result.rmse_after), report::Hue::kBlue));
+      spec.series.push_back(
+          report::bars("with the load found", to_vector(result.rmse_after), report::Hue::kBlue));
     }
     spec.categories = joint_names(result.rmse_before.size());
     page.plot(spec);

@@ -24,8 +24,8 @@ struct Estimate {
 
 /// The load's mass jumped.
 struct MassChange {
-  double time{0.0};  ///< [s]
-  double mass{0.0};  ///< new mass of the load [kg]
+  double time{0.0};                                              ///< [s]
+  double mass{0.0};                                              ///< new mass of the load [kg]
   double mass_before{std::numeric_limits<double>::quiet_NaN()};  ///< [kg]
   double std{std::numeric_limits<double>::quiet_NaN()};          ///< of `mass` [kg]
 };
@@ -63,7 +63,7 @@ struct PayloadResult {
   Eigen::VectorXd rmse_in_band_before, rmse_in_band_after;  ///< may be empty
   double band{0.0};                                         ///< of the latter [Hz]
   std::string rmse_meaning;                                 ///< sentence that defines them
-  std::string frame;    ///< "the frame of tool0"; empty: the flange frame
+  std::string frame;                                        ///< "the frame of tool0"; empty: the flange frame
   std::string missing;  ///< why the mass is not told, and what motion would; may be empty
   double cutoff{0.0};   ///< of the causal low-pass [Hz]; 0: not stated
   bool has_model_covariance{true};

@@ -11,10 +11,10 @@ namespace heft::identify {
 /// Least squares sums kept block by block in time, so that each block can be taken out again.
 ///
 /// Estimate x = A⁻¹ r with A = P₀⁻¹ + Σ_b A_b, r = P₀⁻¹ x₀ + Σ_b r_b. Its covariance by the delete-a-block
-/// jackknife, V = (B − 1)/B Σ_b (x₍b₎ − x)(x₍b₎ − x)ᵀ, x₍b₎ being the estimate without block b. For least squares
-/// this is the cluster-robust sandwich estimate in its CR3 form, which makes up for the part of the residuals that
-/// the fit itself takes away [1]. It holds whatever the correlation inside a block; blocks must be several
-/// correlation times long.
+/// jackknife, V = (B − 1)/B Σ_b (x₍b₎ − x)(x₍b₎ − x)ᵀ, x₍b₎ being the estimate without block b. For least
+/// squares this is the cluster-robust sandwich estimate in its CR3 form, which makes up for the part of the
+/// residuals that the fit itself takes away [1]. It holds whatever the correlation inside a block; blocks
+/// must be several correlation times long.
 ///
 /// [1] J. G. MacKinnon, M. Ø. Nielsen, M. D. Webb, Cluster-robust inference: a guide to empirical practice,
 ///     Journal of Econometrics 232 (2023).
@@ -29,8 +29,8 @@ class BlockJackknife {
   /// @param noise_variance  of e, > 0
   void add(int block, const Eigen::VectorXd& w, double y, double noise_variance);
 
-  /// Says for a row added that its y was made as y = (measured) − d·z with a z that is itself uncertain, so that
-  /// dependence() can tell what an error of z does to the estimate.
+  /// Says for a row added that its y was made as y = (measured) − d·z with a z that is itself uncertain, so
+  /// that dependence() can tell what an error of z does to the estimate.
   void add_dependence(int block, const Eigen::VectorXd& w, const Eigen::VectorXd& d, double noise_variance);
 
   struct Result {
@@ -38,8 +38,8 @@ class BlockJackknife {
     Eigen::MatrixXd information_inverse;  ///< A⁻¹: covariance if the noise variances were right and white
     Eigen::MatrixXd covariance;           ///< V; zero with fewer than two blocks
     int blocks{0};                        ///< B: blocks (of the given length) that hold rows
-    /// 0.975 quantile of Student's t with B − 1 degrees of freedom: half-width of a 95 % interval in standard
-    /// deviations. Infinite with fewer than two blocks.
+    /// 0.975 quantile of Student's t with B − 1 degrees of freedom: half-width of a 95 % interval in
+    /// standard deviations. Infinite with fewer than two blocks.
     double interval_factor{0.0};
   };
   /// @param members  blocks to use, in time order
@@ -67,7 +67,8 @@ class BlockJackknife {
   std::vector<Block> blocks_;
 };
 
-/// Half-width of a 95 % interval in standard deviations for that many degrees of freedom (Student's t, 0.975).
+/// Half-width of a 95 % interval in standard deviations for that many degrees of freedom (Student's t,
+/// 0.975).
 double interval_factor(int degrees_of_freedom);
 
 }  // namespace heft::identify
