@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -11,14 +12,12 @@
 #include <unsupported/Eigen/FFT>
 
 #include "heft/host/error.hpp"
+#include "motion_steps.hpp"
 
 namespace heft::data {
 namespace {
 
 using Eigen::Index;
-
-/// Longest stretch without samples that a spline may bridge, in median periods.
-constexpr double kGapFactor = 10.0;
 
 double median_period(const Eigen::VectorXd& time) {
   if (time.size() < 2)
@@ -45,10 +44,10 @@ Eigen::MatrixXd spline_curvature(const Eigen::VectorXd& t, const Eigen::MatrixXd
     for (Index k = 0; k < 3; ++k) curvature.row(k) = second;
     return curvature;
   }
-  // Inner equations h[k-1] c[k-1] + 2 (h[k-1]+h[k]) c[k] + h[k] c[k+1] = 6 (slope[k] - slope[k-1]), k = 1..n-2,
-  // with not-a-knot ends: c[0] = c[1] - h[0]/h[1] (c[2] - c[1]), likewise at the other end. Putting the ends
-  // in leaves a tridiagonal system. Its rows stay diagonally dominant (first row: 3h0 + 2h1 + h0²/h1 against
-  // |h1 - h0²/h1|), so elimination needs no pivoting.
+  // Inner equations h[k-1] c[k-1] + 2 (h[k-1]+h[k]) c[k] + h[k] c[k+1] = 6 (slope[k] - slope[k-1]), k =
+  // 1..n-2, with not-a-knot ends: c[0] = c[1] - h[0]/h[1] (c[2] - c[1]), likewise at the other end. Putting
+  // the ends in leaves a tridiagonal system. Its rows stay diagonally dominant (first row: 3h0 + 2h1 + h0²/h1
+  // against |h1 - h0²/h1|), so elimination needs no pivoting.
   const Index m = n - 2;
   Eigen::VectorXd lower(m), diagonal(m), upper(m);
   Eigen::MatrixXd right(m, y.cols());
@@ -126,12 +125,53 @@ void derivative_weights(const double* t, int count, double at, double* weights) 
 }
 
 Eigen::VectorXd even_grid(const Eigen::VectorXd& time, double sample_rate) {
-  const double length = time[time.size() - 1] - time[0];
-  const Index count = std::max<Index>(2, static_cast<Index>(std::llround(length * sample_rate)) + 1);
-  return Eigen::VectorXd::LinSpaced(count, time[0], time[time.size() - 1]);
+  const double begin = time[0];
+  const double end = time[time.size() - 1];
+  return Eigen::VectorXd::LinSpaced(grid_rows(end - begin, sample_rate), begin, end);
+}
+
+/// Joints whose rms deviation from their mean is less than this rest for certain [rad, m].
+constexpr double kRestingDeviation = 5e-3;
+
+/// Spectrum of |x - mean|² behind a Hann window, padded with zeros to `length` samples.
+class Periodogram {
+ public:
+  explicit Periodogram(Index length) : windowed_(static_cast<std::size_t>(length)) {
+    fft_.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+  }
+  const std::vector<std::complex<double>>& of(const Eigen::Ref<const Eigen::VectorXd>& x, double mean) {
+    const Index n = x.size();
+    for (Index k = 0; k < n; ++k) {
+      const double turn = (static_cast<double>(k) + 0.5) / static_cast<double>(n);
+      windowed_[static_cast<std::size_t>(k)] =
+          (0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * turn)) * (x[k] - mean);
+    }
+    fft_.fwd(spectrum_, windowed_);
+    return spectrum_;
+  }
+
+ private:
+  Eigen::FFT<double> fft_;
+  std::vector<double> windowed_;
+  std::vector<std::complex<double>> spectrum_;
+};
+
+/// Number of the spectral line below and at which lies all but 1e-4 of the power.
+Index last_line(const Eigen::Ref<const Eigen::VectorXd>& power) {
+  const double total = power.sum();
+  double sum = 0.0;
+  for (Index k = 0; k < power.size(); ++k) {
+    sum += power[k];
+    if (sum >= 0.9999 * total) return k;
+  }
+  return 0;
 }
 
 }  // namespace
+
+Index grid_rows(double length, double sample_rate) {
+  return std::max<Index>(2, static_cast<Index>(std::llround(length * sample_rate)) + 1);
+}
 
 std::vector<TimeGap> find_gaps(const Eigen::VectorXd& time, double factor) {
   std::vector<TimeGap> gaps;
@@ -156,6 +196,11 @@ bool is_uniform(const Eigen::VectorXd& time) {
 
 Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal,
                          const Eigen::VectorXd& at) {
+  return resample(time, signal, at, time.size() < 2 ? 0.0 : kGapFactor * median_period(time));
+}
+
+Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal,
+                         const Eigen::VectorXd& at, double longest) {
   const Index n = time.size();
   if (n == 0 || signal.rows() != n) {
     throw DataError(fmt::format("resampling: {} times for {} rows; expected the same number, at least 1", n,
@@ -167,7 +212,6 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
     return result;
   }
   // Pieces between gaps have their own spline; in a gap the curvature is zero, which is the straight line.
-  const double longest = kGapFactor * median_period(time);
   Eigen::MatrixXd curvature(n, signal.cols());
   for (Index begin = 0; begin < n;) {
     Index end = begin + 1;
@@ -270,6 +314,149 @@ Eigen::MatrixXd low_pass_zero_phase(const Eigen::MatrixXd& signal, double sample
   return result;
 }
 
+namespace {
+
+constexpr int kHighestOrder = 8;
+
+/// Least-squares polynomials over `count` samples at x = -1 .. 1.
+class PolynomialFit {
+ public:
+  PolynomialFit(Index count, int order) : order_(std::min<Index>(order, count - 1)) {
+    half_ = 0.5 * static_cast<double>(count - 1);
+    Eigen::MatrixXd vandermonde(count, order_ + 1);
+    for (Index k = 0; k < count; ++k) {
+      double power = 1.0;
+      for (Index j = 0; j <= order_; ++j, power *= place(k)) vandermonde(k, j) = power;
+    }
+    qr_.compute(vandermonde);
+  }
+
+  /// Place of sample k.
+  double place(Index k) const { return half_ > 0.0 ? (static_cast<double>(k) - half_) / half_ : 0.0; }
+
+  /// Coefficients of 1, x, x², ... of each column.
+  Eigen::MatrixXd coefficients(const Eigen::Ref<const Eigen::MatrixXd>& y) const { return qr_.solve(y); }
+
+  /// What the coefficients are weighted with for the derivative at sample k, in samples^-derivative.
+  Eigen::VectorXd at(Index k, int derivative) const {
+    Eigen::VectorXd weights = Eigen::VectorXd::Zero(order_ + 1);
+    // dˢ/dxˢ xʲ = j (j-1) .. (j-s+1) xʲ⁻ˢ
+    double power = 1.0;
+    for (Index j = derivative; j <= order_; ++j, power *= place(k)) {
+      double factor = 1.0;
+      for (int s = 0; s < derivative; ++s) factor *= static_cast<double>(j - s) / half_;
+      weights[j] = factor * power;
+    }
+    return weights;
+  }
+
+  /// Weights of the samples for the derivative at sample k.
+  Eigen::VectorXd weights(Index k, int derivative) const {
+    // dᵀ (VᵀV)⁻¹ Vᵀ y with V = QR is (Q R⁻ᵀ d)ᵀ y.
+    const Index size = order_ + 1;
+    const Eigen::VectorXd right = qr_.matrixQR()
+                                      .topLeftCorner(size, size)
+                                      .triangularView<Eigen::Upper>()
+                                      .transpose()
+                                      .solve(at(k, derivative));
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(qr_.rows());
+    result.head(size) = right;
+    result.applyOnTheLeft(qr_.householderQ());
+    return result;
+  }
+
+ private:
+  Index order_;
+  double half_{0.0};
+  Eigen::HouseholderQR<Eigen::MatrixXd> qr_;
+};
+
+void check_order(int order, int least) {
+  if (order < least || order > kHighestOrder) {
+    throw DataError(
+        fmt::format("Savitzky-Golay: polynomial order {}; expected {} to {}", order, least, kHighestOrder));
+  }
+}
+
+}  // namespace
+
+Eigen::MatrixXd savitzky_golay(const Eigen::MatrixXd& signal, double sample_rate, int window, int order,
+                               int derivative) {
+  if (derivative < 0 || derivative > 2) {
+    throw DataError(fmt::format("Savitzky-Golay: derivative {}; expected 0, 1 or 2", derivative));
+  }
+  check_order(order, derivative);
+  if (window <= order || window % 2 == 0) {
+    throw DataError(fmt::format(
+        "Savitzky-Golay: window of {} samples for order {}; expected an odd number above the order", window,
+        order));
+  }
+  const Index n = signal.rows();
+  const double scale = std::pow(sample_rate, derivative);
+  Eigen::MatrixXd result(n, signal.cols());
+  if (n == 0) return result;
+
+  // The ends, or everything when the window is longer than the record. Differences to one sample: a large
+  // constant must not leave rounding noise.
+  const Index count = std::min<Index>(window, n);
+  const Index half = (count == window) ? window / 2 : n;
+  const PolynomialFit fit(count, order);
+  const auto read = [&](Index begin, Index from, Index to) {
+    const Eigen::RowVectorXd base = signal.row(begin + count / 2);
+    const Eigen::MatrixXd polynomial = fit.coefficients(signal.middleRows(begin, count).rowwise() - base);
+    for (Index row = from; row < to; ++row) {
+      result.row(row) = scale * fit.at(row - begin, derivative).transpose() * polynomial;
+      if (derivative == 0) result.row(row) += base;
+    }
+  };
+  read(0, 0, std::min(half, n));
+  if (count < window) return result;
+  read(n - count, n - half, n);
+
+  const Eigen::VectorXd weights = scale * fit.weights(half, derivative);
+  for (Index column = 0; column < signal.cols(); ++column) {
+    const auto x = signal.col(column);
+    for (Index row = half; row < n - half; ++row) {
+      const double middle = x[row];
+      result(row, column) = ((x.segment(row - half, window).array() - middle) * weights.array()).sum() +
+                            (derivative == 0 ? middle : 0.0);
+    }
+  }
+  return result;
+}
+
+int savitzky_golay_window(double cutoff, double sample_rate, int order) {
+  check_order(order, 0);
+  if (!(cutoff > 0.0 && cutoff < 0.5 * sample_rate)) {
+    throw DataError(
+        fmt::format("cut-off {:.6g} Hz at a sample rate of {:.6g} Hz; expected more than 0 and less than "
+                    "half the rate, {:.6g} Hz; choose another cut-off",
+                    cutoff, sample_rate, 0.5 * sample_rate));
+  }
+  // Gain of a symmetric window at the cut-off: Σ w_k cos(2π k f_c / f_s).
+  const auto gain = [&](Index half) {
+    const Eigen::VectorXd weights = PolynomialFit(2 * half + 1, order).weights(half, 0);
+    double sum = 0.0;
+    for (Index k = -half; k <= half; ++k) {
+      sum += weights[half + k] *
+             std::cos(2.0 * std::numbers::pi * static_cast<double>(k) * cutoff / sample_rate);
+    }
+    return sum;
+  };
+  // The gain falls from one to below a half once; what side lobes follow stay below.
+  Index low = order / 2;  // as many samples as coefficients: everything passes
+  Index high = std::max<Index>(1, 2 * low);
+  while (gain(high) > 0.5) {
+    low = high;
+    high *= 2;
+  }
+  while (high - low > 1) {
+    const Index middle = (low + high) / 2;
+    (gain(middle) > 0.5 ? low : high) = middle;
+  }
+  return static_cast<int>(2 * high + 1);
+}
+
 Eigen::MatrixXd differentiate(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal, int stencil) {
   const Index n = time.size();
   if (n < 2 || signal.rows() != n) {
@@ -298,7 +485,6 @@ Eigen::MatrixXd differentiate(const Eigen::VectorXd& time, const Eigen::MatrixXd
 }
 
 double motion_bandwidth(const Eigen::MatrixXd& q_uniform, double sample_rate) {
-  constexpr double kRestingDeviation = 5e-3;
   const Index n = q_uniform.rows();
   if (n < 8 || q_uniform.cols() == 0) return 0.0;
   const Eigen::RowVectorXd mean = q_uniform.colwise().mean();
@@ -308,31 +494,169 @@ double motion_bandwidth(const Eigen::MatrixXd& q_uniform, double sample_rate) {
 
   Index length = 16;
   while (length < n) length *= 2;  // a power of two keeps the transform fast for any log length
-  Eigen::FFT<double> fft;
-  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-  std::vector<double> windowed(static_cast<std::size_t>(length));
-  std::vector<std::complex<double>> spectrum;
-  double bandwidth = 0.0;
+  Periodogram periodogram(length);
+  Eigen::VectorXd power;
+  Index line = 0;
   for (Index joint = 0; joint < q_uniform.cols(); ++joint) {
     if (deviation[joint] < least) continue;
-    for (Index k = 0; k < n; ++k) {
-      const double turn = (static_cast<double>(k) + 0.5) / static_cast<double>(n);
-      windowed[static_cast<std::size_t>(k)] =
-          (0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * turn)) * (q_uniform(k, joint) - mean[joint]);
+    const std::vector<std::complex<double>>& spectrum = periodogram.of(q_uniform.col(joint), mean[joint]);
+    power.resize(static_cast<Index>(spectrum.size()));
+    for (std::size_t k = 0; k < spectrum.size(); ++k) power[static_cast<Index>(k)] = std::norm(spectrum[k]);
+    line = std::max(line, last_line(power));
+  }
+  return static_cast<double>(line) * sample_rate / static_cast<double>(length);
+}
+
+BandwidthEstimate::BandwidthEstimate(Index rows, Eigen::RowVectorXd mean, double sample_rate)
+    : mean_(std::move(mean)), sample_rate_(sample_rate) {
+  const Index joints = mean_.size();
+  stretch_.resize(std::min(rows, kWhole), joints);
+  square_sum_ = Eigen::RowVectorXd::Zero(joints);
+  if (rows > kWhole) power_ = Eigen::MatrixXd::Zero(kWhole / 2 + 1, joints);
+}
+
+void BandwidthEstimate::add(const Eigen::Ref<const Eigen::MatrixXd>& q) {
+  for (Index used = 0; used < q.rows();) {
+    if (filled_ == stretch_.rows()) {
+      add_stretch();
+      // The next stretch begins in the middle of this one.
+      const Index kept = filled_ / 2;
+      stretch_.topRows(kept) = stretch_.middleRows(filled_ - kept, kept).eval();
+      filled_ = kept;
     }
-    fft.fwd(spectrum, windowed);
-    double total = 0.0;
-    for (const std::complex<double>& line : spectrum) total += std::norm(line);
-    double sum = 0.0;
-    for (std::size_t k = 0; k < spectrum.size(); ++k) {
-      sum += std::norm(spectrum[k]);
-      if (sum >= 0.9999 * total) {
-        bandwidth = std::max(bandwidth, static_cast<double>(k) * sample_rate / static_cast<double>(length));
-        break;
-      }
+    const Index count = std::min(q.rows() - used, stretch_.rows() - filled_);
+    stretch_.middleRows(filled_, count) = q.middleRows(used, count);
+    square_sum_ += (q.middleRows(used, count).rowwise() - mean_).colwise().squaredNorm();
+    filled_ += count;
+    fresh_ += count;
+    total_rows_ += count;
+    used += count;
+  }
+}
+
+void BandwidthEstimate::add_stretch() {
+  fresh_ = 0;
+  if (power_.size() == 0) return;
+  Periodogram periodogram(kWhole);
+  for (Index joint = 0; joint < mean_.size(); ++joint) {
+    const std::vector<std::complex<double>>& spectrum =
+        periodogram.of(stretch_.col(joint).head(filled_), mean_[joint]);
+    for (Index k = 0; k < power_.rows(); ++k) {
+      power_(k, joint) += std::norm(spectrum[static_cast<std::size_t>(k)]);
     }
   }
-  return bandwidth;
+}
+
+double BandwidthEstimate::value() {
+  if (power_.size() == 0) return motion_bandwidth(stretch_.topRows(filled_), sample_rate_);
+  if (fresh_ > 0) add_stretch();
+  const Eigen::RowVectorXd deviation = (square_sum_ / static_cast<double>(total_rows_)).cwiseSqrt();
+  const double least = std::max(kRestingDeviation, 0.01 * deviation.maxCoeff());
+  Index line = 0;
+  for (Index joint = 0; joint < mean_.size(); ++joint) {
+    if (deviation[joint] >= least) line = std::max(line, last_line(power_.col(joint)));
+  }
+  return static_cast<double>(line) * sample_rate_ / static_cast<double>(kWhole);
+}
+
+void StreamingMedian::add(double value) {
+  if (first_pass_) ++total_;
+  if (counts_.empty()) {
+    if (known_bits_ > 0 && (std::bit_cast<std::uint64_t>(value) >> (64 - known_bits_)) != known_) return;
+    values_.push_back(value);
+    if (values_.size() <= kMost) return;
+    // Too many to keep (only in the first pass): count them instead.
+    counts_.assign(std::size_t{1} << kBits, 0);
+    for (const double kept : values_) count(kept);
+    values_ = {};
+    return;
+  }
+  count(value);
+}
+
+void StreamingMedian::count(double value) {
+  // Positive numbers are in the order of their binary form.
+  const std::uint64_t bits = std::bit_cast<std::uint64_t>(value);
+  if (known_bits_ > 0 && (bits >> (64 - known_bits_)) != known_) return;
+  ++counts_[(bits >> (64 - kBits - known_bits_)) & ((std::uint64_t{1} << kBits) - 1)];
+}
+
+bool StreamingMedian::finish_pass() {
+  if (first_pass_) rank_ = total_ / 2;
+  first_pass_ = false;
+  if (counts_.empty()) {
+    if (values_.empty()) return true;
+    const auto middle = values_.begin() + static_cast<std::ptrdiff_t>(rank_);
+    std::nth_element(values_.begin(), middle, values_.end());
+    value_ = *middle;
+    return true;
+  }
+  std::uint64_t digit = 0;
+  while (rank_ >= counts_[digit]) rank_ -= counts_[digit++];
+  const std::uint64_t in_range = counts_[digit];
+  known_ = (known_ << kBits) | digit;
+  known_bits_ += kBits;
+  if (known_bits_ == 64) {
+    value_ = std::bit_cast<double>(known_);
+    return true;
+  }
+  if (in_range <= kMost) {
+    counts_ = {};
+  } else {
+    std::fill(counts_.begin(), counts_.end(), 0);
+  }
+  return false;
+}
+
+double choose_cutoff(const std::string& path, const MotionOptions& options, double bandwidth,
+                     double sample_rate) {
+  if (options.cutoff == 0.0) {
+    const double most = 0.4 * sample_rate;
+    if (bandwidth == 0.0) return std::min(10.0, most);
+    const double cutoff = std::max(3.0, 10.0 * bandwidth);
+    return cutoff > most ? 0.0 : cutoff;
+  }
+  if (!(options.cutoff > 0.0 && options.cutoff < 0.5 * sample_rate)) {
+    throw DataError(fmt::format(
+        "{}: cut-off {:.6g} Hz; the log has {:.6g} samples a second; expected more than 0 and less "
+        "than {:.6g} Hz; choose a lower cut-off",
+        path, options.cutoff, sample_rate, 0.5 * sample_rate));
+  }
+  return options.cutoff;
+}
+
+void refuse_short_log(const std::string& path, long samples) {
+  throw DataError(fmt::format(
+      "{}: {} samples; expected at least {} to derive velocity and acceleration; give a longer log", path,
+      samples, kLeastSamples));
+}
+
+DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate,
+                             double cutoff, const MotionOptions& options) {
+  DerivedMotion motion;
+  if (options.method == DerivativeMethod::kSavitzkyGolay && cutoff > 0.0) {
+    check_order(options.polynomial_order, 2);
+    const int window = savitzky_golay_window(cutoff, sample_rate, options.polynomial_order);
+    motion.q = savitzky_golay(q, sample_rate, window, options.polynomial_order, 0);
+    motion.qd = savitzky_golay(q, sample_rate, window, options.polynomial_order, 1);
+    motion.qdd = savitzky_golay(q, sample_rate, window, options.polynomial_order, 2);
+    return motion;
+  }
+  motion.q = cutoff > 0.0 ? low_pass_zero_phase(q, sample_rate, cutoff) : q;
+  motion.qd = differentiate(grid, motion.q, options.stencil);
+  motion.qdd = differentiate(grid, motion.qd, options.stencil);
+  return motion;
+}
+
+Index settling_rows(double sample_rate, double cutoff, const MotionOptions& options) {
+  if (options.method == DerivativeMethod::kSavitzkyGolay && cutoff > 0.0) {
+    // Half a window is reached; with a whole one the ends of the log have theirs in any piece.
+    return savitzky_golay_window(cutoff, sample_rate, options.polynomial_order);
+  }
+  // What the cut does to a piece decays as exp(-0.38·2π f_c t): to 3e-15 in fourteen periods. The differences
+  // reach one stencil further for each derivative.
+  const Index differences = 2 * options.stencil;
+  return differences + (cutoff > 0.0 ? static_cast<Index>(std::ceil(14.0 * sample_rate / cutoff)) : 0);
 }
 
 MotionReport derive_motion(Log& log, const MotionOptions& options) {
@@ -340,11 +664,7 @@ MotionReport derive_motion(Log& log, const MotionOptions& options) {
   const bool need_velocity = options.from_position || log.qd.cols() == 0;
   const bool need_acceleration = options.from_position || log.qdd.cols() == 0;
   if (!need_velocity && !need_acceleration && !options.smooth_position) return report;
-  if (log.num_samples() < 5) {
-    throw DataError(fmt::format(
-        "{}: {} samples; expected at least 5 to derive velocity and acceleration; give a longer log",
-        log.path, log.num_samples()));
-  }
+  if (log.num_samples() < kLeastSamples) refuse_short_log(log.path, log.num_samples());
 
   // 1. An even grid, which is the log's own unless the clock jitters.
   report.resampled = !is_uniform(log.time);
@@ -363,43 +683,27 @@ MotionReport derive_motion(Log& log, const MotionOptions& options) {
   };
 
   // 2. The cut-off.
-  Eigen::MatrixXd q = to_grid(log.q);
-  report.cutoff = options.cutoff;
+  const Eigen::MatrixXd q = to_grid(log.q);
   if (options.cutoff == 0.0) {
     report.cutoff_chosen = true;
     report.bandwidth = motion_bandwidth(q, report.sample_rate);
-    const double most = 0.4 * report.sample_rate;
-    if (report.bandwidth == 0.0) {
-      report.cutoff = std::min(10.0, most);
-    } else {
-      report.cutoff = std::max(3.0, 10.0 * report.bandwidth);
-      if (report.cutoff > most) report.cutoff = 0.0;
-    }
-  } else if (!(options.cutoff > 0.0 && options.cutoff < 0.5 * report.sample_rate)) {
-    throw DataError(fmt::format(
-        "{}: cut-off {:.6g} Hz; the log has {:.6g} samples a second; expected more than 0 and less "
-        "than {:.6g} Hz; choose a lower cut-off",
-        log.path, options.cutoff, report.sample_rate, 0.5 * report.sample_rate));
   }
-  const auto low_pass = [&](const Eigen::MatrixXd& x) {
-    return report.cutoff > 0.0 ? low_pass_zero_phase(x, report.sample_rate, report.cutoff) : x;
-  };
+  report.cutoff = choose_cutoff(log.path, options, report.bandwidth, report.sample_rate);
 
   // 3. Filter, differentiate, back to the log's time stamps.
-  Eigen::MatrixXd qd;
-  if (need_velocity || options.smooth_position) q = low_pass(q);
-  if (need_velocity) {
-    qd = differentiate(grid, q, options.stencil);
-    report.velocity_derived = true;
-  } else if (need_acceleration) {
-    qd = low_pass(to_grid(log.qd));
+  if (need_velocity || options.smooth_position) {
+    DerivedMotion motion = derive_on_grid(grid, q, report.sample_rate, report.cutoff, options);
+    if (need_velocity) {
+      log.qd = from_grid(motion.qd);
+      report.velocity_derived = true;
+      if (need_acceleration) log.qdd = from_grid(motion.qdd);
+    }
+    if (options.smooth_position) log.q = from_grid(motion.q);
   }
-  if (need_acceleration) {
-    log.qdd = from_grid(differentiate(grid, qd, options.stencil));
-    report.acceleration_derived = true;
+  if (!need_velocity && need_acceleration) {
+    log.qdd = from_grid(derive_on_grid(grid, to_grid(log.qd), report.sample_rate, report.cutoff, options).qd);
   }
-  if (need_velocity) log.qd = from_grid(qd);
-  if (options.smooth_position) log.q = from_grid(q);
+  report.acceleration_derived = need_acceleration;
   return report;
 }
 

@@ -1,5 +1,6 @@
 #include "heft/data/differentiate.hpp"
 
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -242,6 +243,107 @@ TEST(Resample, PutsAWholeLogOnAnEvenGrid) {
   EXPECT_THROW(resample_uniform(log, -1.0), DataError);
 }
 
+// --- Savitzky-Golay ---
+
+/// Value or derivative of 1 - 2x + 0.5x² + x³ - 0.3x⁴ + ..., up to `order`.
+double polynomial(double x, int order, int derivative) {
+  const std::array<double, 6> factors{1.0, -2.0, 0.5, 1.0, -0.3, 0.2};
+  double sum = 0.0;
+  for (int j = derivative; j <= order; ++j) {
+    double factor = factors[static_cast<std::size_t>(j)];
+    for (int s = 0; s < derivative; ++s) factor *= j - s;
+    sum += factor * std::pow(x, j - derivative);
+  }
+  return sum;
+}
+
+TEST(SavitzkyGolay, IsExactForPolynomialsUpToItsOrderEndsIncluded) {
+  const double rate = 50.0;
+  const Eigen::VectorXd time = even_time(101, rate).array() - 1.0;
+  for (const int order : {2, 3, 4, 5}) {
+    for (const int window : {7, 21, 101}) {
+      for (const int derivative : {0, 1, 2}) {
+        const Eigen::VectorXd signal = time.unaryExpr([&](double x) { return polynomial(x, order, 0); });
+        const Eigen::VectorXd expected =
+            time.unaryExpr([&](double x) { return polynomial(x, order, derivative); });
+        // Rounding of the samples (1e-15) grows with the rate to the power of the derivative.
+        EXPECT_LT((savitzky_golay(signal, rate, window, order, derivative) - expected).cwiseAbs().maxCoeff(),
+                  3e-14 * std::pow(rate, derivative))
+            << order << " " << window << " " << derivative;
+      }
+    }
+  }
+}
+
+TEST(SavitzkyGolay, IsNotExactBeyondItsOrder) {
+  const Eigen::VectorXd time = even_time(101, 50.0).array() - 1.0;
+  const Eigen::VectorXd fourth = time.array().pow(4);
+  EXPECT_GT((savitzky_golay(fourth, 50.0, 21, 2) - fourth).cwiseAbs().maxCoeff(), 1e-4);
+}
+
+TEST(SavitzkyGolay, HasTheTabledWeights) {
+  // Savitzky and Golay's table: quadratic smoothing over five samples is (-3 12 17 12 -3)/35, the first
+  // derivative (-2 -1 0 1 2)/10, the second (2 -1 -2 -1 2)/7.
+  Eigen::VectorXd impulse = Eigen::VectorXd::Zero(21);
+  impulse[10] = 1.0;
+  const auto weights = [&](int derivative) {
+    return Eigen::VectorXd(savitzky_golay(impulse, 1.0, 5, 2, derivative)).segment(8, 5).reverse().eval();
+  };
+  Eigen::VectorXd table(5);
+  table << -3, 12, 17, 12, -3;
+  EXPECT_LT((weights(0) - table / 35.0).cwiseAbs().maxCoeff(), 1e-15);
+  table << -2, -1, 0, 1, 2;
+  EXPECT_LT((weights(1) - table / 10.0).cwiseAbs().maxCoeff(), 1e-15);
+  table << 2, -1, -2, -1, 2;
+  EXPECT_LT((weights(2) - table / 7.0).cwiseAbs().maxCoeff(), 1e-15);
+}
+
+TEST(SavitzkyGolay, HasNoPhase) {
+  const double rate = 200.0;
+  const Eigen::VectorXd input = sine(even_time(4000, rate), 5.0, 0.4);
+  const int window = savitzky_golay_window(8.0, rate, 4);
+  const Eigen::VectorXd output = savitzky_golay(input, rate, window, 4);
+  const auto inner = [](const Eigen::VectorXd& x) { return x.segment(500, 3000); };
+  const double gain = inner(output).dot(inner(input)) / inner(input).squaredNorm();
+  EXPECT_LT((inner(output) - gain * inner(input)).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+TEST(SavitzkyGolay, HalvesASineAtTheCutOffOfItsWindow) {
+  for (const int order : {2, 4, 6}) {
+    const double periods = order == 2 ? 1.28 : order == 4 ? 1.94 : 2.59;
+    const double rate = 1000.0;
+    const double cutoff = 5.0;
+    const int window = savitzky_golay_window(cutoff, rate, order);
+    EXPECT_NEAR(window * cutoff / rate, periods, 0.01);
+    const Eigen::VectorXd input = sine(even_time(5000, rate), cutoff);
+    const Eigen::VectorXd output = savitzky_golay(input, rate, window, order);
+    // One sample more or less of the window changes the gain by less than a hundredth.
+    EXPECT_NEAR(output.segment(1500, 2000).cwiseAbs().maxCoeff(), 0.5, 0.01);
+    EXPECT_LE(output.segment(1500, 2000).cwiseAbs().maxCoeff(), 0.5);
+  }
+}
+
+TEST(SavitzkyGolay, TakesRecordsShorterThanItsWindow) {
+  const Eigen::VectorXd time = even_time(6, 10.0);
+  const Eigen::VectorXd parabola = time.array().square();
+  EXPECT_LT((savitzky_golay(parabola, 10.0, 21, 2, 1) - 2.0 * time).cwiseAbs().maxCoeff(), 1e-13);
+  EXPECT_LT((savitzky_golay(parabola, 10.0, 21, 4, 2).array() - 2.0).abs().maxCoeff(), 1e-11);
+  EXPECT_EQ(savitzky_golay(Eigen::MatrixXd::Constant(1, 2, 3.0), 10.0, 5, 2),
+            Eigen::MatrixXd::Constant(1, 2, 3.0));
+}
+
+TEST(SavitzkyGolay, RefusesWhatIsNoFilter) {
+  const Eigen::MatrixXd x = Eigen::MatrixXd::Zero(50, 1);
+  EXPECT_THAT(message_of<DataError>([&] { savitzky_golay(x, 10.0, 6, 2); }),
+              HasSubstr("window of 6 samples"));
+  EXPECT_THAT(message_of<DataError>([&] { savitzky_golay(x, 10.0, 3, 4); }), HasSubstr("above the order"));
+  EXPECT_THAT(message_of<DataError>([&] { savitzky_golay(x, 10.0, 7, 1, 2); }),
+              HasSubstr("polynomial order 1"));
+  EXPECT_THAT(message_of<DataError>([&] { savitzky_golay(x, 10.0, 7, 4, 3); }), HasSubstr("derivative 3"));
+  EXPECT_THAT(message_of<DataError>([&] { savitzky_golay_window(5.0, 10.0, 4); }),
+              HasSubstr("less than half the rate, 5 Hz"));
+}
+
 // --- the cut-off from the motion ---
 
 /// The Hann window spreads a line over two lines of 1/T to either side; 3/T holds all but 1e-4 of its power.
@@ -354,6 +456,25 @@ TEST(DeriveMotion, SuppressesEncoderNoise) {
   };
   EXPECT_LT(velocity, largest(1));
   EXPECT_LT(acceleration, largest(2));
+}
+
+TEST(DeriveMotion, DerivesBySavitzkyAndGolayWhenTold) {
+  Log log;
+  log.time = even_time(4000, 500.0);
+  log.q = sine(log.time, 0.5);
+  std::mt19937 random(11);
+  std::normal_distribution<double> noise(0.0, 1e-4);
+  for (double& q : log.q.reshaped()) q += noise(random);
+  MotionOptions options;
+  options.method = DerivativeMethod::kSavitzkyGolay;
+  options.smooth_position = true;
+  const MotionReport report = derive_motion(log, options);
+  EXPECT_GT(report.cutoff, 3.0);
+  const auto inner_rms = [](const Eigen::MatrixXd& x) { return rms(x.middleRows(250, 3500)); };
+  const Eigen::VectorXd qdd = -pi * pi * sine(log.time, 0.5);
+  EXPECT_LT(inner_rms(log.q - sine(log.time, 0.5)), 3e-5);
+  EXPECT_LT(inner_rms(log.qd - pi * sine(log.time, 0.5, pi / 2)), 2e-3);
+  EXPECT_LT(inner_rms(log.qdd - qdd), 0.02 * inner_rms(qdd));
 }
 
 TEST(DeriveMotion, LeavesLoggedChannelsAlone) {

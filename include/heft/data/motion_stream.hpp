@@ -1,0 +1,105 @@
+/// @file
+/// A log read piece by piece, with its motion derived: memory does not grow with the log.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/data/differentiate.hpp"
+#include "heft/data/log.hpp"
+#include "heft/data/log_checks.hpp"
+
+namespace heft::data {
+
+/// A piece of a log on an even grid, with margins before and after so that zero-phase filters have settled
+/// inside it.
+struct MotionChunk {
+  double sample_rate{0.0};     ///< of the grid [Hz]
+  Eigen::Index first{0};       ///< number, counted from the start of the log, of row `begin`
+  Eigen::Index begin{0};       ///< first row that belongs to this piece; rows before it are margin
+  Eigen::Index count{0};       ///< rows that belong to it; the rest is margin
+  Eigen::VectorXd time;        ///< grid, margins included [s]
+  Eigen::MatrixXd q, qd, qdd;  ///< derived motion, rows × n
+  Eigen::MatrixXd tau;  ///< as logged, brought to the grid, not filtered; 0 columns when the log has none
+  /// false: in a gap of time or within three periods of the cut-off of one, or in the standstill that was cut
+  /// off; such rows mean nothing to a fit.
+  Eigen::Array<bool, Eigen::Dynamic, 1> usable;
+  /// The log's own rows of this piece (no margins), with the derived motion at their time stamps and the
+  /// torque as logged: what an error is measured on.
+  Eigen::VectorXd row_time;
+  Eigen::MatrixXd row_q, row_qd, row_qdd, row_tau;
+  /// Other columns of the log that were asked for, on the grid: rows × columns each.
+  std::vector<Eigen::MatrixXd> extra;
+};
+
+/// How a stream derives motion and what it leaves out.
+struct StreamOptions {
+  MotionOptions motion{};  ///< cut-off etc.; `from_position` is decided by `prefer_logged`
+  /// Take qd and qdd as logged where the log has both; otherwise they come from q. A velocity alone is not
+  /// taken: drives report it late against the position, or noisier than its derivative.
+  bool prefer_logged{true};
+  bool cut_standstill{true};  ///< mark standstill at the ends as not usable
+  /// No joint faster: standstill [rad/s, m/s]. 0: 1 % of the joint's top speed in the log. Joints that travel
+  /// less than 0.01 rad (m), or a hundredth of the largest travel, do not count: their top speed is noise.
+  double standstill_speed{0.0};
+  /// Groups of extra columns wanted ("qref", "qlink"), which may be channels of the contract: columns name1,
+  /// name2, ... up to the first that is missing; a group that the log lacks gives a matrix without columns.
+  std::vector<std::string> extra{};
+  Eigen::Index chunk_samples{16384};  ///< rows a piece at least
+  /// Rows handed out before and after a piece [s]; 0: 14 periods of the cut-off, in which a zero-phase filter
+  /// of that cut-off forgets to 1e-14 that the piece was cut. Pieces are at least twice as long as a margin.
+  double margin{0.0};
+};
+
+/// What is known of the whole log after the first pass.
+struct StreamSummary {
+  std::string path;
+  int num_joints{0};
+  long samples{0};
+  double begin{0.0}, end{0.0};  ///< time of first and last row [s]
+  double sample_rate{0.0};      ///< of the grid [Hz]
+  bool resampled{false};
+  bool velocity_logged{false}, acceleration_logged{false};  ///< and used
+  double cutoff{0.0};  ///< asked for or chosen [Hz], 0: none; logged motion is not filtered
+  bool cutoff_chosen{false};
+  double bandwidth{0.0};                    ///< [Hz]
+  double moving_from{0.0}, moving_to{0.0};  ///< standstill outside of it [s]
+  std::vector<TimeGap> gaps;                ///< at most the first 100
+  Eigen::VectorXd travel;                   ///< largest minus smallest position of each joint [rad, m]
+  Eigen::VectorXd top_speed;                ///< largest |q̇| of the derived motion [rad/s, m/s]
+  Eigen::VectorXd max_torque;               ///< largest |τ| as logged [N·m, N]
+  std::vector<std::string> notes;           ///< lines worth telling
+};
+
+/// A log as a sequence of pieces. The first pass checks every row and collects the summary.
+class MotionStream {
+ public:
+  /// From a file; read again for every pass. What cannot be read twice (a pipe) is kept in memory.
+  /// @throws DataError as read_log does.
+  MotionStream(const std::string& path, const LogRequirements& needs, const StreamOptions& options = {});
+  /// From memory; the same pieces.
+  explicit MotionStream(Log log, const StreamOptions& options = {});
+  ~MotionStream();
+  MotionStream(MotionStream&&) noexcept;
+  MotionStream& operator=(MotionStream&&) noexcept;
+
+  const StreamSummary& summary() const;
+  /// Unit slips and worthless columns, from what the first pass saw (see LogCheck). The stream itself refuses
+  /// none of them: a caller that knows the robot's limits does, with refuse_errors.
+  std::vector<LogFinding> check(const JointLimits& limits = {}) const;
+  /// Calls `piece` for every piece in time order. Pieces wholly inside a gap of time are left out.
+  /// @param progress  called with 0..1; may be empty
+  /// @throws DataError when the file is no longer the one that the first pass read
+  void for_each(const std::function<void(const MotionChunk&)>& piece,
+                const std::function<void(double)>& progress = {}) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace heft::data

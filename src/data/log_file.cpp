@@ -1,0 +1,458 @@
+#include "log_file.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <string_view>
+
+#include <fmt/ranges.h>
+
+namespace heft::data {
+namespace {
+
+/// Bytes taken from the file at once.
+constexpr std::size_t kBlock = std::size_t{1} << 18;
+
+constexpr bool is_space(char c) { return c == ' ' || c == '\t'; }
+
+std::string_view trim(std::string_view text) {
+  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+/// Shortens a field for a message, so that a binary file does not flood the terminal.
+std::string shown(std::string_view field) {
+  constexpr std::size_t kLongest = 40;
+  std::string text;
+  for (const char c : field.substr(0, kLongest)) text += (static_cast<unsigned char>(c) < 32) ? '?' : c;
+  if (field.size() > kLongest) text += "...";
+  return text;
+}
+
+/// The fields of a line, cut at commas, without surrounding spaces and quotes.
+std::vector<std::string_view> split(std::string_view line) {
+  std::vector<std::string_view> fields;
+  for (;;) {
+    const std::size_t comma = line.find(',');
+    std::string_view field = trim(line.substr(0, comma));
+    if (field.size() >= 2 && field.front() == '"' && field.back() == '"') {
+      field = trim(field.substr(1, field.size() - 2));
+    }
+    fields.push_back(field);
+    if (comma == std::string_view::npos) return fields;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+/// Joint number of `name` under `prefix` (q3 under "q" gives 3), 0 when it is not of that channel.
+int joint_number(std::string_view name, std::string_view prefix) {
+  if (name.size() <= prefix.size() || name.substr(0, prefix.size()) != prefix) return 0;
+  name.remove_prefix(prefix.size());
+  if (name.front() == '0' || name.size() > 4) return 0;
+  int number = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
+  return (error == std::errc() && end == name.data() + name.size() && number > 0) ? number : 0;
+}
+
+enum class FieldProblem { kNone, kEmpty, kText, kNotFinite, kTooLarge };
+
+/// Reads one number that starts at `at` and must end at a comma, a line end or `end`; moves `at` there.
+FieldProblem read_number(const char*& at, const char* end, double& value) {
+  while (at != end && is_space(*at)) ++at;
+  const char* begin = at;
+  if (begin == end || *begin == ',' || *begin == '\n' || *begin == '\r') return FieldProblem::kEmpty;
+  if (*begin == '+' && begin + 1 != end && begin[1] != '-') ++begin;  // from_chars takes no plus sign
+  const auto [stop, error] = std::from_chars(begin, end, value);
+  if (error == std::errc::invalid_argument) return FieldProblem::kText;
+  if (error == std::errc::result_out_of_range) {
+    // Both too large and too small end here; too small is as good as zero.
+    value = std::strtod(std::string(begin, stop).c_str(), nullptr);
+    if (!(std::abs(value) <= 1.0)) return FieldProblem::kTooLarge;
+  }
+  at = stop;
+  while (at != end && is_space(*at)) ++at;
+  if (at != end && *at != ',' && *at != '\n' && !(*at == '\r' && (at + 1 == end || at[1] == '\n'))) {
+    return FieldProblem::kText;
+  }
+  return std::isfinite(value) ? FieldProblem::kNone : FieldProblem::kNotFinite;
+}
+
+/// The text of the field that holds `at`, for messages.
+std::string_view field_around(const char* begin, const char* end) {
+  const char* stop = begin;
+  while (stop != end && *stop != ',' && *stop != '\n') ++stop;
+  std::string_view field(begin, static_cast<std::size_t>(stop - begin));
+  if (!field.empty() && field.back() == '\r') field.remove_suffix(1);
+  return trim(field);
+}
+
+/// A line of nothing but white space.
+bool is_blank(std::string_view line) {
+  return std::all_of(line.begin(), line.end(), [](char c) { return is_space(c) || c == '\r'; });
+}
+
+std::size_t count_fields(const char* line_begin, const char* line_end) {
+  return static_cast<std::size_t>(std::count(line_begin, line_end, ',')) + 1;
+}
+
+}  // namespace
+
+LogFile::LogFile(const std::string& path, const LogRequirements& needs) : path_(path), needs_(needs) {
+  open();
+  read_header();
+  find_channels();
+  check_required();
+}
+
+void LogFile::open() {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path_, ignored)) {
+    throw DataError(fmt::format("{}: is a folder; expected a log file", path_));
+  }
+  file_.reset(std::fopen(path_.c_str(), "rb"));
+  if (!file_) {
+    throw DataError(fmt::format("{}: cannot read the log: {}; check the path", path_, std::strerror(errno)));
+  }
+  const auto size = std::filesystem::file_size(path_, ignored);
+  file_size_ = ignored ? 0.0 : static_cast<double>(size);
+  buffer_.resize(kBlock);
+}
+
+/// Takes more of the file behind what is left in the buffer. @return false when the file has no more
+bool LogFile::fill() {
+  if (at_end_) return false;
+  std::memmove(buffer_.data(), buffer_.data() + at_, filled_ - at_);
+  filled_ -= at_;
+  at_ = 0;
+  if (filled_ == buffer_.size()) buffer_.resize(2 * buffer_.size());  // a line longer than the buffer
+  const std::size_t count = std::fread(buffer_.data() + filled_, 1, buffer_.size() - filled_, file_.get());
+  if (count == 0) {
+    at_end_ = true;
+    if (std::ferror(file_.get()) != 0) {
+      throw DataError(fmt::format("{}: reading stopped: {}; check the disk", path_, std::strerror(errno)));
+    }
+    return false;
+  }
+  filled_ += count;
+  bytes_read_ += static_cast<double>(count);
+  return true;
+}
+
+/// Moves to the next line, which is in the buffer as a whole. @return false at the end of the file
+bool LogFile::next_line() {
+  std::size_t searched = 0;
+  for (;;) {
+    const char* const begin = buffer_.data() + at_;
+    const std::size_t count = filled_ - at_;
+    const void* stop = std::memchr(begin + searched, '\n', count - searched);
+    if (stop == nullptr) {
+      searched = count;
+      if (fill()) continue;
+      if (filled_ == at_) return false;
+    }
+    line_begin_ = buffer_.data() + at_;
+    line_end_ = (stop != nullptr) ? static_cast<const char*>(stop) : buffer_.data() + filled_;
+    at_ = static_cast<std::size_t>(line_end_ - buffer_.data()) + (stop != nullptr ? 1 : 0);
+    ++line_;
+    return true;
+  }
+}
+
+void LogFile::read_header() {
+  fill();
+  // Spreadsheets put a byte-order mark in front.
+  if (filled_ >= 3 && std::memcmp(buffer_.data(), "\xEF\xBB\xBF", 3) == 0) at_ = 3;
+  const bool has_line = next_line();
+  std::string_view line(line_begin_, static_cast<std::size_t>(line_end_ - line_begin_));
+  if (!has_line || is_blank(line)) {
+    // A blank first line is no header, whatever follows; only the message differs.
+    bool empty = true;
+    while (has_line && empty && next_line()) {
+      empty = is_blank({line_begin_, static_cast<std::size_t>(line_end_ - line_begin_)});
+    }
+    if (empty) {
+      throw DataError(fmt::format(
+          "{}: the log is empty; expected a header line (time,q1,...) and rows of numbers", path_));
+    }
+    line = {};
+  }
+  if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+
+  const std::vector<std::string_view> names = split(line);
+  if (names.size() == 1 && line.find_first_of(";\t") != std::string_view::npos) {
+    fail(1, "the header has no comma but '{}'; expected fields separated by commas; convert the file",
+         line.find(';') != std::string_view::npos ? "semicolons" : "tabs");
+  }
+  double number = 0.0;
+  const char* at = line.data();
+  if (read_number(at, line.data() + line.size(), number) == FieldProblem::kNone) {
+    fail(1,
+         "column 1: found the number '{}' where a name is due; expected a header line such as time,q1,q2; "
+         "put the column names into the first line",
+         shown(names.front()));
+  }
+  std::map<std::string_view, std::size_t> seen;
+  for (std::size_t c = 0; c < names.size(); ++c) {
+    Column column;
+    column.name = names[c].empty() ? fmt::format("unnamed_{}", c + 1) : std::string(names[c]);
+    if (!names[c].empty()) {
+      const auto [before, is_new] = seen.emplace(names[c], c + 1);
+      if (!is_new) {
+        fail(1, "column '{}' is there twice (fields {} and {}); expected every name once; rename or drop one",
+             column.name, before->second, c + 1);
+      }
+    }
+    columns_.push_back(std::move(column));
+  }
+}
+
+std::size_t LogFile::find_column(std::string_view name) const {
+  for (std::size_t c = 0; c < columns_.size(); ++c) {
+    if (columns_[c].name == name) return c;
+  }
+  return columns_.size();
+}
+
+std::string LogFile::column_list() const {
+  constexpr std::size_t kMost = 30;
+  std::string list;
+  for (std::size_t c = 0; c < std::min(columns_.size(), kMost); ++c) {
+    list += fmt::format("{}{}", c == 0 ? "" : ", ", shown(columns_[c].name));
+  }
+  if (columns_.size() > kMost) list += fmt::format(", ... ({} in all)", columns_.size());
+  return list;
+}
+
+/// Highest joint number of a channel, 0 when it is absent.
+int LogFile::highest(std::string_view prefix) const {
+  int most = 0;
+  for (const Column& column : columns_) most = std::max(most, joint_number(column.name, prefix));
+  return most;
+}
+
+/// First joint of 1..count that the channel lacks, 0 when complete.
+int LogFile::first_missing(std::string_view prefix, int count) const {
+  for (int joint = 1; joint <= count; ++joint) {
+    if (!has(fmt::format("{}{}", prefix, joint))) return joint;
+  }
+  return 0;
+}
+
+void LogFile::find_channels() {
+  if (!has("time")) {
+    fail(1, "column 'time' is missing; found {}; expected a column time [s]; add it", column_list());
+  }
+  num_joints_ = highest("q");
+  if (num_joints_ == 0) {
+    fail(1, "column 'q1' is missing; found {}; expected joint positions q1, q2, ... [rad, m]; add them{}",
+         column_list(), has("q0") ? " (joints are counted from 1, not from q0)" : "");
+  }
+  if (const int gap = first_missing("q", num_joints_); gap != 0) {
+    fail(1,
+         "column 'q{}' is missing though 'q{}' is there; expected q1 to q{} without a gap; add or rename it",
+         gap, num_joints_, num_joints_);
+  }
+  if (needs_.num_joints != 0 && needs_.num_joints != num_joints_) {
+    const std::string robot = needs_.robot_name.empty() ? "the robot" : "robot '" + needs_.robot_name + "'";
+    fail(1,
+         "column 'q{}': the log has {} joints (q1 to q{}), {} has {}; expected q1 to q{}{}; "
+         "give the log of this robot or name the right URDF, base and tip link",
+         num_joints_, num_joints_, num_joints_, robot, needs_.num_joints, needs_.num_joints,
+         has("q0") ? " (joints are counted from 1, not from q0)" : "");
+  }
+  time_column_ = find_column("time");
+  columns_[time_column_].known = true;
+  for (std::size_t k = 0; k < kChannels.size(); ++k) {
+    complete_[k] = first_missing(kChannels[k].prefix, num_joints_) == 0;
+    if (!complete_[k]) continue;
+    for (int joint = 1; joint <= num_joints_; ++joint) {
+      columns_[find_column(fmt::format("{}{}", kChannels[k].prefix, joint))].known = true;
+    }
+  }
+}
+
+bool LogFile::has_channel(Eigen::MatrixXd Log::*matrix) const {
+  for (std::size_t k = 0; k < kChannels.size(); ++k) {
+    if (kChannels[k].matrix == matrix) return complete_[k];
+  }
+  return false;
+}
+
+double LogFile::torque_constant(int joint) const {
+  const std::vector<double>& constant = needs_.torque_constant;
+  return constant.size() == 1 ? constant[0] : constant[static_cast<std::size_t>(joint)];
+}
+
+void LogFile::require_channel(std::string_view prefix, Eigen::MatrixXd Log::*matrix, std::string_view meaning,
+                              std::string_view remedy) const {
+  if (has_channel(matrix)) return;
+  fail(1, "column '{}{}' is missing; found {}; expected {} {}1 to {}{}; {}", prefix,
+       first_missing(prefix, num_joints_), column_list(), meaning, prefix, prefix, num_joints_, remedy);
+}
+
+void LogFile::check_required() {
+  if (needs_.velocity) {
+    require_channel("qd", &Log::qd, "joint velocities [rad/s, m/s]",
+                    "add them or let them be derived from q");
+  }
+  if (needs_.acceleration) {
+    require_channel("qdd", &Log::qdd, "joint accelerations [rad/s^2, m/s^2]",
+                    "add them or let them be derived from q");
+  }
+  const std::size_t constants = needs_.torque_constant.size();
+  if (constants > 1 && constants != static_cast<std::size_t>(num_joints_)) {
+    fail(1,
+         "column 'i1': {} torque constants were given, the log has {} joints; expected 1 or {}; give one for "
+         "all joints or one for each",
+         constants, num_joints_, num_joints_);
+  }
+  for (const double constant : needs_.torque_constant) {
+    if (!std::isfinite(constant) || constant == 0.0) {
+      fail(1,
+           "column 'i1': the torque constant {} cannot be used; expected a finite value other than 0 [Nm/A]",
+           constant);
+    }
+  }
+  use_current_ = !has_channel(&Log::tau) && has_channel(&Log::current) && constants > 0;
+  if (needs_.torque && !use_current_) {
+    std::string_view remedy = "add the measured torques";
+    if (has_channel(&Log::current)) {
+      remedy =
+          "add the measured torques, or give the torque constant [Nm/A] so that the currents i1.. can be "
+          "used";
+    } else if (constants > 0) {
+      remedy = "add the measured torques or all currents i1..";
+    }
+    require_channel("tau", &Log::tau, "joint torques [Nm, N]", remedy);
+  }
+}
+
+void LogFile::want_only(const std::vector<std::size_t>& columns) {
+  for (Column& column : columns_) column.wanted = false;
+  for (const std::size_t c : columns) columns_[c].wanted = true;
+  columns_[time_column_].wanted = true;
+}
+
+bool LogFile::next(double* values) {
+  std::size_t blank_line = 0;  // first of a run of blank lines: harmless at the end of the file only
+  for (;;) {
+    if (!next_line()) return false;
+    if (!is_blank({line_begin_, static_cast<std::size_t>(line_end_ - line_begin_)})) break;
+    if (blank_line == 0) blank_line = line_;
+  }
+  if (blank_line != 0) {
+    fail(blank_line,
+         "column 'time': found a blank line between rows; expected {} fields in every row; "
+         "remove the blank line",
+         columns_.size());
+  }
+  const char* at = line_begin_;
+  const char* const end = line_end_;
+  for (std::size_t c = 0; c < columns_.size(); ++c) {
+    if (c > 0) {
+      if (at == end || *at != ',') fail_ragged();
+      ++at;
+    }
+    const Column& column = columns_[c];
+    const char* const begin = at;
+    if (column.wanted && !column.dropped) {
+      const FieldProblem problem = read_number(at, end, values[c]);
+      if (problem == FieldProblem::kNone) [[likely]]
+        continue;
+      refuse_field(c, begin, static_cast<int>(problem));
+    }
+    const void* comma = std::memchr(begin, ',', static_cast<std::size_t>(end - begin));
+    at = (comma != nullptr) ? static_cast<const char*>(comma) : end;
+  }
+  if (at != end && *at == ',') fail_ragged();
+
+  const double time = values[time_column_];
+  if (num_rows_ > 0 && !(time > last_time_)) {
+    fail(line_,
+         "column 'time': found {} after {} (line {}); expected time to increase with every row; "
+         "remove repeated rows or sort the log",
+         time, last_time_, line_ - 1);
+  }
+  last_time_ = time;
+  ++num_rows_;
+  return true;
+}
+
+/// Throws for a field of the contract; lets the column go otherwise.
+void LogFile::refuse_field(std::size_t index, const char* begin, int problem) {
+  Column& column = columns_[index];
+  const std::string_view field = field_around(begin, line_end_);
+  if (!column.known) {
+    // A number is due only in the columns of the contract: the others are let go at the first text.
+    dropped_.push_back(fmt::format("{} ('{}' in line {})", column.name, shown(field), line_));
+    column.dropped = true;
+    return;
+  }
+  switch (static_cast<FieldProblem>(problem)) {
+    case FieldProblem::kEmpty:
+      // A short row may end in the middle of the numbers: say that rather than "empty field".
+      if (count_fields(line_begin_, line_end_) != columns_.size()) fail_ragged();
+      fail(line_, "column '{}': found an empty field; expected a number; fill it or remove the row",
+           column.name);
+    case FieldProblem::kNotFinite:
+      fail(line_, "column '{}': found '{}'; expected a finite number; remove the row or repair the value",
+           column.name, shown(field));
+    case FieldProblem::kTooLarge:
+      fail(line_, "column '{}': found '{}', which is too large; expected a finite number in SI units",
+           column.name, shown(field));
+    case FieldProblem::kText:
+    case FieldProblem::kNone: break;
+  }
+  fail(line_,
+       "column '{}': found '{}'; expected a number (decimal point, no unit); correct or remove the row",
+       column.name, shown(field));
+}
+
+void LogFile::fail_ragged() const {
+  const std::size_t found = count_fields(line_begin_, line_end_);
+  if (found < columns_.size()) {
+    fail(line_,
+         "column '{}' is missing: found {} fields; expected {} as in the header; complete or remove the row",
+         columns_[found].name, found, columns_.size());
+  }
+  fail(line_,
+       "column '{}' is followed by more fields: found {}; expected {} as in the header; "
+       "remove the surplus (a decimal comma also looks like this)",
+       columns_.back().name, found, columns_.size());
+}
+
+void LogFile::check_length() const {
+  const int least = std::max(needs_.min_samples, 1);
+  if (num_rows_ < least) {
+    fail(static_cast<std::size_t>(num_rows_) + 1,
+         "column 'time': the log ends after {} samples; expected at least {}; give a longer log", num_rows_,
+         least);
+  }
+}
+
+std::string LogFile::note(const std::vector<std::size_t>& used) const {
+  std::string kept;
+  for (std::size_t c = 0; c < columns_.size(); ++c) {
+    const Column& column = columns_[c];
+    if (column.known || column.dropped || std::find(used.begin(), used.end(), c) != used.end()) continue;
+    kept += fmt::format("{}{}", kept.empty() ? "" : ", ", column.name);
+  }
+  if (kept.empty() && dropped_.empty()) return {};
+  std::string text = fmt::format("{}: ", path_);
+  if (!kept.empty()) text += fmt::format("columns carried along without use: {}", kept);
+  if (!dropped_.empty()) {
+    text += fmt::format("{}columns ignored because they do not hold numbers only: {}",
+                        kept.empty() ? "" : "; ", fmt::join(dropped_, ", "));
+  }
+  return text;
+}
+
+double LogFile::part_read() const { return file_size_ > 0.0 ? std::min(1.0, bytes_read_ / file_size_) : 0.0; }
+
+}  // namespace heft::data

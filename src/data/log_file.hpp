@@ -1,0 +1,132 @@
+/// @file
+/// A log file read row by row; every check of the format is made here, so that a log read whole and a log
+/// read piece by piece are refused with the same words.
+#pragma once
+
+#include <array>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "heft/data/log.hpp"
+#include "heft/host/error.hpp"
+
+namespace heft::data {
+
+/// A channel of the contract: its column prefix and its place in a Log.
+struct Channel {
+  std::string_view prefix;
+  Eigen::MatrixXd Log::*matrix;
+};
+
+// Order of the contract; also the order in which a log is written.
+inline constexpr std::array<Channel, 8> kChannels{{
+    {"q", &Log::q},          // joint positions [rad, m]
+    {"tau", &Log::tau},      // joint torques [N·m, N]
+    {"i", &Log::current},    // motor currents [A]
+    {"qd", &Log::qd},        // joint velocities [rad/s, m/s]
+    {"qdd", &Log::qdd},      // joint accelerations [rad/s², m/s²]
+    {"qref", &Log::qref},    // position references [rad, m]
+    {"qdref", &Log::qdref},  // velocity references [rad/s, m/s]
+    {"temp", &Log::temperature},
+}};
+
+/// Reads one log from front to back. Memory: a buffer of a few lines' length, however long the file.
+class LogFile {
+ public:
+  /// Opens the file, reads the header and checks it against `needs`. Every column is wanted at first.
+  /// @throws DataError
+  LogFile(const std::string& path, const LogRequirements& needs);
+
+  int num_joints() const { return num_joints_; }
+  /// Whether the log has all columns of a channel.
+  bool has_channel(Eigen::MatrixXd Log::*matrix) const;
+  /// Torque is to be made of `i` by the torque constants.
+  bool torque_from_current() const { return use_current_; }
+  /// [N·m/A] of a joint, counted from 0.
+  double torque_constant(int joint) const;
+
+  std::size_t num_columns() const { return columns_.size(); }
+  /// Its place in the row, num_columns() when there is none of that name.
+  std::size_t find_column(std::string_view name) const;
+  const std::string& column_name(std::size_t column) const { return columns_[column].name; }
+  /// Time or part of a complete channel.
+  bool is_known(std::size_t column) const { return columns_[column].known; }
+  /// A column beyond the contract in which text was found so far.
+  bool is_dropped(std::size_t column) const { return columns_[column].dropped; }
+
+  /// Skips every column but time and these from now on: their fields are not even looked at.
+  void want_only(const std::vector<std::size_t>& columns);
+
+  /// Reads the next row into values[0..num_columns()); what is not wanted stays as it was.
+  /// @return false at the end of the file
+  /// @throws DataError naming the line
+  bool next(double* values);
+
+  long num_rows() const { return num_rows_; }
+  /// Whether the rows read are as many as needed. @throws DataError
+  void check_length() const;
+  /// What to tell of columns beyond the contract, "" when there are none. Columns of `used` are not
+  /// mentioned.
+  std::string note(const std::vector<std::size_t>& used = {}) const;
+  /// Part of the file that was read, 0..1.
+  double part_read() const;
+
+ private:
+  struct Column {
+    std::string name;
+    bool known{false};  ///< time or a complete channel: a bad field is an error
+    bool wanted{true};
+    bool dropped{false};
+  };
+  struct CloseFile {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+
+  template <typename... Args>
+  [[noreturn]] void fail(std::size_t line, fmt::format_string<Args...> format, Args&&... args) const {
+    throw DataError(fmt::format("{}:{}: {}", path_, line, fmt::format(format, std::forward<Args>(args)...)));
+  }
+
+  void open();
+  bool fill();
+  bool next_line();
+  void read_header();
+  void find_channels();
+  void check_required();
+  void require_channel(std::string_view prefix, Eigen::MatrixXd Log::*matrix, std::string_view meaning,
+                       std::string_view remedy) const;
+  bool has(std::string_view name) const { return find_column(name) < columns_.size(); }
+  std::string column_list() const;
+  int highest(std::string_view prefix) const;
+  int first_missing(std::string_view prefix, int count) const;
+  void refuse_field(std::size_t index, const char* begin, int problem);
+  [[noreturn]] void fail_ragged() const;
+
+  std::string path_;
+  LogRequirements needs_;
+  std::unique_ptr<std::FILE, CloseFile> file_;
+  double file_size_{0.0};
+  double bytes_read_{0.0};
+  std::vector<char> buffer_;
+  std::size_t at_{0};      ///< of the first byte not yet used
+  std::size_t filled_{0};  ///< end of what is in the buffer
+  bool at_end_{false};     ///< the file has no more
+  const char* line_begin_{nullptr};
+  const char* line_end_{nullptr};  ///< its line feed, or the end of the file
+  std::size_t line_{0};            ///< number of that line
+  std::vector<Column> columns_;
+  std::size_t time_column_{0};
+  std::array<bool, kChannels.size()> complete_{};
+  int num_joints_{0};
+  bool use_current_{false};
+  long num_rows_{0};
+  double last_time_{0.0};
+  std::vector<std::string> dropped_;
+};
+
+}  // namespace heft::data

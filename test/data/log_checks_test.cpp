@@ -1,0 +1,336 @@
+#include "heft/data/log_checks.hpp"
+
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+#include <random>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heft/data/differentiate.hpp"
+#include "heft/data/motion_stream.hpp"
+#include "heft/host/error.hpp"
+#include "heft/urdf/urdf_import.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace heft::data {
+namespace {
+
+using heft::test::message_of;
+using heft::test::TemporaryFolder;
+using std::numbers::pi;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr double kDegrees = 180.0 / pi;
+
+/// Three joints in sines of up to 2.5 rad and 2 rad/s at 250 Hz, with qd, qdd and tau.
+Log sound_log() {
+  Log log;
+  log.path = "run.csv";
+  const int rows = 3000;
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  log.time = Eigen::VectorXd::LinSpaced(rows, 0.0, (rows - 1) / 250.0);
+  for (Eigen::MatrixXd* channel : {&log.q, &log.qd, &log.qdd, &log.tau}) channel->resize(rows, 3);
+  for (int k = 0; k < rows; ++k) {
+    for (int joint = 0; joint < 3; ++joint) {
+      const double amplitude = 1.0 + 0.7 * joint;
+      const double omega = 2.0 * pi * (0.23 - 0.05 * joint);
+      const double phase = omega * log.time[k] + joint;
+      log.q(k, joint) = amplitude * std::sin(phase) + 1e-5 * noise(random);
+      log.qd(k, joint) = amplitude * omega * std::cos(phase) + 0.01 * noise(random);
+      log.qdd(k, joint) = -amplitude * omega * omega * std::sin(phase) + 0.05 * noise(random);
+      log.tau(k, joint) = 30.0 * std::sin(phase) + noise(random);
+    }
+  }
+  return log;
+}
+
+JointLimits limits() {
+  JointLimits result;
+  result.lower = Eigen::Vector3d(-3.05, -3.05, -3.05);
+  result.upper = Eigen::Vector3d(3.05, 3.05, 3.05);
+  result.velocity = Eigen::Vector3d::Constant(3.0);
+  result.effort = Eigen::Vector3d::Constant(100.0);
+  return result;
+}
+
+std::vector<std::string> messages(const std::vector<LogFinding>& findings, Severity severity) {
+  std::vector<std::string> result;
+  for (const LogFinding& finding : findings) {
+    if (finding.severity == severity) result.push_back(finding.message);
+  }
+  return result;
+}
+
+/// The only error, with every message in the failure.
+std::string only_error(const Log& log, const JointLimits& with = limits()) {
+  const std::vector<std::string> errors = messages(check_log(log, with), Severity::kError);
+  EXPECT_EQ(errors.size(), 1u) << testing::PrintToString(errors);
+  return errors.empty() ? "" : errors.front();
+}
+
+std::string only_note(const Log& log, const JointLimits& with = limits()) {
+  const std::vector<LogFinding> findings = check_log(log, with);
+  const std::vector<std::string> notes = messages(findings, Severity::kNote);
+  EXPECT_THAT(messages(findings, Severity::kError), IsEmpty());
+  EXPECT_EQ(notes.size(), 1u) << testing::PrintToString(notes);
+  return notes.empty() ? "" : notes.front();
+}
+
+void drop_rates(Log& log) {
+  log.qd.resize(0, 0);
+  log.qdd.resize(0, 0);
+}
+
+TEST(LogChecks, FindNothingInASoundLog) {
+  EXPECT_THAT(check_log(sound_log(), limits()), IsEmpty());
+  EXPECT_THAT(check_log(sound_log()), IsEmpty());
+}
+
+TEST(LogChecks, NamePositionsInDegreesByTheLimits) {
+  Log log = sound_log();
+  log.q *= kDegrees;
+  drop_rates(log);
+  EXPECT_THAT(
+      only_error(log),
+      AllOf(HasSubstr("run.csv: column 'q3': q3 reaches 137.5, the limits are +-3.05 rad; 137.5 is 2.4 "
+                      "rad in degrees (likewise q1 and q2)"),
+            HasSubstr("expected rad; multiply q1 to q3 by pi/180")));
+}
+
+TEST(LogChecks, SayWhenTheVelocityIsInDegreesToo) {
+  Log log = sound_log();
+  log.q *= kDegrees;
+  log.qd *= kDegrees;
+  log.qdd *= kDegrees;
+  EXPECT_THAT(only_error(log), HasSubstr("multiply q1 to q3 and qd1 to qd3 by pi/180"));
+}
+
+TEST(LogChecks, NamePositionsInDegreesByTheVelocity) {
+  Log log = sound_log();
+  log.q *= kDegrees;
+  EXPECT_THAT(only_error(log, {}),
+              AllOf(HasSubstr("run.csv: column 'q1': q1, q2 and q3 change 57.3 times as fast as qd says"),
+                    HasSubstr("multiply q1 to q3 by pi/180")));
+}
+
+TEST(LogChecks, NamePositionsInDegreesByTheirSpeed) {
+  Log log = sound_log();
+  log.q *= kDegrees;
+  drop_rates(log);
+  const JointLimits unlimited;
+  EXPECT_THAT(only_error(log, unlimited), AllOf(HasSubstr("column 'q1': q1, q2 and q3 move with up to 82"),
+                                                HasSubstr("faster than any arm"), HasSubstr("1.44 rad")));
+}
+
+TEST(LogChecks, DoNotTakeAJointOfAnotherRobotForDegrees) {
+  Log log = sound_log();
+  log.q.col(1).array() += 4.0;  // 5.7 is beyond 1.5 times the limit, but then joint 1 would not be in degrees
+  const JointLimits with = limits();
+  Log shifted = log;
+  shifted.q.col(1).array() -= 1.5;
+  EXPECT_THAT(only_note(shifted, with), HasSubstr("column 'q2': q2 is outside the limits"));
+}
+
+TEST(LogChecks, NameVelocitiesInDegrees) {
+  Log log = sound_log();
+  log.qd.col(1) *= kDegrees;
+  log.qdd.col(1) *= kDegrees;
+  EXPECT_THAT(only_error(log),
+              AllOf(HasSubstr("run.csv: column 'qd2': qd2 is 57.3 times the derivative of q"),
+                    HasSubstr("expected rad/s; multiply qd2 by pi/180")));
+}
+
+TEST(LogChecks, NameAccelerationsInDegrees) {
+  Log log = sound_log();
+  log.qdd *= kDegrees;
+  EXPECT_THAT(only_error(log),
+              AllOf(HasSubstr("column 'qdd1': qdd1, qdd2 and qdd3 are 5"),
+                    HasSubstr("times the derivative of qd, about 180/pi"), HasSubstr("expected rad/s^2")));
+}
+
+TEST(LogChecks, NameAVelocityOfTheOtherSign) {
+  Log log = sound_log();
+  log.qd.col(2) *= -1.0;
+  log.qdd.col(2) *= -1.0;
+  EXPECT_THAT(only_error(log), AllOf(HasSubstr("column 'qd3': qd3 is minus the derivative of q"),
+                                     HasSubstr("change the sign")));
+}
+
+TEST(LogChecks, NameAVelocityThatBelongsToAnotherJoint) {
+  Log log = sound_log();
+  log.qd.col(0).swap(log.qd.col(2));
+  log.qdd.col(0).swap(log.qdd.col(2));
+  EXPECT_THAT(only_note(log), HasSubstr("qd1 and qd3 have nothing to do with the derivative of q"));
+}
+
+TEST(LogChecks, NameAVelocityOfTheMotor) {
+  Log log = sound_log();
+  log.qd *= 101.0;
+  log.qdd *= 101.0;
+  EXPECT_THAT(only_note(log), AllOf(HasSubstr("101 times the derivative of q"), HasSubstr("motor side")));
+}
+
+TEST(LogChecks, NameTimeInMillisecondsByTheVelocity) {
+  Log log = sound_log();
+  log.time *= 1e3;
+  EXPECT_THAT(only_error(log), AllOf(HasSubstr("run.csv: column 'time': qd1, qd2 and qd3 are 999.9 times"),
+                                     HasSubstr("0.25 samples a second: time in milliseconds"),
+                                     HasSubstr("expected seconds; divide time by 1000")));
+  log.time *= 1e3;
+  EXPECT_THAT(only_error(log), HasSubstr("time in microseconds"));
+  log.time *= 1e-3;
+  log.q *= kDegrees;
+  EXPECT_THAT(only_error(log, {}), HasSubstr("time in milliseconds (and q in degrees)"));
+}
+
+TEST(LogChecks, NameTimeInMillisecondsByTheSlowMotion) {
+  Log log = sound_log();
+  log.time *= 1e3;
+  drop_rates(log);
+  EXPECT_THAT(only_error(log), AllOf(HasSubstr("0.25 samples a second of a motion of"),
+                                     HasSubstr("time in milliseconds"), HasSubstr("divide time by 1000")));
+}
+
+TEST(LogChecks, DoNotTakeASlowRecordingForMilliseconds) {
+  // Poses held for ten seconds each, one row a second.
+  Log log;
+  log.path = "poses.csv";
+  log.time = Eigen::VectorXd::LinSpaced(200, 0.0, 199.0);
+  log.q.resize(200, 1);
+  for (int k = 0; k < 200; ++k) log.q(k, 0) = 0.8 * std::sin(0.7 * (k / 10)) + 1e-5 * std::sin(3.0 * k);
+  EXPECT_THAT(only_note(log, {}), HasSubstr("1 samples a second; expected 50 or more"));
+}
+
+TEST(LogChecks, NamePositionsThatStartAgainAtEachTurn) {
+  Log log = sound_log();
+  drop_rates(log);
+  for (int k = 0; k < log.num_samples(); ++k) {
+    const double turning = 0.9 * log.time[k];
+    log.q(k, 1) = turning - 2.0 * pi * std::floor(turning / (2.0 * pi));
+  }
+  EXPECT_THAT(only_error(log, {}), AllOf(HasSubstr("column 'q2': q2 jumps by -6.28 at time 6.98"),
+                                         HasSubstr("1 such jumps"), HasSubstr("one turn")));
+}
+
+TEST(LogChecks, NoteAJointThatNeverMoved) {
+  Log log = sound_log();
+  log.q.col(1).setConstant(0.4);
+  log.qd.col(1).setZero();
+  log.qdd.col(1).setZero();
+  EXPECT_THAT(only_note(log), AllOf(HasSubstr("run.csv: joint 2 never moves (q2 stays within 0 rad)"),
+                                    HasSubstr("log a motion of it")));
+}
+
+TEST(LogChecks, NoteTorquesInAnotherUnit) {
+  Log log = sound_log();
+  log.tau *= 1000.0;
+  EXPECT_THAT(only_note(log), AllOf(HasSubstr("with a limit of 100 Nm"), HasSubstr("mNm")));
+  log.tau *= 1e-6;
+  EXPECT_THAT(only_note(log), HasSubstr("kNm"));
+  log.tau *= 2.5e3;  // up to 80
+  JointLimits with = limits();
+  with.effort = Eigen::Vector3d(900.0, 300.0, 20.0);
+  EXPECT_THAT(only_note(log, with), AllOf(HasSubstr("column 'tau3'"), HasSubstr("per cent")));
+}
+
+TEST(LogChecks, NoteRowsThatRepeatTheRowBefore) {
+  Log log = sound_log();
+  for (int k = 0; k < log.num_samples(); ++k) {
+    for (Eigen::MatrixXd* channel : {&log.q, &log.qd, &log.qdd, &log.tau}) {
+      channel->row(k) = channel->row(k - k % 4).eval();
+    }
+  }
+  EXPECT_THAT(only_note(log), HasSubstr("75 % of the rows repeat the row before"));
+}
+
+TEST(LogChecks, NoteCoarsePositions) {
+  Log log = sound_log();
+  const double step = 0.05 / kDegrees;
+  log.q.col(2) = (log.q.col(2).array() / step).round() * step;
+  EXPECT_THAT(only_note(log), HasSubstr("column 'q3': q3 comes in steps of 0.000873 rad (0.05 degrees)"));
+}
+
+TEST(LogChecks, LookAtMetresOfAPrismaticJointAsMetres) {
+  Log log = sound_log();
+  JointLimits with = limits();
+  with.prismatic = {true, true, true};
+  log.q *= 10.0;
+  drop_rates(log);
+  EXPECT_THAT(only_note(log, with), HasSubstr("outside the limits"));
+}
+
+TEST(LogChecks, GiveTheSameInPartsAndThroughAStream) {
+  Log log = sound_log();
+  log.q *= kDegrees;
+  log.q.col(1).setConstant(3.0);
+  const std::vector<LogFinding> whole = check_log(log, limits());
+  const TemporaryFolder folder;
+  write_log(folder.path("run.csv"), log);
+  const MotionStream stream(folder.path("run.csv"), {});
+  const std::vector<LogFinding> streamed = stream.check(limits());
+  ASSERT_EQ(streamed.size(), whole.size());
+  ASSERT_GE(whole.size(), 2u);
+  for (std::size_t k = 0; k < whole.size(); ++k) {
+    EXPECT_EQ(streamed[k].severity, whole[k].severity);
+    const std::string at = folder.path("run.csv");
+    EXPECT_EQ("run.csv" + streamed[k].message.substr(at.size()), whole[k].message);
+  }
+  EXPECT_THAT(message_of<DataError>([&] { refuse_errors(streamed); }), HasSubstr("rad in degrees"));
+  EXPECT_NO_THROW(refuse_errors({{Severity::kNote, "only a note"}}));
+}
+
+/// The limits of a robot as a URDF gives them.
+JointLimits limits_of(const model::Robot& robot) {
+  JointLimits result;
+  const auto n = static_cast<Eigen::Index>(robot.joints.size());
+  for (Eigen::VectorXd* values : {&result.lower, &result.upper, &result.velocity, &result.effort})
+    values->resize(n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(k)];
+    result.lower[k] = joint.lower;
+    result.upper[k] = joint.upper;
+    result.velocity[k] = joint.velocity_limit;
+    result.effort[k] = joint.effort_limit;
+  }
+  return result;
+}
+
+TEST(LogChecks, FindNothingButRestingJointsInTheMeasuredLogs) {
+  const std::filesystem::path folder = HEFT_DATA_DIR;
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no measured logs at " << folder;
+  int count = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.path().extension() != ".csv") continue;
+    SCOPED_TRACE(entry.path().string());
+    const Log log = read_log(entry.path().string(), {});
+    const std::filesystem::path urdf = entry.path().parent_path() / "robot.urdf";
+    JointLimits with;
+    if (std::filesystem::exists(urdf)) with = limits_of(urdf::load_urdf(urdf.string()));
+    const std::vector<LogFinding> findings = check_log(log, with);
+    EXPECT_THAT(messages(findings, Severity::kError), IsEmpty());
+    for (const std::string& note : messages(findings, Severity::kNote)) {
+      EXPECT_THAT(note, HasSubstr("never move"));
+    }
+    ++count;
+
+    // The same log in degrees, or in milliseconds, is found out, where anything moves.
+    if ((log.q.colwise().maxCoeff() - log.q.colwise().minCoeff()).maxCoeff() < 0.3) continue;
+    Log slipped = log;
+    slipped.q *= kDegrees;
+    EXPECT_THAT(message_of<DataError>([&] { refuse_errors(check_log(slipped, with)); }),
+                HasSubstr("by pi/180"));
+    slipped = log;
+    slipped.time *= 1e3;
+    EXPECT_THAT(message_of<DataError>([&] { refuse_errors(check_log(slipped, with)); }),
+                HasSubstr("time in milliseconds"));
+  }
+  EXPECT_GE(count, 10);
+}
+
+}  // namespace
+}  // namespace heft::data
