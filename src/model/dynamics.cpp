@@ -87,11 +87,18 @@ Eigen::VectorXd Dynamics::inverse_dynamics(const Eigen::VectorXd& q, const Eigen
 }
 
 Eigen::VectorXd Dynamics::joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
-                                       const Eigen::VectorXd& qdd) const {
+                                       const Eigen::VectorXd& qdd, double sign_width) const {
   Eigen::VectorXd tau = impl_->inverse(q, qd, qdd);
   for (Eigen::Index i = 0; i < tau.size(); ++i) {
     const auto& actuation = impl_->robot.joints[static_cast<std::size_t>(i)].actuation;
-    tau[i] += actuation.rotor_inertia * qdd[i] + friction_torque(actuation, qd[i], 0.0);
+    tau[i] += actuation.rotor_inertia * qdd[i] + friction_torque(actuation, qd[i], sign_width);
+  }
+  for (const GearCoupling<double>& coupling : impl_->robot.couplings) {
+    const double v = shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]);
+    const double a = shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]);
+    const double shared = gear_coupling_torque(coupling, v, a, sign_width);
+    tau[coupling.driven] += shared;
+    tau[coupling.driving] += coupling.ratio * shared;
   }
   return tau;
 }

@@ -6,6 +6,8 @@
 #include <set>
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <nlohmann/json.hpp>
 
 #include "heft/host/error.hpp"
@@ -58,6 +60,37 @@ class Node {
     return value;
   }
   double number_or_zero(const char* key) const { return has(key) ? at(key, "a number").number() : 0.0; }
+  /// null stands for `fallback`, and so does a missing key.
+  double number_or(const char* key, double fallback) const {
+    if (!has(key)) return fallback;
+    const double value = at(key, "a number or null").number(true);
+    return std::isnan(value) ? fallback : value;
+  }
+  bool flag_or(const char* key, bool fallback) const {
+    if (!has(key)) return fallback;
+    const Node node = at(key, "true or false");
+    if (!node.json_->is_boolean()) node.fail(fmt::format("found {}", node.json_->dump()), "true or false");
+    return node.json_->get<bool>();
+  }
+  template <std::size_t kSize>
+  std::array<double, kSize> numbers(const char* key) const {
+    const std::string expected = fmt::format("{} numbers", kSize);
+    const Node list = at(key, expected);
+    list.expect_size(kSize, expected);
+    std::array<double, kSize> values{};
+    for (std::size_t i = 0; i < kSize; ++i) values[i] = list.at(i).number();
+    return values;
+  }
+  /// Size 0 when the key is missing; null is NaN.
+  Eigen::VectorXd numbers_or_none(const char* key, std::size_t size) const {
+    if (!has(key)) return {};
+    const std::string expected = fmt::format("{} numbers, one a joint", size);
+    const Node list = at(key, expected);
+    list.expect_size(size, expected);
+    Eigen::VectorXd values(static_cast<Eigen::Index>(size));
+    for (std::size_t i = 0; i < size; ++i) values[static_cast<Eigen::Index>(i)] = list.at(i).number(true);
+    return values;
+  }
   std::string text() const {
     if (!json_->is_string()) fail(fmt::format("found {}", json_->dump()), "a text");
     return json_->get<std::string>();
@@ -80,10 +113,20 @@ class Node {
 };
 
 const std::set<std::string>& known_fields() {
-  static const std::set<std::string> fields{"format",     "version",   "robot",
-                                            "num_joints", "units",     "parameter_order",
-                                            "links",      "joints",    "standard_deviations",
-                                            "covariance", "provenance"};
+  static const std::set<std::string> fields{"format",
+                                            "version",
+                                            "robot",
+                                            "num_joints",
+                                            "units",
+                                            "parameter_order",
+                                            "links",
+                                            "joints",
+                                            "gear_couplings",
+                                            "kinematics",
+                                            "standard_deviations",
+                                            "covariance",
+                                            "fit",
+                                            "provenance"};
   return fields;
 }
 
@@ -92,6 +135,148 @@ std::string name_at(const std::vector<std::string>& names, std::size_t index) {
 }
 
 Json number_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Kinematics read_kinematics(const Node& node, std::size_t num_joints) {
+  node.expect_object();
+  Kinematics kinematics;
+  kinematics.base_link = node.text_or_empty("base_link");
+  kinematics.tip_link = node.text_or_empty("tip_link");
+  if (node.has("gravity")) kinematics.gravity = node.numbers<3>("gravity");
+  if (node.has("tip")) {
+    const Node tip = node.at("tip", "an object");
+    kinematics.tip_rotation = tip.numbers<9>("rotation");
+    kinematics.tip_position = tip.numbers<3>("position");
+  }
+  const Node joints = node.at("joints", "a list with one entry a joint");
+  joints.expect_size(num_joints, fmt::format("{}, one a link", num_joints));
+  for (std::size_t k = 0; k < num_joints; ++k) {
+    const Node entry = joints.at(k);
+    const Node type = entry.at("type", "\"revolute\" or \"prismatic\"");
+    const std::string word = type.text();
+    if (word != "revolute" && word != "prismatic") {
+      type.fail(fmt::format("found \"{}\"", word), "\"revolute\" or \"prismatic\"");
+    }
+    Kinematics::JointPlace place;
+    place.joint.type = word == "revolute" ? JointType::kRevolute : JointType::kPrismatic;
+    place.joint.rotation = entry.numbers<9>("rotation");
+    place.joint.position = entry.numbers<3>("position");
+    place.joint.axis = entry.numbers<3>("axis");
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(place.joint.rotation.data());
+    if (!(R * R.transpose()).isIdentity(1e-9) || R.determinant() < 0) {
+      entry.at("rotation", "").fail("found a matrix that turns nothing", "a rotation, row-major");
+    }
+    if (std::abs(Eigen::Map<const Eigen::Vector3d>(place.joint.axis.data()).norm() - 1.0) > 1e-9) {
+      entry.at("axis", "").fail("found a vector that is not of length 1", "a unit vector");
+    }
+    place.lower = entry.number_or("lower", -kInfinity);
+    place.upper = entry.number_or("upper", kInfinity);
+    place.velocity_limit = entry.number_or("velocity_limit", kInfinity);
+    place.effort_limit = entry.number_or("effort_limit", kInfinity);
+    kinematics.joints.push_back(place);
+  }
+  return kinematics;
+}
+
+Json to_json(const Kinematics& kinematics) {
+  Json json{{"base_link", kinematics.base_link},
+            {"tip_link", kinematics.tip_link},
+            {"gravity", kinematics.gravity},
+            {"tip", {{"rotation", kinematics.tip_rotation}, {"position", kinematics.tip_position}}}};
+  json["joints"] = Json::array();
+  for (const Kinematics::JointPlace& place : kinematics.joints) {
+    json["joints"].push_back({{"type", place.joint.type == JointType::kRevolute ? "revolute" : "prismatic"},
+                              {"rotation", place.joint.rotation},
+                              {"position", place.joint.position},
+                              {"axis", place.joint.axis},
+                              {"lower", number_or_null(place.lower)},
+                              {"upper", number_or_null(place.upper)},
+                              {"velocity_limit", number_or_null(place.velocity_limit)},
+                              {"effort_limit", number_or_null(place.effort_limit)}});
+  }
+  return json;
+}
+
+FitRecord read_fit(const Node& node, std::size_t num_joints) {
+  node.expect_object();
+  FitRecord fit;
+  fit.method = node.text_or_empty("method");
+  if (node.has("torque_at")) {
+    const Node at = node.at("torque_at", "\"motor\" or \"joint\"");
+    fit.torque_at = at.text();
+    if (fit.torque_at != "motor" && fit.torque_at != "joint") {
+      at.fail(fmt::format("found \"{}\"", fit.torque_at), "\"motor\" or \"joint\"");
+    }
+  }
+  if (node.has("base_parameters")) {
+    const Node list = node.at("base_parameters", "a list");
+    for (std::size_t k = 0; k < list.array_size("a list"); ++k) {
+      const Node entry = list.at(k);
+      fit.base_parameters.push_back({entry.at("name", "a text").text(), entry.text_or_empty("unit"),
+                                     entry.text_or_empty("expression"),
+                                     entry.at("value", "a number").number(), entry.number_or("std", kNaN),
+                                     entry.number_or("half_width", kNaN), entry.flag_or("determined", true)});
+    }
+  }
+  fit.condition_number = node.number_or("condition_number", kNaN);
+  fit.physically_consistent = node.flag_or("physically_consistent", false);
+  fit.physical_cost_ratio = node.number_or("physical_cost_ratio", kNaN);
+  fit.noise_std = node.numbers_or_none("noise_std", num_joints);
+  fit.rmse = node.numbers_or_none("rmse", num_joints);
+  fit.rmse_in_band = node.numbers_or_none("rmse_in_band", num_joints);
+  fit.rmse_percent_of_max = node.numbers_or_none("rmse_percent_of_max", num_joints);
+  fit.r2 = node.numbers_or_none("r2", num_joints);
+  fit.band_hz = node.number_or("band_hz", 0.0);
+  fit.samples = static_cast<long>(node.number_or("samples", 0.0));
+  fit.missing = node.texts_or_empty("missing");
+  return fit;
+}
+
+Json to_json(const FitRecord& fit) {
+  Json json{{"method", fit.method}, {"torque_at", fit.torque_at}};
+  json["base_parameters"] = Json::array();
+  for (const BaseParameterRecord& parameter : fit.base_parameters) {
+    json["base_parameters"].push_back({{"name", parameter.name},
+                                       {"unit", parameter.unit},
+                                       {"expression", parameter.expression},
+                                       {"value", parameter.value},
+                                       {"std", number_or_null(parameter.std)},
+                                       {"half_width", number_or_null(parameter.half_width)},
+                                       {"determined", parameter.determined}});
+  }
+  json["condition_number"] = number_or_null(fit.condition_number);
+  json["physically_consistent"] = fit.physically_consistent;
+  json["physical_cost_ratio"] = number_or_null(fit.physical_cost_ratio);
+  const auto add = [&json](const char* key, const Eigen::VectorXd& values) {
+    if (values.size() == 0) return;
+    json[key] = Json::array();
+    for (const double value : values) json[key].push_back(number_or_null(value));
+  };
+  add("noise_std", fit.noise_std);
+  add("rmse", fit.rmse);
+  add("rmse_in_band", fit.rmse_in_band);
+  add("rmse_percent_of_max", fit.rmse_percent_of_max);
+  add("r2", fit.r2);
+  if (fit.band_hz > 0) json["band_hz"] = fit.band_hz;
+  json["samples"] = fit.samples;
+  json["missing"] = fit.missing;
+  return json;
+}
+
+/// Link frames further apart than what files round to.
+bool frames_differ(const Joint<double>& a, const Joint<double>& b) {
+  constexpr double kRounding = 1e-4;
+  const auto far = [](const auto& u, const auto& v) {
+    for (std::size_t i = 0; i < u.size(); ++i) {
+      if (std::abs(u[i] - v[i]) > kRounding) return true;
+    }
+    return false;
+  };
+  return a.type != b.type || far(a.rotation, b.rotation) || far(a.position, b.position) ||
+         far(a.axis, b.axis);
+}
 
 }  // namespace
 
@@ -104,7 +289,49 @@ ModelFile make_model(const Robot& robot) {
     model.links.push_back(joint.link);
     model.actuation.push_back(joint.actuation);
   }
+  model.couplings = robot.couplings;
+  Kinematics& kinematics = model.kinematics.emplace();
+  kinematics.base_link = robot.base_link;
+  kinematics.tip_link = robot.tip_link;
+  for (const RobotJoint& joint : robot.joints) {
+    kinematics.joints.push_back(
+        {joint.joint, joint.lower, joint.upper, joint.velocity_limit, joint.effort_limit});
+  }
+  kinematics.gravity = robot.gravity;
+  kinematics.tip_rotation = robot.tip_rotation;
+  kinematics.tip_position = robot.tip_position;
   return model;
+}
+
+Robot make_robot(const ModelFile& model) {
+  if (!model.kinematics) {
+    throw ModelError(
+        fmt::format("{}: /kinematics: missing; expected where the joints of robot \"{}\" are; give its URDF "
+                    "with --urdf beside the model, or fit the model anew",
+                    model.path.empty() ? "model" : model.path, model.robot));
+  }
+  const Kinematics& kinematics = *model.kinematics;
+  Robot robot;
+  robot.name = model.robot;
+  robot.base_link = kinematics.base_link;
+  robot.tip_link = kinematics.tip_link;
+  robot.gravity = kinematics.gravity;
+  robot.tip_rotation = kinematics.tip_rotation;
+  robot.tip_position = kinematics.tip_position;
+  for (std::size_t k = 0; k < kinematics.joints.size(); ++k) {
+    const Kinematics::JointPlace& place = kinematics.joints[k];
+    robot.joints.push_back({name_at(model.joint_names, k),
+                            name_at(model.link_names, k),
+                            place.joint,
+                            {},
+                            {},
+                            place.lower,
+                            place.upper,
+                            place.velocity_limit,
+                            place.effort_limit});
+  }
+  apply(model, robot);
+  return robot;
 }
 
 void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes) {
@@ -128,10 +355,21 @@ void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes
     notes->push_back(fmt::format("{}: the model was made for robot \"{}\" and is used with \"{}\"", where,
                                  model.robot, robot.name));
   }
+  if (notes != nullptr && model.kinematics) {
+    for (std::size_t k = 0; k < robot.joints.size(); ++k) {
+      if (!frames_differ(model.kinematics->joints[k].joint, robot.joints[k].joint)) continue;
+      notes->push_back(
+          fmt::format("{}: joint {} of robot \"{}\" is elsewhere than when the model was made; the model's "
+                      "parameters are about its own link frames",
+                      where, k + 1, robot.name));
+      break;
+    }
+  }
   for (std::size_t k = 0; k < robot.joints.size(); ++k) {
     robot.joints[k].link = model.links[k];
     robot.joints[k].actuation = model.actuation[k];
   }
+  robot.couplings = model.couplings;
 }
 
 ModelFile parse_model(const std::string& text, const std::string& path) {
@@ -196,6 +434,32 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
                             joint.number_or_zero("friction_offset")};
     }
   }
+  if (root.has("gear_couplings")) {
+    const Node couplings = root.at("gear_couplings", "a list");
+    for (std::size_t k = 0; k < couplings.array_size("a list"); ++k) {
+      const Node entry = couplings.at(k);
+      const auto joint = [&](const char* key) {
+        const std::string expected = fmt::format("a joint, 1 to {}", num_joints);
+        const Node node = entry.at(key, expected);
+        const double number = node.number();
+        if (number != std::floor(number) || number < 1 || number > static_cast<double>(num_joints)) {
+          node.fail(fmt::format("found {}", number), expected);
+        }
+        return static_cast<int>(number) - 1;
+      };
+      GearCoupling<double> coupling;
+      coupling.driving = joint("driving");
+      coupling.driven = joint("driven");
+      if (coupling.driving == coupling.driven) {
+        entry.fail(fmt::format("joint {} is coupled to itself", coupling.driven + 1), "two different joints");
+      }
+      if (entry.has("ratio")) coupling.ratio = entry.at("ratio", "a number").number();
+      coupling.rotor_inertia = entry.number_or_zero("rotor_inertia");
+      coupling.coulomb_friction = entry.number_or_zero("coulomb_friction");
+      coupling.viscous_friction = entry.number_or_zero("viscous_friction");
+      model.couplings.push_back(coupling);
+    }
+  }
   const std::size_t num_parameters = 14 * num_joints;
   const std::string expected = fmt::format("{} numbers, 14 a joint", num_parameters);
   if (root.has("standard_deviations")) {
@@ -220,6 +484,9 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
     }
     model.covariance = covariance;
   }
+  if (root.has("kinematics"))
+    model.kinematics = read_kinematics(root.at("kinematics", "an object"), num_joints);
+  if (root.has("fit")) model.fit = read_fit(root.at("fit", "an object"), num_joints);
   if (root.has("provenance")) {
     const Node provenance = root.at("provenance", "an object");
     provenance.expect_object();
@@ -262,6 +529,16 @@ std::string to_json(const ModelFile& model) {
                               {"viscous_friction", actuation.viscous_friction},
                               {"friction_offset", actuation.friction_offset}});
   }
+  for (const GearCoupling<double>& coupling : model.couplings) {
+    json["gear_couplings"].push_back({{"driving", coupling.driving + 1},
+                                      {"driven", coupling.driven + 1},
+                                      {"ratio", coupling.ratio},
+                                      {"rotor_inertia", coupling.rotor_inertia},
+                                      {"coulomb_friction", coupling.coulomb_friction},
+                                      {"viscous_friction", coupling.viscous_friction}});
+  }
+  if (model.kinematics) json["kinematics"] = to_json(*model.kinematics);
+  if (model.fit) json["fit"] = to_json(*model.fit);
   if (model.standard_deviations) {
     json["standard_deviations"] = Json::array();
     for (const double value : *model.standard_deviations)

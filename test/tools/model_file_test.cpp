@@ -37,6 +37,111 @@ std::string message_after(const std::string& from, const std::string& to) {
   return test::message_of<ModelError>([&] { (void)parse_model(text, "arm.json"); });
 }
 
+FitRecord example_fit() {
+  FitRecord fit;
+  fit.method = "wls";
+  fit.torque_at = "joint";
+  fit.base_parameters = {{"Izz1*", "kg·m²", "Izz1 + Iyy2", 1.0 / 3.0, 0.01, 0.02, true},
+                         {"mcx2", "kg·m", "mcx2", -0.1, std::nan(""), std::nan(""), false}};
+  fit.condition_number = 12.5;
+  fit.physically_consistent = true;
+  fit.noise_std = Eigen::Vector2d(0.5, 0.25);
+  fit.rmse = Eigen::Vector2d(1.0, 2.0);
+  fit.band_hz = 8.0;
+  fit.samples = 12345;
+  fit.missing = {"move joint 2"};
+  return fit;
+}
+
+TEST(ModelFile, IsAWholeRobotByItself) {
+  Robot robot = test::planar_two_link();
+  robot.gravity = {0.1, -9.7, 1.0 / 3.0};
+  robot.tip_position = {0.0, 0.1, 0.2};
+  robot.base_link = "floor";
+  robot.tip_link = "flange";
+  robot.joints[0].joint.type = JointType::kPrismatic;
+  robot.joints[0].lower = -1.5;
+  robot.joints[1].joint.rotation = test::roll_pitch_yaw(0.1, 0.2, 0.3);
+  robot.joints[1].effort_limit = 56.0;
+  const Robot read = make_robot(parse_model(to_json(make_model(robot)), "arm.json"));
+  EXPECT_EQ(read.name, robot.name);
+  EXPECT_EQ(read.base_link, "floor");
+  EXPECT_EQ(read.tip_link, "flange");
+  EXPECT_EQ(read.gravity, robot.gravity);
+  EXPECT_EQ(read.tip_rotation, robot.tip_rotation);
+  EXPECT_EQ(read.tip_position, robot.tip_position);
+  ASSERT_EQ(read.num_joints(), 2);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(read.joints[k].name, robot.joints[k].name);
+    EXPECT_EQ(read.joints[k].link_name, robot.joints[k].link_name);
+    EXPECT_EQ(read.joints[k].joint.type, robot.joints[k].joint.type);
+    EXPECT_EQ(read.joints[k].joint.rotation, robot.joints[k].joint.rotation);
+    EXPECT_EQ(read.joints[k].joint.position, robot.joints[k].joint.position);
+    EXPECT_EQ(read.joints[k].joint.axis, robot.joints[k].joint.axis);
+    EXPECT_EQ(read.joints[k].link, robot.joints[k].link);
+    EXPECT_EQ(read.joints[k].lower, robot.joints[k].lower);
+    EXPECT_EQ(read.joints[k].upper, robot.joints[k].upper);
+    EXPECT_EQ(read.joints[k].velocity_limit, robot.joints[k].velocity_limit);
+    EXPECT_EQ(read.joints[k].effort_limit, robot.joints[k].effort_limit);
+  }
+}
+
+TEST(ModelFile, WithoutKinematicsAsksForTheUrdf) {
+  ModelFile model = example();
+  model.kinematics.reset();
+  const ModelFile read = parse_model(to_json(model), "old.json");
+  EXPECT_THAT(test::message_of<ModelError>([&] { (void)make_robot(read); }),
+              AllOf(HasSubstr("old.json"), HasSubstr("--urdf")));
+}
+
+TEST(ModelFile, RefusesKinematicsThatAreNone) {
+  EXPECT_THAT(message_after("\"revolute\"", "\"helical\""),
+              AllOf(HasSubstr("/kinematics/joints/0/type"), HasSubstr("helical"), HasSubstr("prismatic")));
+  EXPECT_THAT(message_after("\"axis\": [\n     0.0", "\"axis\": [\n     0.5"),
+              AllOf(HasSubstr("/kinematics/joints/0/axis"), HasSubstr("unit vector")));
+  EXPECT_THAT(message_after("\"rotation\": [\n    1.0", "\"rotation\": [\n    \"one\""),
+              AllOf(HasSubstr("/kinematics/tip/rotation/0"), HasSubstr("a number")));
+}
+
+TEST(ModelFile, TellsWhenTheUrdfsJointsAreElsewhere) {
+  const ModelFile model = parse_model(to_json(example()), "arm.json");
+  Robot robot = test::planar_two_link();
+  std::vector<std::string> notes;
+  apply(model, robot, &notes);
+  EXPECT_TRUE(notes.empty());
+  robot.joints[1].joint.position[0] += 0.01;
+  apply(model, robot, &notes);
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_THAT(notes[0], AllOf(HasSubstr("joint 2"), HasSubstr("elsewhere")));
+}
+
+TEST(ModelFile, KeepsTheRecordOfItsFit) {
+  ModelFile written = example();
+  written.fit = example_fit();
+  const ModelFile read = parse_model(to_json(written), "arm.json");
+  ASSERT_TRUE(read.fit.has_value());
+  EXPECT_EQ(read.fit->method, "wls");
+  EXPECT_EQ(read.fit->torque_at, "joint");
+  ASSERT_EQ(read.fit->base_parameters.size(), 2U);
+  EXPECT_EQ(read.fit->base_parameters[0].value, 1.0 / 3.0);
+  EXPECT_EQ(read.fit->base_parameters[0].expression, "Izz1 + Iyy2");
+  EXPECT_TRUE(read.fit->base_parameters[0].determined);
+  EXPECT_TRUE(std::isnan(read.fit->base_parameters[1].std));
+  EXPECT_FALSE(read.fit->base_parameters[1].determined);
+  EXPECT_EQ(read.fit->condition_number, 12.5);
+  EXPECT_TRUE(read.fit->physically_consistent);
+  EXPECT_TRUE(std::isnan(read.fit->physical_cost_ratio));
+  EXPECT_EQ(read.fit->noise_std, written.fit->noise_std);
+  EXPECT_EQ(read.fit->r2.size(), 0);
+  EXPECT_EQ(read.fit->samples, 12345);
+  EXPECT_EQ(read.fit->missing, written.fit->missing);
+  EXPECT_EQ(to_json(read), to_json(written));
+  std::string text = to_json(written);
+  text.replace(text.find("\"torque_at\": \"joint\""), 20, "\"torque_at\": \"wrist\"");
+  EXPECT_THAT(test::message_of<ModelError>([&] { (void)parse_model(text, "arm.json"); }),
+              AllOf(HasSubstr("/fit/torque_at"), HasSubstr("wrist")));
+}
+
 TEST(ModelFile, ReadsBackWhatItWrote) {
   const test::TemporaryFolder folder;
   const ModelFile written = example();

@@ -29,9 +29,12 @@ class Dynamics {
   /// Rigid-body inverse dynamics with gravity, without actuation terms. All n.
   Eigen::VectorXd inverse_dynamics(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                                    const Eigen::VectorXd& qdd) const;
-  /// inverse_dynamics plus rotor inertia, Coulomb (sign, 0 at standstill), viscous and offset terms.
+  /// inverse_dynamics plus rotor inertia, Coulomb (sign, 0 at standstill), viscous and offset terms, and gear
+  /// couplings.
+  /// @param sign_width  [rad/s, m/s] the sign becomes tanh(velocity / width), for joints that rest with a noisy
+  ///                    velocity; as in velocity_sign
   Eigen::VectorXd joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
-                               const Eigen::VectorXd& qdd) const;
+                               const Eigen::VectorXd& qdd, double sign_width = 0.0) const;
   /// Gravity torque g(q).
   Eigen::VectorXd gravity_torque(const Eigen::VectorXd& q) const;
   /// Joint-space mass matrix of the rigid bodies (no rotor inertia), n × n.
@@ -39,7 +42,7 @@ class Dynamics {
   /// Full regressor n × 14n: ten columns a link, then blocks rotor inertia, Coulomb, viscous, offset.
   Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                             const Eigen::VectorXd& qdd) const;
-  /// The 14n parameters that go with regressor().
+  /// The 14n parameters that go with regressor(); gear couplings are not among them.
   Eigen::VectorXd parameters() const;
 
  private:

@@ -8,15 +8,29 @@
 ///   "links":  [ {"name": "forearm_link", "parameters": [m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz]}, ... ],
 ///   "joints": [ {"name": "elbow_joint", "rotor_inertia": 0.1, "coulomb_friction": 5.0,
 ///                "viscous_friction": 2.0, "friction_offset": 0.0}, ... ],
+///   "gear_couplings": [ {"driving": 5, "driven": 6, "ratio": 1.0, "rotor_inertia": 0.01,
+///                        "coulomb_friction": 2.0, "viscous_friction": 0.6} ],
+///   "kinematics": {"base_link": "base", "tip_link": "flange", "gravity": [0, 0, -9.81],
+///                  "tip": {"rotation": [nine, row-major], "position": [three]},
+///                  "joints": [ {"type": "revolute", "rotation": [nine], "position": [three], "axis": [three],
+///                               "lower": -3.1, "upper": 3.1, "velocity_limit": 2.0, "effort_limit": 330} ] },
 ///   "standard_deviations": [...],   "covariance": [[...], ...],
+///   "fit": {"method": "wls", "torque_at": "motor", "base_parameters": [
+///             {"name": "Izz1*", "unit": "kg·m²", "expression": "Izz1 + Iyy2", "value": 3.1, "std": 0.02,
+///              "half_width": 0.04, "determined": true} ],
+///           "condition_number": 12.3, "physically_consistent": true, "rmse": [...], ... },
 ///   "provenance": {"method": "wls", "logs": ["A.csv"], "notes": []} }
 /// @endcode
 ///
 /// Inertia is about the origin of the link frame of the URDF that the model was made with. Link k is the link
-/// that joint k moves, with everything fixed to it. `joints`, `standard_deviations`, `covariance` and
-/// `provenance` may be missing. Fields that heft does not know are kept when a file is read and written again.
+/// that joint k moves, with everything fixed to it. Joints in `gear_couplings` count from 1. With `kinematics`
+/// (frames as in heft::Joint and Robot, null for a limit that is not stated) the file is a whole robot and needs
+/// no URDF. `joints`, `gear_couplings`, `kinematics`, `standard_deviations`, `covariance`, `fit` and `provenance`
+/// may be missing. Fields that heft does not know are kept when a file is read and written again.
 #pragma once
 
+#include <array>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -34,6 +48,52 @@ struct Provenance {
   std::vector<std::string> notes;  ///< anything worth telling
 };
 
+/// Where a robot's links are: everything of a Robot but names of links and joints and dynamic parameters.
+struct Kinematics {
+  /// A joint and its limits, as in RobotJoint.
+  struct JointPlace {
+    Joint<double> joint;
+    double lower{-std::numeric_limits<double>::infinity()};
+    double upper{std::numeric_limits<double>::infinity()};
+    double velocity_limit{std::numeric_limits<double>::infinity()};
+    double effort_limit{std::numeric_limits<double>::infinity()};
+  };
+  std::string base_link, tip_link;
+  std::vector<JointPlace> joints;                  ///< base first
+  std::array<double, 3> gravity{0.0, 0.0, -9.81};  ///< in the base frame [m/s²]
+  std::array<double, 9> tip_rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
+  std::array<double, 3> tip_position{0, 0, 0};
+};
+
+/// One base parameter as a fit found it.
+struct BaseParameterRecord {
+  std::string name;        ///< "Izz1*": an asterisk when others are grouped with it
+  std::string unit;        ///< "kg·m²"
+  std::string expression;  ///< "Izz1 + Iyy2 + 0.375 m3"
+  double value{0.0};
+  double std{0.0};         ///< standard deviation, for residuals correlated in time; NaN: unknown
+  double half_width{0.0};  ///< of the 95 % interval; NaN: unknown
+  bool determined{true};   ///< the logs tell it
+};
+
+/// How a model came out of its logs and how far to trust it: what `identify` found and `validate` repeats.
+struct FitRecord {
+  std::string method;  ///< "wls", ...
+  std::string torque_at{
+      "motor"};  ///< where the torque was measured: "motor", or "joint" (a sensor behind the gear)
+  std::vector<BaseParameterRecord> base_parameters;
+  double condition_number{0.0};       ///< of the weighted base regressor, columns scaled to norm 1
+  bool physically_consistent{false};  ///< a body can have each link's parameters
+  /// Squared error of the best physical fit over that of the free one; 1: physics costs nothing. NaN: unknown.
+  double physical_cost_ratio{std::numeric_limits<double>::quiet_NaN()};
+  Eigen::VectorXd noise_std;  ///< n: scatter of the residual behind the low-pass [N·m, N]; size 0: unknown
+  // On the training logs, as the contract of the JSON results defines them. Size 0: unknown.
+  Eigen::VectorXd rmse, rmse_in_band, rmse_percent_of_max, r2;
+  double band_hz{0.0};               ///< of the low-pass behind rmse_in_band; 0: none
+  long samples{0};                   ///< rows of all logs
+  std::vector<std::string> missing;  ///< what the logs did not tell, and the motion that would
+};
+
 /// Contents of a model file.
 struct ModelFile {
   std::string path;   ///< where it was read from, for messages
@@ -42,21 +102,29 @@ struct ModelFile {
   std::vector<std::string> joint_names;
   std::vector<InertialParameters<double>> links;  ///< one a joint, base first
   std::vector<JointActuation<double>> actuation;  ///< one a joint
+  std::vector<GearCoupling<double>> couplings;
+  std::optional<Kinematics> kinematics;  ///< makes the file a whole robot
   /// Of the 14n full parameters in the regressor's order: ten a link, then rotor inertia, Coulomb, viscous
   /// and offset blocks. NaN (JSON null) where the data say nothing.
   std::optional<Eigen::VectorXd> standard_deviations;
   std::optional<Eigen::MatrixXd> covariance;  ///< 14n × 14n, same order
+  std::optional<FitRecord> fit;
   Provenance provenance;
   std::string other_fields;  ///< JSON text of top-level fields that heft does not know; empty: none
 
   int num_joints() const { return static_cast<int>(links.size()); }
 };
 
-/// The robot's present parameters as a model.
+/// The robot's present parameters as a model, with its kinematics.
 ModelFile make_model(const Robot& robot);
 
-/// Puts a model's parameters into a robot: every link and every joint's actuation.
-/// @param notes  gets a line when the model was made for a robot of another name; may be null
+/// The robot that a model file describes by itself.
+/// @throws ModelError when the file has no kinematics; says to give the URDF.
+Robot make_robot(const ModelFile& model);
+
+/// Puts a model's parameters into a robot: every link, every joint's actuation and the gear couplings.
+/// @param notes  gets a line when the model was made for a robot of another name, or with link frames elsewhere;
+///               may be null
 /// @throws ModelError when the number of joints or a joint's name differs: the link frames would not be the
 ///         model's, and its parameters would mean something else.
 void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes = nullptr);

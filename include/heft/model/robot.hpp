@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "heft/core/arm_model.hpp"
+#include "heft/core/friction/gear_coupling.hpp"
 
 namespace heft::model {
 
@@ -31,6 +32,7 @@ struct Robot {
   std::string base_link;
   std::string tip_link;
   std::vector<RobotJoint> joints;
+  std::vector<GearCoupling<double>> couplings{};   ///< motors that turn with two joints
   std::array<double, 3> gravity{0.0, 0.0, -9.81};  ///< in the base frame [m/s²]
   /// Placement of the tip (tool flange) in the last link frame: rotation row-major, position [m].
   std::array<double, 9> tip_rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
