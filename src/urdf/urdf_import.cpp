@@ -17,6 +17,7 @@
 
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
+#include "rigid_body.hpp"
 #include "xml_outline.hpp"
 
 namespace heft::urdf {
@@ -260,14 +261,18 @@ const XmlElement* element_named_in(const std::string& text, const Document& docu
   return first;
 }
 
-/// The text with everything blanked out that has no part in dynamics (shapes, colours, other tools'
-/// elements), so that what urdfdom complains about matters. Line breaks stay.
+/// The text with everything blanked out that has no part in dynamics (document type, shapes, colours, other
+/// tools' elements), so that what urdfdom complains about matters. Line breaks stay.
 std::string without_looks(std::string text, const Document& document) {
-  const auto blank = [&text](const XmlElement& element) {
-    for (std::size_t k = element.begin; k < element.end; ++k) {
+  const auto blank_text = [&text](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
       if (text[k] != '\n') text[k] = ' ';
     }
   };
+  const auto blank = [&](const XmlElement& element) { blank_text(element.begin, element.end); };
+  // TinyXML, behind urdfdom, stumbles over a document type with declarations of its own.
+  const std::size_t document_type = text.find("<!DOCTYPE");
+  if (document_type < document.root().begin) blank_text(document_type, document.root().begin);
   for (const XmlElement& element : document.root().children) {
     if (element.tag != "link" && element.tag != "joint") blank(element);
     for (const XmlElement& child : element.children) {
@@ -297,99 +302,6 @@ std::string without_looks(std::string text, const Document& document) {
     document.fail_at(*element, "urdfdom refuses the file: {}; correct this element", said);
   }
   document.fail("urdfdom refuses the file: {}; correct it", said);
-}
-
-// -----------------------------------------------------------------------------------------------------
-// Geometry.
-
-/// Placement of frame B in frame A: components in A are R times components in B plus p.
-struct Placement {
-  Eigen::Matrix3d R{Eigen::Matrix3d::Identity()};
-  Eigen::Vector3d p{Eigen::Vector3d::Zero()};
-};
-
-Placement operator*(const Placement& a, const Placement& b) { return {a.R * b.R, a.R * b.p + a.p}; }
-
-double snapped(double value, double tolerance) {
-  for (const double exact : {0.0, 1.0, -1.0}) {
-    if (std::abs(value - exact) <= tolerance) return exact;
-  }
-  return value;
-}
-
-/// See load_urdf on why entries near 0 and ±1 are made exact.
-Eigen::Matrix3d snapped(const Eigen::Matrix3d& rotation) {
-  const auto snap = [&](double tolerance) -> Eigen::Matrix3d {
-    return rotation.unaryExpr([tolerance](double value) { return snapped(value, tolerance); });
-  };
-  const Eigen::Matrix3d coarse = snap(1e-8);
-  if ((coarse.transpose() * coarse - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-14)
-    return coarse;
-  return snap(1e-12);
-}
-
-/// A picometre is rounding from merged fixed joints, never a dimension.
-Eigen::Vector3d snapped(const Eigen::Vector3d& position) {
-  return position.unaryExpr([](double value) { return std::abs(value) < 1e-12 ? 0.0 : value; });
-}
-
-Placement placement_of(const ::urdf::Pose& pose) {
-  double x = 0.0, y = 0.0, z = 0.0, w = 1.0;
-  pose.rotation.getQuaternion(x, y, z, w);
-  return {snapped(Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix()),
-          Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z)};
-}
-
-/// Mass, first moment and inertia about the origin of a link frame, of one body or several together.
-struct Body {
-  double mass{0.0};
-  Eigen::Vector3d first_moment{Eigen::Vector3d::Zero()};
-  Eigen::Matrix3d inertia{Eigen::Matrix3d::Zero()};
-
-  /// Adds a body given by mass, centre of mass and inertia about the centre of mass, all in this frame.
-  void add(double m, const Eigen::Vector3d& c, const Eigen::Matrix3d& about_com) {
-    mass += m;
-    first_moment += m * c;
-    inertia += about_com + m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
-  }
-
-  InertialParameters<double> parameters() const {
-    return {mass,          first_moment.x(), first_moment.y(), first_moment.z(), inertia(0, 0),
-            inertia(0, 1), inertia(1, 1),    inertia(0, 2),    inertia(1, 2),    inertia(2, 2)};
-  }
-};
-
-Eigen::Matrix3d inertia_of(const ::urdf::Inertial& inertial) {
-  Eigen::Matrix3d inertia;
-  inertia << inertial.ixx, inertial.ixy, inertial.ixz, inertial.ixy, inertial.iyy, inertial.iyz, inertial.ixz,
-      inertial.iyz, inertial.izz;
-  return inertia;
-}
-
-/// Why no body has this inertia about its centre of mass; empty when one can.
-std::string impossibility(const Eigen::Matrix3d& inertia) {
-  constexpr const char* kRemedy = "check units and about-point";
-  const Eigen::Vector3d diagonal = inertia.diagonal();
-  const double tolerance = 1e-6 * inertia.cwiseAbs().maxCoeff();  // published numbers are rounded
-  constexpr std::array<const char*, 3> kNames{"Ixx", "Iyy", "Izz"};
-  for (int largest = 0; largest < 3; ++largest) {
-    const int a = largest == 0 ? 1 : 0;
-    const int b = largest == 2 ? 1 : 2;
-    if (diagonal[a] + diagonal[b] < diagonal[largest] - tolerance) {
-      return fmt::format("{}+{}={:.6g} < {}={:.6g} kg·m²; {}", kNames[static_cast<std::size_t>(a)],
-                         kNames[static_cast<std::size_t>(b)], diagonal[a] + diagonal[b],
-                         kNames[static_cast<std::size_t>(largest)], diagonal[largest], kRemedy);
-    }
-  }
-  const Eigen::Vector3d moments =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
-  const std::string shown =
-      fmt::format("principal moments {:.6g}, {:.6g}, {:.6g} kg·m²", moments[0], moments[1], moments[2]);
-  if (!(moments[0] > 0.0)) return fmt::format("{}: expected all positive; {}", shown, kRemedy);
-  if (moments[0] + moments[1] < moments[2] - tolerance) {
-    return fmt::format("{}: the largest exceeds the sum of the others; {}", shown, kRemedy);
-  }
-  return {};
 }
 
 // -----------------------------------------------------------------------------------------------------
@@ -641,7 +553,8 @@ class ChainBuilder {
     if (joint.dynamics) {
       const double friction = joint.dynamics->friction;
       const double damping = joint.dynamics->damping;
-      if (!std::isfinite(friction) || !std::isfinite(damping) || friction < 0.0 || damping < 0.0) {
+      const bool in_range = (friction >= 0.0 && damping >= 0.0) || options_.accept_impossible_values;
+      if (!std::isfinite(friction) || !std::isfinite(damping) || !in_range) {
         document_.fail_at(Document::nearest(element, {"dynamics"}),
                           "joint \"{}\": friction {:.6g} and damping {:.6g}; expected "
                           "finite numbers not below zero; correct <dynamics>",
@@ -683,7 +596,8 @@ class ChainBuilder {
     Body body;
     attach(model_.getLink(joint.link_name), Placement{}, body);
     const XmlElement& element = *document_.link(joint.link_name);
-    if (body.mass == 0.0) {
+    const bool has_inertia = !body.inertia.isZero(0.0);  // without mass: only where that is accepted
+    if (body.mass == 0.0 && !has_inertia) {
       if (is_last) {
         document_.fail_at(
             element,
@@ -728,7 +642,7 @@ class ChainBuilder {
     const XmlElement& element = *document_.link(link.name);
     const Placement own = placement * placement_of(inertial.origin);
     const Eigen::Matrix3d inertia = inertia_of(inertial);
-    if (!(inertial.mass > 0.0) || !std::isfinite(inertial.mass)) {
+    if (!std::isfinite(inertial.mass) || !(inertial.mass > 0.0 || options_.accept_impossible_values)) {
       document_.fail_at(Document::nearest(element, {"inertial", "mass"}),
                         "link \"{}\": mass {:.6g} kg; expected a positive "
                         "number on a moving link; correct it, or remove <inertial> from a link without mass",
@@ -741,8 +655,9 @@ class ChainBuilder {
                         link.name);
     }
     if (const std::string reason = impossibility(inertia); !reason.empty()) {
-      const std::string message = document_.at(Document::nearest(element, {"inertial", "inertia"}),
-                                               fmt::format("link \"{}\": {}", link.name, reason));
+      const std::string message =
+          document_.at(Document::nearest(element, {"inertial", "inertia"}),
+                       fmt::format("link \"{}\": {}; check units and about-point", link.name, reason));
       if (options_.refuse_impossible_inertia) throw UrdfError(message);
       warn(message);
     }

@@ -1,6 +1,7 @@
 #include "xml_outline.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 
 #include <fmt/format.h>
@@ -10,6 +11,20 @@ namespace {
 
 /// Deeper nesting than any robot has; keeps a hostile file from exhausting the stack.
 constexpr int kMaxDepth = 100;
+
+/// The value with XML's five named entities resolved; others stay as they are.
+std::string resolved(std::string_view value) {
+  static constexpr std::array<std::pair<std::string_view, char>, 5> kEntities{
+      {{"&amp;", '&'}, {"&lt;", '<'}, {"&gt;", '>'}, {"&quot;", '"'}, {"&apos;", '\''}}};
+  std::string text;
+  while (!value.empty()) {
+    const auto entity = std::find_if(kEntities.begin(), kEntities.end(),
+                                     [&](const auto& known) { return value.starts_with(known.first); });
+    text += entity == kEntities.end() ? value.front() : entity->second;
+    value.remove_prefix(entity == kEntities.end() ? 1 : entity->first.size());
+  }
+  return text;
+}
 
 class Scanner {
  public:
@@ -43,6 +58,26 @@ class Scanner {
     advance(found + what.size() - at_);
   }
 
+  /// `<!DOCTYPE robot [ <!ENTITY a "b>c"> ]>`: the '>' outside of brackets and quotes ends it.
+  void skip_document_type() {
+    const std::size_t begin_line = line_;
+    int depth = 0;
+    for (std::size_t at = at_ + 1; at < text_.size(); ++at) {
+      const char c = text_[at];
+      if (c == '"' || c == '\'') {
+        at = std::min(text_.find(c, at + 1), text_.size());
+      } else if (text_.substr(at, 4) == "<!--") {
+        at = std::min(text_.find("-->", at), text_.size() - 1);
+      } else if (c == '[' || c == ']') {
+        depth += c == '[' ? 1 : -1;
+      } else if (c == '>' && depth == 0) {
+        advance(at + 1 - at_);
+        return;
+      }
+    }
+    throw XmlOutlineError(begin_line, "found a declaration that does not end");
+  }
+
   void skip_space() {
     std::size_t count = 0;
     while (at_ + count < text_.size() && std::isspace(static_cast<unsigned char>(text_[at_ + count])))
@@ -63,7 +98,7 @@ class Scanner {
       } else if (looking_at("<?")) {
         skip_past("?>", "declaration");
       } else if (looking_at("<!")) {
-        skip_past(">", "declaration");
+        skip_document_type();
       } else {
         return;
       }
@@ -99,7 +134,8 @@ class Scanner {
     if (stop == std::string_view::npos) {
       throw XmlOutlineError(line, fmt::format("found no closing quote for {} in <{}>", name, element.tag));
     }
-    element.attributes.emplace_back(std::move(name), std::string(text_.substr(at_, stop - at_)));
+    element.attributes.emplace_back(std::move(name), resolved(text_.substr(at_, stop - at_)));
+    element.attribute_places.emplace_back(at_, stop);
     advance(stop + 1 - at_);
   }
 
@@ -118,11 +154,12 @@ class Scanner {
         throw XmlOutlineError(element.line, fmt::format("found <{}> that does not end", element.tag));
       if (looking_at("/>")) {
         advance(2);
-        element.end = at_;
+        element.open_end = element.end = at_;
         return element;
       }
       if (looking_at(">")) {
         advance(1);
+        element.open_end = at_;
         break;
       }
       read_attribute(element);

@@ -34,6 +34,27 @@ TEST(XmlOutline, KnowsTheLineOfEveryElement) {
   EXPECT_EQ(root.children[1].child("mimic"), nullptr);
 }
 
+TEST(XmlOutline, KnowsWhereTagsAndValuesStand) {
+  const std::string text = "<a  x = '1'\n y=\"&lt;2&amp;3&unknown;\"><b/></a >";
+  const XmlElement root = outline_xml(text);
+  EXPECT_EQ(text.substr(root.begin, root.open_end - root.begin), "<a  x = '1'\n y=\"&lt;2&amp;3&unknown;\">");
+  ASSERT_EQ(root.attribute_places.size(), 2u);
+  const auto value = [&](std::size_t k) {
+    return text.substr(root.attribute_places[k].first,
+                       root.attribute_places[k].second - root.attribute_places[k].first);
+  };
+  EXPECT_EQ(value(0), "1");
+  EXPECT_EQ(value(1), "&lt;2&amp;3&unknown;");
+  EXPECT_EQ(*root.attribute("y"), "<2&3&unknown;");
+  EXPECT_EQ(root.end, text.size());
+  EXPECT_EQ(root.children[0].open_end, root.children[0].end);
+}
+
+TEST(XmlOutline, PassesOverADocumentType) {
+  EXPECT_EQ(outline_xml("<!DOCTYPE a [ <!ENTITY b \"<c>]\"> <!-- ] > ' --> ]\n><a/>").line, 2u);
+  EXPECT_EQ(error_of("\n<!DOCTYPE a [ <b>"), "2: found a declaration that does not end");
+}
+
 TEST(XmlOutline, SaysWhereTheTextStopsBeingXml) {
   EXPECT_EQ(error_of("just text"), "1: found no XML element");
   EXPECT_EQ(error_of("<a>\n<b>\n</a>"), "3: found </a> where </b> is due (opened in line 2)");

@@ -21,6 +21,9 @@ struct UrdfOptions {
   std::array<double, 9> mount_rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
   /// Refuse link inertias that no body can have. Several published robots have them: the default is to warn.
   bool refuse_impossible_inertia{false};
+  /// Take masses not above zero and negative friction as they stand, instead of refusing them. For files that
+  /// hold the unconstrained result of a fit (urdf_export.hpp).
+  bool accept_impossible_values{false};
 };
 
 /// Reads the chain between two links as a robot.
