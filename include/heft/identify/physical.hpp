@@ -1,0 +1,102 @@
+/// @file
+/// Fits whose links could exist: positive mass, a body that has that inertia, friction that takes energy.
+/// Derivation: src/identify/physical.md
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/identify/base_parameters.hpp"
+#include "heft/identify/triangular_factor.hpp"
+
+namespace heft::identify {
+
+struct PhysicalOptions {
+  /// Weight of the prior against the data. 1: the divergence from the prior counts like minus the logarithm of
+  /// a probability beside rows with independent noise, so it fades as rows come in. On measured logs this
+  /// predicts better what the fit has not seen than a vanishing weight: bodies at the very edge of what is
+  /// possible fit the training log's model errors.
+  double prior_weight{1.0};
+  /// Share of the squared error that the prior may cost at most, against a vanishing weight; the weight is
+  /// lowered to keep it. 0.05 is 2.5 % of the RMSE. 0: no prior but where the data are silent.
+  double prior_share{0.05};
+  /// Least distance from the boundary: a link's pseudo-inertia stays above this part of its prior's (in the
+  /// sense of quadratic forms).
+  double margin{1e-6};
+  int max_iterations{5000};  ///< of the line search method, over all weights of the prior together
+};
+
+/// A physically consistent fit.
+struct PhysicalFit {
+  Eigen::VectorXd x;     ///< p, all parameters of the regression
+  Eigen::VectorXd beta;  ///< b, G x
+  bool converged{false};
+  int iterations{0};
+  double squared_error{0.0};                ///< ‖R β − z‖² + ρ² at this solution
+  double unconstrained_squared_error{0.0};  ///< the same at the least squares solution
+  /// The same with the weight of the prior going to 0: what physics alone allows.
+  double limit_squared_error{0.0};
+  /// By how much the squared error of any other physical set (of no larger trace) can be below
+  /// limit_squared_error: from the dual problem, whatever the solver did.
+  double gap{0.0};
+  /// Links whose prior had to be moved before it could be used, from 1 ("the URDF's inertia of link 1 is none
+  /// that a body can have").
+  std::vector<int> repaired_prior;
+  /// Links (from 1) whose prior was more than tenfold too light; its size was taken from the data instead.
+  std::vector<int> rescaled_prior;
+  /// Links (from 1) that end at the edge of what is possible, the one that costs most first; not those that
+  /// cost less than a tenth of it.
+  std::vector<int> at_boundary;
+  /// Columns of the regression (rotor inertia, friction) that the data would rather have negative; they are 0.
+  std::vector<int> at_zero;
+  std::string summary;  ///< the solver's brief report
+};
+
+/// Least squares over links that could exist: pseudo-inertias positive definite by construction (kept as their
+/// Cholesky factors [1]), rotor inertia, Coulomb and viscous friction not negative, offsets free.
+///
+/// minimise ‖R₁ G x − z‖² + ρ² + μ d(x), d the Bregman divergence of −log det from the prior, Σ tr(P₀⁻¹ P) −
+/// log det(P₀⁻¹ P) − 4 over the links [2], the same with 1 × 1 matrices for friction and rotor inertia. d does
+/// not depend on units or frames. μ is lowered tenfold from stage to stage; Ceres (BFGS) does each stage. The sum
+/// is convex in x at every μ: there is one minimum, and a prior far away costs time only.
+///
+/// [1] C. Rucker, P. M. Wensing, Smooth parameterization of rigid-body inertia, IEEE RA-L 7 (2022).
+/// [2] T. Lee, P. M. Wensing, F. C. Park, Geometric robot dynamic identification: a convex programming approach,
+///     IEEE T-RO 36 (2020).
+///
+/// @param data   rows in base parameters (b columns), already weighted by the noise of each joint
+/// @param prior  p: the URDF's values. A link that cannot exist is moved to where it can; one without mass is
+///               taken as a rod from its joint to the next with the middle one of the other links' masses.
+///               Friction or rotor inertia of 0 counts as unknown.
+/// @throws ModelError when sizes differ or a number is not finite.
+/// Cost: below 0.1 s for seven joints.
+PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters& base,
+                         const TriangularFactor& data, const Eigen::VectorXd& prior,
+                         const PhysicalOptions& options = {});
+
+/// Whether a body can have these parameters: pseudo-inertia positive definite, with room for rounding.
+bool is_physical(const InertialParameters<double>& link);
+
+/// Nearest parameters that a body can have: eigenvalues of the pseudo-inertia below margin · max(trace, 1) are
+/// lifted to there. Parameters that are physical with that margin come back unchanged.
+InertialParameters<double> nearest_physical(const InertialParameters<double>& link, double margin = 1e-6);
+
+/// What a mass matrix is like over many poses.
+struct MassMatrixCheck {
+  int poses{0};
+  int not_positive{0};              ///< poses in which the mass matrix of the links is not positive definite
+  int not_positive_with_rotors{0};  ///< the same with rotor inertia (gear couplings too) added
+  double smallest_eigenvalue{0.0};  ///< of the links' mass matrix over all poses [kg·m², kg]
+  Eigen::VectorXd worst_pose;       ///< where that was
+};
+
+/// Looks at the mass matrix in random poses: revolute joints over a full turn, prismatic ones within their limits
+/// (±1 m without limits).
+/// @throws ModelError as model::Dynamics does.
+/// Cost: 10 000 poses of seven joints take a quarter of a second.
+MassMatrixCheck check_mass_matrix(const model::Robot& robot, int poses, std::uint64_t seed);
+
+}  // namespace heft::identify

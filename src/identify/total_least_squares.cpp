@@ -1,0 +1,146 @@
+#include "heft/identify/total_least_squares.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+#include "block_groups.hpp"
+#include "heft/host/error.hpp"
+
+namespace heft::identify {
+namespace {
+
+using SquareSvd = Eigen::JacobiSVD<Eigen::MatrixXd, Eigen::NoQRPreconditioner>;
+
+}  // namespace
+
+TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
+                                         const TotalLeastSquaresOptions& options) {
+  const Eigen::Index b = data.columns();
+  const bool given = options.column_noise.size() > 0;
+  if ((given && options.column_noise.size() != b) ||
+      (!options.exact.empty() && static_cast<Eigen::Index>(options.exact.size()) != b)) {
+    throw DataError(fmt::format(
+        "total least squares: {} noise levels and {} exact flags; expected none or {}, one a column",
+        options.column_noise.size(), options.exact.size(), b));
+  }
+  std::vector<Eigen::Index> exact, noisy;
+  for (Eigen::Index i = 0; i < b; ++i) {
+    (!options.exact.empty() && options.exact[static_cast<std::size_t>(i)] ? exact : noisy).push_back(i);
+  }
+  const auto e = static_cast<Eigen::Index>(exact.size());
+  const auto k = static_cast<Eigen::Index>(noisy.size());
+
+  // What each column is divided by so that all errors are alike: with relative noise, its rms.
+  const double rows = std::max(1.0, static_cast<double>(data.rows()));
+  const auto noise_of = [&](Eigen::Index column, double stated) {
+    if (!given) {
+      const double rms = data.full().col(column).norm() / std::sqrt(rows);
+      return rms > 0.0 ? rms : 1.0;
+    }
+    if (!(stated > 0.0) || !std::isfinite(stated)) {
+      throw DataError(
+          fmt::format("total least squares: noise {} of column {}; expected a positive number (mark columns "
+                      "without error as exact)",
+                      stated, column + 1));
+    }
+    return stated;
+  };
+  Eigen::VectorXd scale(k + 1);
+  for (Eigen::Index i = 0; i < k; ++i) {
+    scale[i] = noise_of(noisy[static_cast<std::size_t>(i)],
+                        given ? options.column_noise[noisy[static_cast<std::size_t>(i)]] : 0.0);
+  }
+  scale[k] = noise_of(b, options.torque_noise);
+
+  // [exact noisy y] = Q [R11 R12 r1; 0 R22 r2].
+  Eigen::MatrixXd ordered(b + 1, b + 1);
+  ordered.leftCols(e) = data.full()(Eigen::all, exact);
+  ordered.middleCols(e, k) = data.full()(Eigen::all, noisy);
+  ordered.col(b) = data.full().col(b);
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(ordered);
+  const Eigen::MatrixXd R = qr.matrixQR().triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd C = R.bottomRightCorner(k + 1, k + 1) * scale.cwiseInverse().asDiagonal();
+
+  TotalLeastSquaresFit fit;
+  const SquareSvd svd(C, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  fit.singular_values = svd.singularValues();
+  const double smallest = fit.singular_values[k];
+  fit.noise = smallest / std::sqrt(std::max(1.0, rows - static_cast<double>(b)));
+  Eigen::Index kept = k;
+  fit.separation = std::numeric_limits<double>::infinity();
+  if (k > 0) {
+    const Eigen::VectorXd alone = SquareSvd(C.topLeftCorner(k, k)).singularValues();
+    // Below rounding everything is noise, also where there is none.
+    const double rounding = 1e-12 * fit.singular_values[0];
+    if (smallest > rounding) fit.separation = alone[k - 1] / smallest;
+    kept = (alone.array() > std::max(options.min_separation * smallest, rounding)).count();
+    if (alone[k - 1] <= rounding) fit.separation = 1.0;
+  }
+  fit.left_out = static_cast<int>(k - kept);
+  fit.separated = fit.left_out == 0;
+
+  // [x; −1] ∈ span of the right vectors that belong to the smallest singular values; of these the shortest.
+  const Eigen::MatrixXd V = svd.matrixV().rightCols(k + 1 - kept);
+  const Eigen::VectorXd last = V.row(k).transpose();
+  const double size = last.squaredNorm();
+  if (size < 1e-20) fit.separated = false;
+  Eigen::VectorXd x = size > 0.0 ? Eigen::VectorXd(-(V.topRows(k) * last) / size) : Eigen::VectorXd::Zero(k);
+  // In scaled columns W_i/s_i · (x_i) = y/s_y.
+  x = x.cwiseQuotient(scale.head(k)) * scale[k];
+
+  fit.beta.resize(b);
+  fit.beta(noisy) = x;
+  if (e > 0) {
+    const Eigen::VectorXd right = R.col(b).head(e) - R.block(0, e, e, k) * x;
+    const Eigen::VectorXd exact_beta = R.topLeftCorner(e, e).colPivHouseholderQr().solve(right);
+    fit.beta(exact) = exact_beta;
+  }
+  return fit;
+}
+
+TotalLeastSquaresSpread total_least_squares(const BlockFactors& factors, const Eigen::VectorXd& weights,
+                                            const TotalLeastSquaresOptions& options, double length,
+                                            double edge_factor) {
+  std::vector<TriangularFactor> groups;
+  for (const std::vector<int>& members : groups_of(factors, length)) {
+    TriangularFactor group(factors.num_columns());
+    for (const int block : members) {
+      for (int j = 0; j < factors.num_joints(); ++j) group.add(factors.factor(block, j), weights[j]);
+    }
+    if (group.rows() > 0) groups.push_back(std::move(group));
+  }
+  const std::size_t B = groups.size();
+  // after[i]: groups i and later. With the running sum of those before, all but one cost one addition.
+  std::vector<TriangularFactor> after(B + 1, TriangularFactor(factors.num_columns()));
+  for (std::size_t i = B; i-- > 0;) {
+    after[i] = after[i + 1];
+    after[i].add(groups[i]);
+  }
+  TotalLeastSquaresSpread out;
+  out.fit = total_least_squares(after.front(), options);
+  out.groups = static_cast<int>(B);
+  out.covariance = Eigen::MatrixXd::Zero(factors.num_columns(), factors.num_columns());
+  if (B < 2) return out;
+  TriangularFactor before(factors.num_columns());
+  for (std::size_t i = 0; i < B; ++i) {
+    TriangularFactor rest = before;
+    rest.add(after[i + 1]);
+    const Eigen::VectorXd moved = total_least_squares(rest, options).beta - out.fit.beta;
+    out.covariance.noalias() += moved * moved.transpose();
+    before.add(groups[i]);
+  }
+  out.covariance *= edge_factor * static_cast<double>(B - 1) / static_cast<double>(B);
+  return out;
+}
+
+std::vector<bool> exact_columns(const RegressionColumns& columns, const BaseParameters& base) {
+  std::vector<bool> exact;
+  for (const int i : base.kept) exact.push_back(columns[i].kind == ColumnKind::kOffset);
+  return exact;
+}
+
+}  // namespace heft::identify

@@ -1,0 +1,490 @@
+// Instrumental variables: by hand against closed forms, then on a small arm with noise in the measured
+// position.
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <Eigen/LU>
+
+#include "heft/data/differentiate.hpp"
+#include "heft/host/error.hpp"
+#include "heft/identify/block_jackknife.hpp"
+#include "heft/identify/instrumental.hpp"
+#include "identify/synthetic_log.hpp"
+#include "support/arms.hpp"
+
+namespace heft::identify {
+namespace {
+
+using ::testing::HasSubstr;
+
+Eigen::MatrixXd random_matrix(Eigen::Index rows, Eigen::Index cols, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  return Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal(random); });
+}
+
+// ------------------------------------------------------------------------------------------------ by hand
+
+const Eigen::Vector3d kTruth(1.0, -2.0, 0.5);
+
+/// One joint, noise of the given size in the regressor; instruments see the regressor with noise of their
+/// own.
+InstrumentSums sums_by_hand(double noise, double instrument_noise, std::uint64_t seed, int rows = 2000) {
+  std::mt19937_64 random(seed);
+  const Eigen::MatrixXd W0 = random_matrix(rows, 3, random);
+  const Eigen::MatrixXd W = W0 + noise * random_matrix(rows, 3, random);
+  const Eigen::MatrixXd Z = W0 + instrument_noise * random_matrix(rows, 3, random);
+  const Eigen::VectorXd y = W0 * kTruth + 0.5 * random_matrix(rows, 1, random);
+  InstrumentSums sums(1, 3, 0.5);
+  sums.add(0, 0, Eigen::VectorXd::LinSpaced(rows, 0.0, 30.0), Z, W, y);
+  return sums;
+}
+
+TEST(InstrumentSums, AreTheCrossMomentsHoweverBlocksMerge) {
+  std::mt19937_64 random(1);
+  const Eigen::MatrixXd Z = random_matrix(4000, 4, random), W = random_matrix(4000, 4, random);
+  const Eigen::VectorXd y = random_matrix(4000, 1, random);
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(4000, -1.0, 399.0);
+  InstrumentSums sums(2, 4, 1.0, 16);
+  for (int log = 0; log < 2; ++log) {
+    for (Eigen::Index first = 0; first < 4000; first += 500) {
+      for (int joint = 0; joint < 2; ++joint) {
+        sums.add(log, joint, time.segment(first, 500), Z.middleRows(first, 500), W.middleRows(first, 500),
+                 y.segment(first, 500));
+      }
+    }
+  }
+  EXPECT_LE(sums.num_blocks(), 17);
+  ASSERT_EQ(sums.num_blocks(), sums.plain().num_blocks());
+  const auto all = sums.weighted(Eigen::Vector2d(1.0, 0.25));
+  EXPECT_LT((all.A - 2.5 * Z.transpose() * W).norm(), 1e-9 * all.A.norm());
+  EXPECT_LT((all.r - 2.5 * Z.transpose() * y).norm(), 1e-9 * all.r.norm());
+  // Blocks of equal number hold the same rows: with Z = W the moments are the plain ones.
+  InstrumentSums same(1, 4, 1.0, 16);
+  same.add(0, 0, time, W, W, y);
+  for (int b = 0; b < same.num_blocks(); ++b) {
+    const auto block = same.weighted(b, Eigen::VectorXd::Ones(1));
+    EXPECT_LT((block.A - same.plain().factor(b, 0).information()).norm(), 1e-9 * block.A.norm()) << b;
+  }
+}
+
+TEST(InstrumentSums, RefuseInstrumentsOfAnotherShape) {
+  InstrumentSums sums(1, 2, 1.0);
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(3, 0.0, 1.0);
+  EXPECT_THROW(sums.add(0, 0, time, Eigen::MatrixXd::Ones(3, 0), Eigen::MatrixXd::Ones(3, 2), time),
+               DataError);
+}
+
+TEST(Instrumental, SolvesTheCrossMoments) {
+  const InstrumentSums sums = sums_by_hand(0.5, 0.3, 2);
+  const auto moments = sums.weighted(Eigen::VectorXd::Ones(1));
+  const Eigen::VectorXd expected = moments.A.partialPivLu().solve(moments.r);
+  const InstrumentalEstimate found =
+      solve_instrumental(sums, Eigen::VectorXd::Ones(1), Eigen::Vector3d(3.0, 1.0, 4.0));
+  EXPECT_LT((found.beta - expected).norm(), 1e-10);
+  EXPECT_EQ(found.left_out, 0);
+  EXPECT_EQ(found.groups, sums.num_blocks());
+  EXPECT_NEAR(found.relevance, 1.0 / 1.25, 0.07);
+  EXPECT_GT(found.relevance_ratio, 10.0);
+}
+
+TEST(Instrumental, CovarianceIsTheScatterOverExperiments) {
+  constexpr int kSeeds = 300;
+  Eigen::Vector3d squared = Eigen::Vector3d::Zero(), stated = squared, mean = squared;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const InstrumentalEstimate found = solve_instrumental(sums_by_hand(0.5, 0.3, seed, 500),
+                                                          Eigen::VectorXd::Ones(1), Eigen::Vector3d::Zero());
+    mean += (found.beta - kTruth) / kSeeds;
+    squared += (found.beta - kTruth).cwiseAbs2();
+    stated += found.covariance.diagonal();
+  }
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_LT(std::abs(mean[i]), 4.0 * std::sqrt(squared[i]) / kSeeds) << i;
+    // The scatter of 300 is known to ± 4 %.
+    EXPECT_NEAR(std::sqrt(stated[i] / squared[i]), 1.03, 0.12) << i;
+  }
+}
+
+TEST(Instrumental, GroupsOfBlocksWidenTheIntervalOfCorrelatedNoise) {
+  // A torque error constant over 2 s, and a column that hardly changes over 2 s either: blocks of 0.5 s count
+  // it four times as independent.
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  constexpr int kRows = 6000;
+  InstrumentSums sums(1, 1, 0.5, 200);
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(kRows, 0.0, 60.0 - 0.01);
+  Eigen::VectorXd y(kRows);
+  for (int i = 0; i < kRows; ++i) {
+    if (i % 200 == 0) y[i] = normal(random);
+    if (i % 200 != 0) y[i] = y[i - 1];
+  }
+  const Eigen::MatrixXd W = Eigen::MatrixXd::Ones(kRows, 1);
+  sums.add(0, 0, time, W, W, y);
+  const auto std_with = [&](double length) {
+    return std::sqrt(
+        solve_instrumental(sums, Eigen::VectorXd::Ones(1), Eigen::VectorXd::Zero(1), 1000.0, length)
+            .covariance(0, 0));
+  };
+  EXPECT_NEAR(std_with(2.0) / std_with(0.0), 2.0, 0.1);
+  EXPECT_NEAR(std_with(2.0), std::sqrt((y.array() - y.mean()).square().sum() / 200.0 / 30.0 / 29.0), 1e-9);
+}
+
+TEST(Instrumental, LeavesUndeterminedDirectionsAtTheStart) {
+  std::mt19937_64 random(4);
+  Eigen::MatrixXd W = random_matrix(1000, 3, random);
+  W.col(2) = 2.0 * W.col(1);
+  InstrumentSums sums(1, 3, 0.5);
+  const Eigen::Vector3d truth(1.0, 2.0, 3.0);
+  sums.add(0, 0, Eigen::VectorXd::LinSpaced(1000, 0.0, 20.0), W, W, W * truth);
+  const Eigen::Vector3d start(0.0, 2.4, 2.8);  // differs along (0, 2, −1), which no row sees
+  const InstrumentalEstimate found = solve_instrumental(sums, Eigen::VectorXd::Ones(1), start);
+  EXPECT_EQ(found.left_out, 1);
+  EXPECT_LT((found.beta - Eigen::Vector3d(1.0, 2.4, 2.8)).norm(), 1e-9);
+}
+
+TEST(Instrumental, KnowsWeakInstrumentsFromStrongOnes) {
+  EXPECT_GT(solve_instrumental(sums_by_hand(0.5, 3.0, 5), Eigen::VectorXd::Ones(1), kTruth).relevance_ratio,
+            8.0);
+  // Noise alone.
+  std::mt19937_64 random(6);
+  InstrumentSums sums(1, 3, 0.5);
+  const Eigen::MatrixXd W = random_matrix(2000, 3, random);
+  sums.add(0, 0, Eigen::VectorXd::LinSpaced(2000, 0.0, 30.0), random_matrix(2000, 3, random), W, W * kTruth);
+  EXPECT_LT(solve_instrumental(sums, Eigen::VectorXd::Ones(1), kTruth).relevance_ratio, 4.0);
+}
+
+TEST(FisherTail, AgreesWithClosedForms) {
+  // F(2, d): (1 + 2 f/d)^(−d/2); F(1, 1): 1 − 2/π atan √f.
+  EXPECT_NEAR(fisher_tail(3.0, 2.0, 10.0), std::pow(1.0 + 6.0 / 10.0, -5.0), 1e-12);
+  EXPECT_NEAR(fisher_tail(40.0, 2.0, 60.0), std::pow(1.0 + 80.0 / 60.0, -30.0), 1e-20);
+  EXPECT_NEAR(fisher_tail(5.0, 1.0, 1.0), 1.0 - 2.0 / std::numbers::pi * std::atan(std::sqrt(5.0)), 1e-12);
+  EXPECT_EQ(fisher_tail(0.0, 3.0, 7.0), 1.0);
+}
+
+TEST(BiasTest, FindsNoiseInTheRegressorAndOnlyThat) {
+  int biased = 0, found_none = 0;
+  constexpr int kSeeds = 100;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    // Attenuation 1/1.09, a ninth of the residual's size and up.
+    biased += test_bias(sums_by_hand(0.3, 0.2, seed), Eigen::VectorXd::Ones(1), kTruth).biased ? 1 : 0;
+    const BiasTest none = test_bias(sums_by_hand(0.0, 0.5, seed), Eigen::VectorXd::Ones(1), kTruth);
+    found_none += none.p_value > 0.05 ? 1 : 0;
+    EXPECT_FALSE(none.biased) << seed;
+  }
+  EXPECT_GE(biased, 99);
+  // p is uniform without bias: 95 of 100 above 0.05, the jackknife errs to more.
+  EXPECT_GE(found_none, 90);
+}
+
+TEST(BiasTest, ABiasThatMovesHardlyAnyTorqueDoesNotMatter) {
+  const BiasTest test = test_bias(sums_by_hand(0.1, 0.02, 7, 60000), Eigen::VectorXd::Ones(1), kTruth);
+  EXPECT_LT(test.p_value, 0.01);
+  EXPECT_FALSE(test.biased);
+  EXPECT_THAT(test.verdict, HasSubstr("no bias that matters"));
+}
+
+TEST(BiasTest, GivesNoVerdictItCannotStandBy) {
+  EXPECT_THAT(test_bias(sums_by_hand(0.5, 0.2, 8), Eigen::VectorXd::Ones(1), kTruth, 1000.0, 4.0).verdict,
+              HasSubstr("at least 10 are needed"));
+  EXPECT_THAT(test_bias(sums_by_hand(0.2, 40.0, 9, 400), Eigen::VectorXd::Ones(1), kTruth).verdict,
+              HasSubstr("too weak"));
+}
+
+// ------------------------------------------------------------------------------------------------ a small
+// arm
+
+model::Robot small_arm() {
+  model::Robot robot = test::planar_two_link();
+  robot.joints[0].actuation = {0.3, 1.0, 0.8, 0.2};
+  robot.joints[1].actuation = {0.1, 0.4, 0.3, -0.1};
+  return robot;
+}
+
+constexpr double kCutoff = 40.0;  // generous for a motion of half a Hertz
+
+/// A log of the arm with torque noise of 2 % and noise of the given size in the position [rad].
+data::Log noisy_log(double position_noise, std::uint32_t seed, double duration = 30.0) {
+  test::SyntheticSettings settings;
+  settings.duration = duration;
+  settings.sample_rate = 200.0;
+  settings.noise = 0.02;
+  settings.noise_seed = settings.motion_seed = seed;
+  settings.with_velocity = false;
+  data::Log log = test::synthetic_log(small_arm(), settings);
+  std::mt19937_64 random(seed);
+  log.q += position_noise * random_matrix(log.q.rows(), log.q.cols(), random);
+  return log;
+}
+
+data::MotionStream stream_of(data::Log log) {
+  data::StreamOptions options;
+  options.motion.cutoff = kCutoff;
+  options.cut_standstill = false;
+  options.extra = {"qref"};
+  return data::MotionStream(std::move(log), options);
+}
+
+/// Plain weighted least squares, its noise, and instruments on top.
+struct Experiment {
+  RegressionColumns columns{small_arm(), {}};
+  BaseParameters base{find_base_parameters(columns)};
+  Eigen::VectorXd truth{base.regrouping * columns.values(small_arm())};
+  ObservationOptions observation{};
+
+  struct Result {
+    Eigen::VectorXd plain, noise;
+    InstrumentalFit fit;
+    BiasTest bias;
+    int inside{0};        ///< parameters whose 95 % interval holds the truth
+    int plain_inside{0};  ///< plain estimates in the same intervals
+  };
+  Result run(const data::MotionStream& stream, Instruments kind) const {
+    const std::vector<const data::MotionStream*> logs{&stream};
+    BlockFactors factors(2, base.count(), 0.5);
+    for_each_observation(columns, base.kept, logs, observation, [&](const ObservationRows& rows) {
+      factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau);
+    });
+    Result result{
+        {}, Eigen::Vector2d::Ones(), {{}, InstrumentSums(2, base.count(), 0.5), {}, 0, false, {}}, {}};
+    for (int round = 0; round < 3; ++round) {
+      const TriangularFactor data = factors.weighted(result.noise.cwiseAbs2().cwiseInverse());
+      result.plain = data.R().triangularView<Eigen::Upper>().solve(data.z());
+      for (int j = 0; j < 2; ++j) {
+        const TriangularFactor joint = factors.joint(j);
+        result.noise[j] = std::sqrt(joint.squared_error(result.plain) / static_cast<double>(joint.rows()));
+      }
+    }
+    InstrumentOptions options;
+    options.kind = kind;
+    result.fit = fit_instrumental(columns, base, logs, observation, result.plain, result.noise, options);
+    const Eigen::VectorXd weights = result.noise.cwiseAbs2().cwiseInverse();
+    const InstrumentalEstimate estimate =
+        solve_instrumental(result.fit.sums, weights, result.plain, 1000.0, 1.0);
+    result.bias = test_bias(result.fit.sums, weights, result.plain, 1000.0, 1.0);
+    for (int i = 0; i < base.count(); ++i) {
+      const double half = interval_factor(estimate.groups - 1) * std::sqrt(estimate.covariance(i, i));
+      result.inside += std::abs(estimate.beta[i] - truth[i]) < half ? 1 : 0;
+      result.plain_inside += std::abs(result.plain[i] - truth[i]) < half ? 1 : 0;
+    }
+    return result;
+  }
+  Eigen::Index index_of(const std::string& name) const {
+    for (int i = 0; i < base.count(); ++i) {
+      if (columns[base.kept[static_cast<std::size_t>(i)]].name == name) return i;
+    }
+    return -1;
+  }
+};
+
+TEST(Instrumental, SimulatedInstrumentsTakeAwayTheBiasOfPositionNoise) {
+  const Experiment experiment;
+  const Eigen::Index Izz1 = experiment.index_of("Izz1");
+  int inside = 0, plain_inside = 0, all = 0;
+  double plain = 0.0, instrumental = 0.0;
+  constexpr int kSeeds = 12;
+  for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
+    const Experiment::Result result =
+        experiment.run(stream_of(noisy_log(1e-4, seed)), Instruments::kSimulated);
+    EXPECT_TRUE(result.fit.converged) << seed;
+    EXPECT_GE(result.fit.iterations, 2) << seed;
+    EXPECT_TRUE(result.fit.notes.empty()) << seed << ": " << result.fit.notes.front();
+    EXPECT_TRUE(result.bias.biased) << seed;
+    EXPECT_THAT(result.bias.verdict, HasSubstr("biased by noise in the measured motion: use --method iv"))
+        << seed;
+    inside += result.inside;
+    plain_inside += result.plain_inside;
+    all += experiment.base.count();
+    plain += result.plain[Izz1] / kSeeds;
+    instrumental += result.fit.estimate.beta[Izz1] / kSeeds;
+  }
+  // Least squares loses most of the inertia; instruments find it.
+  EXPECT_LT(plain, 0.5 * experiment.truth[Izz1]);
+  EXPECT_NEAR(instrumental, experiment.truth[Izz1], 0.05 * experiment.truth[Izz1]);
+  EXPECT_LT(plain_inside, 0.4 * all);
+  EXPECT_GT(inside, 0.88 * all);
+}
+
+TEST(Instrumental, DelayedInstrumentsTakeAwayTheBiasOfWhiteNoise) {
+  const Experiment experiment;
+  const Eigen::Index Izz1 = experiment.index_of("Izz1");
+  int biased = 0;
+  double plain = 0.0, instrumental = 0.0;
+  constexpr int kSeeds = 10;
+  for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
+    const Experiment::Result result = experiment.run(stream_of(noisy_log(3e-5, seed)), Instruments::kDelayed);
+    biased += result.bias.biased ? 1 : 0;
+    plain += result.plain[Izz1] / kSeeds;
+    instrumental += result.fit.estimate.beta[Izz1] / kSeeds;
+  }
+  EXPECT_LT(plain, 0.9 * experiment.truth[Izz1]);
+  EXPECT_NEAR(instrumental, experiment.truth[Izz1], 0.05 * experiment.truth[Izz1]);
+  EXPECT_GE(biased, 9);
+}
+
+TEST(BiasTest, FindsNoneInLogsWithoutPositionNoise) {
+  const Experiment experiment;
+  constexpr int kSeeds = 40;
+  int unbiased = 0;
+  for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
+    const Experiment::Result result =
+        experiment.run(stream_of(noisy_log(0.0, 100 + seed, 20.0)),
+                       seed % 4 == 0 ? Instruments::kSimulated : Instruments::kDelayed);
+    unbiased += !result.bias.biased && result.bias.p_value > 0.01 ? 1 : 0;
+  }
+  EXPECT_GE(unbiased, 38);
+}
+
+/// All pieces of a log with their motion replaced.
+std::vector<data::MotionChunk> replaced(const data::MotionStream& stream, const InstrumentMotion& motion) {
+  std::vector<data::MotionChunk> pieces;
+  stream.for_each([&](const data::MotionChunk& chunk) {
+    pieces.push_back(chunk);
+    motion(0, pieces.back());
+  });
+  return pieces;
+}
+
+/// A fast motion, whose velocity products disturb a slow control.
+data::Log fast_log() {
+  test::SyntheticSettings settings;
+  settings.duration = 10.0;
+  settings.sample_rate = 500.0;
+  settings.fundamental = 0.25;
+  settings.with_velocity = false;
+  return test::synthetic_log(small_arm(), settings);
+}
+
+TEST(SimulatedMotion, FollowsAndObeysTheDynamics) {
+  const Experiment experiment;
+  const data::Log log = fast_log();
+  const data::MotionStream stream = stream_of(log);
+  const auto report = std::make_shared<SimulationReport>();
+  InstrumentOptions options;
+  options.control = 1.5;
+  options.smoothing = 39.0;  // so that the reference is the motion itself
+  const std::vector<data::MotionChunk> pieces = replaced(
+      stream,
+      simulated_motion(experiment.columns, experiment.base, experiment.truth, {&stream}, options, report));
+  ASSERT_EQ(pieces.size(), 1U);
+  EXPECT_EQ(report->pieces, 1);
+  EXPECT_EQ(report->failed, 0);
+  const data::MotionChunk& chunk = pieces.front();
+  // Velocity products are left to the feedback, so it follows, but not exactly.
+  const double error = (chunk.q - log.q).cwiseAbs().maxCoeff();
+  EXPECT_LT(error, 0.5);
+  EXPECT_GT(error, 0.02);
+  // q, q̇, q̈ belong together.
+  const Eigen::MatrixXd qd = data::differentiate(chunk.time, chunk.q);
+  const Eigen::MatrixXd qdd = data::differentiate(chunk.time, chunk.qd);
+  const Eigen::Index inner = chunk.q.rows() - 100;
+  EXPECT_LT((qd - chunk.qd).middleRows(50, inner).cwiseAbs().maxCoeff(), 2e-3);
+  EXPECT_LT((qdd - chunk.qdd).middleRows(50, inner).norm() / chunk.qdd.norm(), 0.02);
+  // The control's torque, from the reference, is the torque that this motion needs by inverse dynamics.
+  const model::Dynamics dynamics(small_arm());
+  const double omega = 2.0 * std::numbers::pi * options.control;
+  const Eigen::MatrixXd rd = data::differentiate(chunk.time, log.q);
+  const Eigen::MatrixXd rdd = data::differentiate(chunk.time, rd);
+  double worst = 0.0;
+  int instants = 0;
+  for (Eigen::Index i = 50; i < chunk.q.rows() - 50; i += 7) {
+    const Eigen::VectorXd q = chunk.q.row(i), v = chunk.qd.row(i), a = chunk.qdd.row(i);
+    const Eigen::VectorXd r = log.q.row(i), s = rd.row(i), t = rdd.row(i);
+    // Away from reversals, where the smooth sign is 1.
+    if (s.cwiseAbs().minCoeff() < 1.0 || v.cwiseAbs().minCoeff() < 1.0) continue;
+    Eigen::MatrixXd H = dynamics.mass_matrix(r);
+    H.diagonal() += Eigen::Vector2d(0.3, 0.1);
+    // Viscous, Coulomb and offset along the reference: 0.8, 0.3 N·m·s/rad, ± 1, ± 0.4 and 0.2, − 0.1 N·m.
+    Eigen::VectorXd tau =
+        H * (t + 2.0 * omega * (s - v) + omega * omega * (r - q)) + dynamics.gravity_torque(r);
+    tau[0] += 0.8 * s[0] + std::copysign(1.0, s[0]) + 0.2;
+    tau[1] += 0.3 * s[1] + std::copysign(0.4, s[1]) - 0.1;
+    worst = std::max(worst, (tau - dynamics.joint_torque(q, v, a)).cwiseAbs().maxCoeff());
+    ++instants;
+  }
+  EXPECT_GT(instants, 50);
+  // Torques are up to 40 N·m; what is left is the low-pass on the reference and the smooth sign.
+  EXPECT_LT(worst, 0.1);
+}
+
+TEST(SimulatedMotion, IsOfFourthOrder) {
+  // Without Coulomb friction, whose smooth sign follows the step.
+  const Experiment experiment;
+  Eigen::VectorXd beta = experiment.truth;
+  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;
+  const data::MotionStream stream = stream_of(fast_log());
+  const auto position = [&](double step) {
+    InstrumentOptions options;
+    options.control = 1.5;
+    options.step = step;
+    const auto motion = simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options);
+    return Eigen::MatrixXd(replaced(stream, motion).front().q);
+  };
+  const Eigen::MatrixXd fine = position(0.002);
+  const double coarse_error = (position(0.02) - fine).cwiseAbs().maxCoeff();
+  const double error = (position(0.01) - fine).cwiseAbs().maxCoeff();
+  EXPECT_LT(error, 1e-4);
+  EXPECT_GT(coarse_error / error, 10.0);
+}
+
+TEST(SimulatedMotion, FollowsTheLogsReferenceWhereItHasOne) {
+  const Experiment experiment;
+  const Eigen::MatrixXd reference = noisy_log(0.0, 2, 10.0).q;
+  const auto simulated = [&](std::uint64_t noise_seed, int place) {
+    data::Log log = noisy_log(0.0, 2, 10.0);
+    std::mt19937_64 random(noise_seed);
+    log.q += 1e-3 * random_matrix(log.q.rows(), log.q.cols(), random);
+    log.qref = reference;
+    const data::MotionStream stream = stream_of(std::move(log));
+    InstrumentOptions options;
+    options.reference = place;
+    options.smoothing = 2.0;
+    return replaced(stream, simulated_motion(experiment.columns, experiment.base, experiment.truth, {&stream},
+                                             options))
+        .front()
+        .qdd;
+  };
+  // Noise in the measured position is not in it, not even in part.
+  EXPECT_EQ(simulated(1, 0), simulated(2, 0));
+  EXPECT_GT((simulated(1, -1) - simulated(2, -1)).norm(), 0.0);
+}
+
+TEST(SimulatedMotion, TakesTheReferenceWhereTheModelCannotMove) {
+  const Experiment experiment;
+  const data::Log log = noisy_log(0.0, 3, 10.0);
+  const data::MotionStream stream = stream_of(log);
+  Eigen::VectorXd beta = experiment.truth;
+  beta[experiment.index_of("Izz1")] = -1.0;
+  const auto report = std::make_shared<SimulationReport>();
+  const std::vector<data::MotionChunk> pieces =
+      replaced(stream, simulated_motion(experiment.columns, experiment.base, beta, {&stream}, {}, report));
+  EXPECT_EQ(report->failed, 1);
+  EXPECT_LT((pieces.front().q - log.q).cwiseAbs().maxCoeff(), 0.05);
+}
+
+TEST(DelayedMotion, ShiftsByWholeSamples) {
+  const data::Log log = noisy_log(0.0, 4, 10.0);
+  const data::MotionStream stream = stream_of(log);
+  std::vector<data::MotionChunk> before;
+  stream.for_each([&](const data::MotionChunk& chunk) { before.push_back(chunk); });
+  const auto shifted_by = [&](const ObservationOptions& observation, const InstrumentOptions& options,
+                              Eigen::Index rows) {
+    const data::MotionChunk after = replaced(stream, delayed_motion({&stream}, observation, options)).front();
+    const Eigen::Index rest = after.q.rows() - rows;
+    return after.qdd.bottomRows(rest) == before.front().qdd.topRows(rest) &&
+           after.q.topRows(rows).rowwise().mean().isApproxToConstant(before.front().q.row(0).mean());
+  };
+  InstrumentOptions options;
+  options.delay = 0.1;
+  EXPECT_TRUE(shifted_by({}, options, 20));
+  // 2.2 periods of the lower cut-off.
+  EXPECT_TRUE(shifted_by({}, {}, 11));
+  EXPECT_TRUE(shifted_by({10.0, 4.0, 0.0}, {}, 44));
+}
+
+}  // namespace
+}  // namespace heft::identify

@@ -1,0 +1,34 @@
+/// @file
+/// The heft command run as a user runs it, without a terminal. Needs the definition HEFT_COMMAND.
+#pragma once
+
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include <sys/wait.h>
+
+#include "heft/host/file.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace heft::test {
+
+struct Outcome {
+  int exit_code{-1};
+  std::string out;
+  std::string err;
+};
+
+/// @param from  folder to run in; empty: the present one
+inline Outcome run_heft(const std::vector<std::string>& arguments, const std::string& from = "") {
+  const TemporaryFolder streams;
+  std::string command = from.empty() ? "" : "cd '" + from + "' && ";
+  command += std::string("'") + HEFT_COMMAND + "'";
+  for (const std::string& argument : arguments) command += " '" + argument + "'";
+  command += " >'" + streams.path("out") + "' 2>'" + streams.path("err") + "' </dev/null";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),
+          host::read_file(streams.path("err"), "output")};
+}
+
+}  // namespace heft::test
