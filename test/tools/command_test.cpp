@@ -119,7 +119,7 @@ TEST(Command, HelpListsEveryCommandOfTheContract) {
 }
 
 TEST(Command, EveryReadyCommandExplainsItself) {
-  for (const std::string name : {"dynamics", "simulate", "export"}) {
+  for (const std::string name : {"dynamics", "simulate", "excite", "identify", "validate", "export"}) {
     const Outcome run = run_heft({name, "--help"});
     EXPECT_EQ(run.exit_code, 0) << name;
     EXPECT_THAT(run.out, AllOf(HasSubstr("Example: heft " + name), HasSubstr("--output"))) << name;
@@ -162,7 +162,7 @@ TEST(Command, UnknownCommandNamesTheNearest) {
 }
 
 TEST(Command, CommandsToComeSaySo) {
-  for (const std::string name : {"excite", "identify", "validate", "diagnose", "stiffness"}) {
+  for (const std::string name : {"diagnose", "stiffness"}) {
     const Outcome run = run_heft({name, "--urdf", "x"});
     EXPECT_EQ(run.exit_code, 2) << name;
     EXPECT_THAT(run.err, AllOf(HasSubstr(name), HasSubstr("not in this version"))) << name;

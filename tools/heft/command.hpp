@@ -30,6 +30,9 @@ const std::vector<Command>& commands();
 
 Action set_up_dynamics(CLI::App& app);
 Action set_up_simulate(CLI::App& app);
+Action set_up_excite(CLI::App& app);
+Action set_up_validate(CLI::App& app);
+Action set_up_identify(CLI::App& app);
 Action set_up_payload(CLI::App& app);
 Action set_up_export(CLI::App& app);
 Action set_up_track(CLI::App& app);

@@ -57,8 +57,8 @@ void append_row(std::string& csv, double time, const Values& values) {
 /// What one log gives.
 struct LogResult {
   data::Log log;
-  Eigen::MatrixXd torque;            ///< samples × joints; empty for the regressor
-  std::optional<TorqueScore> score;  ///< when the log holds torque to compare with
+  Eigen::MatrixXd torque;                ///< samples × joints; empty for the regressor
+  std::optional<identify::Score> score;  ///< when the log holds torque to compare with
 };
 
 /// Computes the rows of one log and appends them to `csv`, each after `prefix`.
@@ -94,8 +94,7 @@ LogResult work_on(const std::string& path, const Options& options, const model::
       append_row(csv, log.time[k],
                  Y.leftCols(at_motor ? Y.cols() : Eigen::Index{10 * n}).reshaped<Eigen::RowMajor>().eval());
     } else {
-      result.torque.row(k) =
-          at_motor ? dynamics.joint_torque(q, qd, qdd) : dynamics.inverse_dynamics(q, qd, qdd);
+      result.torque.row(k) = dynamics.joint_torque(q, qd, qdd);
       append_row(csv, log.time[k], result.torque.row(k));
     }
   }
@@ -107,7 +106,7 @@ LogResult work_on(const std::string& path, const Options& options, const model::
 
 void run(const Options& options) {
   const Console console{options.output, options.result.json};
-  const model::Dynamics dynamics(load_robot(options.robot));
+  const model::Dynamics dynamics(as_measured(load_robot_and_fit(options.robot), options.log.measured_at()));
   const std::string& robot = dynamics.robot().name;
   const int n = dynamics.num_joints();
   const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;

@@ -29,7 +29,9 @@ void run(const Options& options) {
   names.type = options.type_name.empty() ? type_name_of(robot.name) : options.type_name;
   names.name_space = options.name_space;
   names.source_of_truth = options.robot.urdf;
-  if (!options.robot.model.empty()) names.source_of_truth += " and " + options.robot.model;
+  if (!options.robot.model.empty()) {
+    names.source_of_truth += (options.robot.urdf.empty() ? "" : " and ") + options.robot.model;
+  }
   host::write_file_atomically(options.output, arm_header(robot, names));
   console.print("{} with {} joints as struct {}\n", robot.name, robot.num_joints(),
                 names.name_space.empty() ? names.type : names.name_space + "::" + names.type);

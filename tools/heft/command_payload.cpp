@@ -13,7 +13,6 @@
 
 #include "command.hpp"
 #include "console.hpp"
-#include "heft/core/friction/friction.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/payload_run.hpp"
 #include "heft/identify/recursive_fit.hpp"
@@ -153,12 +152,14 @@ Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, bool at
   const model::Dynamics dynamics(robot);
   Eigen::MatrixXd torque(log.num_samples(), robot.num_joints());
   for (int k = 0; k < log.num_samples(); ++k) {
-    torque.row(k) = dynamics.inverse_dynamics(log.q.row(k), log.qd.row(k), log.qdd.row(k));
+    const Eigen::VectorXd q = log.q.row(k), qd = log.qd.row(k), qdd = log.qdd.row(k);
+    if (at_motor) {
+      torque.row(k) = dynamics.joint_torque(q, qd, qdd, kSignWidth);
+      continue;
+    }
+    torque.row(k) = dynamics.inverse_dynamics(q, qd, qdd);
     for (int i = 0; i < robot.num_joints(); ++i) {
-      const auto& drive = robot.joints[static_cast<std::size_t>(i)].actuation;
-      torque(k, i) +=
-          at_motor ? drive.rotor_inertia * log.qdd(k, i) + friction_torque(drive, log.qd(k, i), kSignWidth)
-                   : drive.friction_offset;
+      torque(k, i) += robot.joints[static_cast<std::size_t>(i)].actuation.friction_offset;
     }
   }
   return torque;
@@ -245,7 +246,7 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   }
 
   const Eigen::MatrixXd before = predict(arm.robot, log, at_motor);
-  const TorqueScore score_before = score_torque(log, before, options.log.band);
+  const identify::Score score_before = score_torque(log, before, options.log.band);
   result.rmse_before = score_before.rmse;
   result.rmse_in_band_before = score_before.rmse_in_band;
   result.band = score_before.band;
@@ -254,10 +255,10 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   // A load of which the motion tells only a part must not be passed off as an improvement.
   if (is_answered(run)) {
     after = predict(loaded(arm.robot, run, false), log, at_motor);
-    const TorqueScore score_after = score_torque(log, *after, score_before.band);
+    const identify::Score score_after = score_torque(log, *after, score_before.band);
     result.rmse_after = score_after.rmse;
     result.rmse_in_band_after = score_after.rmse_in_band;
-    const TorqueScore score_friction =
+    const identify::Score score_friction =
         score_torque(log, predict(loaded(arm.robot, run, true), log, at_motor), score_before.band);
     result.rmse_after_friction = score_friction.rmse;
   }

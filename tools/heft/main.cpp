@@ -142,6 +142,8 @@ int run(int argc, char** argv) {
   try {
     action();
     return kDone;
+  } catch (const CLI::ParseError& error) {  // options that do not go together
+    return wrong_usage(error.what(), chosen);
   } catch (const NotIdentifiableError& error) {
     fmt::print(stderr, "heft {}: {}\n", chosen, error.what());
     return kNotIdentifiable;

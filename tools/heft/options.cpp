@@ -7,22 +7,28 @@
 #include <CLI/CLI.hpp>
 
 #include "console.hpp"
+#include "heft/identify/validation.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
 namespace heft::tools {
 
 void add_robot_options(CLI::App& app, RobotOptions& options) {
-  app.add_option("--urdf", options.urdf,
-                 "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...)")
-      ->type_name("ROBOT")
-      ->required();
-  app.add_option("--model", options.model, "model file whose parameters replace those of the URDF")
+  CLI::Option* urdf =
+      app.add_option(
+             "--urdf", options.urdf,
+             "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...); a model file that knows "
+             "its robot needs none")
+          ->type_name("ROBOT");
+  app.add_option("--model", options.model,
+                 "model file; its parameters replace those of the URDF, and without --urdf it is the robot")
       ->type_name("MODEL.json");
   app.add_option("--base", options.base, "link where the chain begins (default: the root)")
-      ->type_name("LINK");
+      ->type_name("LINK")
+      ->needs(urdf);
   app.add_option("--tip", options.tip, "link where the chain ends (default: the only leaf)")
-      ->type_name("LINK");
+      ->type_name("LINK")
+      ->needs(urdf);
   app.add_option("--mount", options.mount,
                  "[rad] how the base stands: turned about the level world's x, then y, then z (default: "
                  "0,0,0; a ceiling "
@@ -48,16 +54,50 @@ static std::array<double, 9> rotation_of(const std::vector<double>& angles) {
           cp * cr};
 }
 
-model::Robot load_robot(const RobotOptions& options) {
+LoadedRobot load_robot_and_fit(const RobotOptions& options) {
+  if (options.urdf.empty() && options.model.empty()) {
+    throw CLI::ValidationError(
+        "give the robot with --urdf ROBOT, or with --model MODEL.json one that a model file knows");
+  }
+  LoadedRobot loaded;
+  std::optional<model::ModelFile> model;
+  if (!options.model.empty()) {
+    model = model::read_model(options.model);
+    loaded.fit = model->fit;
+    loaded.fitted_to = model->provenance.logs;
+  }
+  if (options.urdf.empty()) {
+    loaded.robot = model::make_robot(*model);
+    if (!options.mount.empty()) {
+      const std::array<double, 9> R = rotation_of(options.mount);
+      const std::array<double, 3> down = urdf::UrdfOptions{}.gravity;
+      // Gravity in the base frame is Rᵀ times gravity in the level world.
+      for (std::size_t i = 0; i < 3; ++i) {
+        loaded.robot.gravity[i] = R[i] * down[0] + R[3 + i] * down[1] + R[6 + i] * down[2];
+      }
+    }
+    return loaded;
+  }
   urdf::UrdfOptions urdf_options;
   urdf_options.base_link = options.base;
   urdf_options.tip_link = options.tip;
   if (!options.mount.empty()) urdf_options.mount_rotation = rotation_of(options.mount);
   std::vector<std::string> notes;
-  model::Robot robot = urdf::load_urdf(urdf::resolve_robot(options.urdf), urdf_options, &notes);
-  if (!options.model.empty()) model::apply(model::read_model(options.model), robot, &notes);
+  loaded.robot = urdf::load_urdf(urdf::resolve_robot(options.urdf), urdf_options, &notes);
+  if (model) model::apply(*model, loaded.robot, &notes);
   for (const std::string& text : notes) note(text);
-  return robot;
+  return loaded;
+}
+
+model::Robot load_robot(const RobotOptions& options) { return load_robot_and_fit(options).robot; }
+
+model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
+  const bool fitted_at_joint = loaded.fit && loaded.fit->torque_at == "joint";
+  if (at == TorqueAt::kJoint && !fitted_at_joint) return identify::at_sensor(loaded.robot);
+  if (at == TorqueAt::kMotor && fitted_at_joint) {
+    note("the model was fitted to torque behind the gears: rotor inertia and gear friction are not in it");
+  }
+  return loaded.robot;
 }
 
 void add_log_options(CLI::App& app, LogOptions& options) {

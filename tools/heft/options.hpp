@@ -2,11 +2,13 @@
 /// Options that several commands share, and what they stand for.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
+#include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/report/report.hpp"
 
@@ -18,7 +20,7 @@ namespace heft::tools {
 
 class Console;
 
-/// --urdf, --model and what selects the chain.
+/// --urdf, --model and what selects the chain. One of the two at least is given.
 struct RobotOptions {
   std::string urdf;
   std::string model;
@@ -27,14 +29,29 @@ struct RobotOptions {
   std::vector<double> mount;  ///< roll, pitch, yaw of the base in the world [rad]; empty: level
 };
 void add_robot_options(CLI::App& app, RobotOptions& options);
-/// The robot of --urdf with the parameters of --model, if given. Notes go to standard error.
+/// The robot of --urdf with the parameters of --model, if given; without --urdf the robot that the model file
+/// describes. Notes go to standard error.
+/// @throws CLI::ValidationError (wrong usage) when neither is given, ModelError when there is no --urdf and the
+///         model file does not know its kinematics.
 model::Robot load_robot(const RobotOptions& options);
+
+/// The same with what the model file tells of its fit.
+struct LoadedRobot {
+  model::Robot robot;
+  std::optional<model::FitRecord> fit;
+  std::vector<std::string> fitted_to;  ///< logs
+};
+LoadedRobot load_robot_and_fit(const RobotOptions& options);
 
 /// Where the torque of a log was measured.
 enum class TorqueAt {
   kMotor,  ///< rotor inertia and gear friction are in it
   kJoint   ///< a sensor behind the gear: rigid bodies only
 };
+
+/// The robot whose joint torque is what was measured there: a sensor behind the gears sees rigid bodies only,
+/// unless the model was fitted to such a sensor; then friction that it has is friction that the sensor saw.
+model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at);
 
 /// --log, --torque-constant, --torque-at, --band.
 struct LogOptions {

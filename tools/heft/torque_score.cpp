@@ -1,5 +1,6 @@
 #include "torque_score.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -11,76 +12,41 @@
 namespace heft::tools {
 namespace {
 
-constexpr double kEnd = 0.5;  ///< left out at either end [s]
-
-double root_mean_square(const Eigen::VectorXd& values) {
-  return values.size() == 0 ? std::numeric_limits<double>::quiet_NaN()
-                            : std::sqrt(values.squaredNorm() / static_cast<double>(values.size()));
-}
-
-/// Rows of the samples at least kEnd from both ends: first and count.
-std::pair<Eigen::Index, Eigen::Index> inner_rows(const Eigen::VectorXd& time) {
-  Eigen::Index first = 0;
-  Eigen::Index last = time.size();
-  while (first < last && time[first] < time[0] + kEnd) ++first;
-  while (last > first && time[last - 1] > time[time.size() - 1] - kEnd) --last;
-  return {first, last - first};
-}
+/// Steps of a trace: about as many as a plot has pixels.
+constexpr long kTraceSteps = 1500;
 
 }  // namespace
 
-TorqueScore score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band) {
-  TorqueScore score;
-  const Eigen::Index n = predicted.cols();
-  auto [first, count] = inner_rows(log.time);
-  if (count < 2) {
-    first = 0;
-    count = log.time.size();
-    score.ends_left_out = false;
+identify::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band) {
+  const Eigen::Index rows = log.time.size();
+  identify::TorqueScorer::Setup setup;
+  setup.log = log.path;
+  setup.begin = log.time[0];
+  setup.end = log.time[rows - 1];
+  setup.samples = rows;
+  setup.max_torque = log.tau.cwiseAbs().colwise().maxCoeff();
+  constexpr Eigen::Index kFewestForAGrid = 16;
+  if (rows < kFewestForAGrid) {
+    identify::TorqueScorer scorer(setup);
+    scorer.add_rows(log.time, log.tau, predicted);
+    return scorer.finish();
   }
-  const Eigen::MatrixXd residual = log.tau - predicted;
-  score.rmse.resize(n);
-  score.rmse_in_band.setConstant(n, std::numeric_limits<double>::quiet_NaN());
-  score.percent_of_max.resize(n);
-  score.r2.resize(n);
-  for (Eigen::Index j = 0; j < n; ++j) {
-    const Eigen::VectorXd e = residual.col(j).segment(first, count);
-    const Eigen::VectorXd y = log.tau.col(j).segment(first, count);
-    const double largest = log.tau.col(j).cwiseAbs().maxCoeff();
-    const double variance = (y.array() - y.mean()).matrix().squaredNorm();
-    score.rmse[j] = root_mean_square(e);
-    score.percent_of_max[j] =
-        largest > 0 ? 100.0 * score.rmse[j] / largest : std::numeric_limits<double>::quiet_NaN();
-    score.r2[j] = variance > 0 ? 1.0 - e.squaredNorm() / variance : std::numeric_limits<double>::quiet_NaN();
-  }
-
-  constexpr Eigen::Index kFewestToFilter = 16;
-  if (log.time.size() < kFewestToFilter) return score;
   // The filter needs an even grid. Filtering is linear, so the residual alone is filtered.
   data::Log even;
   even.time = log.time;
   even.q = log.q;
-  even.tau = residual;
+  even.tau = log.tau - predicted;
   even = data::resample_uniform(even);
-  const double rate = data::median_sample_rate(even.time);
-  score.band = band > 0 ? band : std::max(1.0, 5.0 * data::motion_bandwidth(even.q, rate));
-  if (score.band >= 0.5 * rate) {
-    score.band = 0.0;
-    return score;
-  }
-  const Eigen::MatrixXd filtered = data::low_pass_zero_phase(even.tau, rate, score.band);
-  auto [even_first, even_count] = inner_rows(even.time);
-  if (even_count < 2) {
-    even_first = 0;
-    even_count = even.time.size();
-  }
-  for (Eigen::Index j = 0; j < n; ++j) {
-    score.rmse_in_band[j] = root_mean_square(filtered.col(j).segment(even_first, even_count));
-  }
-  return score;
+  setup.sample_rate = data::median_sample_rate(even.time);
+  setup.band = band > 0 ? band : identify::default_band(data::motion_bandwidth(even.q, setup.sample_rate));
+  setup.gaps = data::find_gaps(log.time);
+  identify::TorqueScorer scorer(setup);
+  scorer.add_rows(log.time, log.tau, predicted);
+  scorer.add_grid(even.time, even.tau);
+  return scorer.finish();
 }
 
-std::string score_meaning(const TorqueScore& score) {
+std::string score_meaning(const identify::Score& score) {
   std::string text = "RMSE: measured torque as logged, unfiltered, minus the prediction; ";
   text += score.ends_left_out ? "all samples but the first and last 0.5 s."
                               : "all samples (the log is too short to leave out its ends).";
@@ -92,7 +58,7 @@ std::string score_meaning(const TorqueScore& score) {
   return text;
 }
 
-report::Table score_table(const TorqueScore& score) {
+report::Table score_table(const identify::Score& score) {
   report::Table table({"joint", "RMSE [N·m]", "in band [N·m]", "RMSE [% of max]", "R²"});
   for (Eigen::Index j = 0; j < score.rmse.size(); ++j) {
     table.add_row({fmt::format("{}", j + 1), report::number(score.rmse[j]),
@@ -110,7 +76,7 @@ nlohmann::ordered_json json_array(const Eigen::VectorXd& values) {
   return array;
 }
 
-nlohmann::ordered_json score_json(const TorqueScore& score) {
+nlohmann::ordered_json score_json(const identify::Score& score) {
   nlohmann::ordered_json json;
   json["rmse"] = json_array(score.rmse);
   json["rmse_in_band"] = json_array(score.rmse_in_band);
@@ -118,6 +84,173 @@ nlohmann::ordered_json score_json(const TorqueScore& score) {
   json["r2"] = json_array(score.r2);
   json["band_hz"] = score.band > 0 ? nlohmann::ordered_json(score.band) : nlohmann::ordered_json(nullptr);
   return json;
+}
+
+report::Table validation_table(const identify::Score& score) {
+  report::Table table({"joint", "RMSE [N·m]", "in band [N·m]", "RMSE [% of max]", "in band [% of max]", "R²",
+                       "99.9 % below [N·m]", "bias [N·m]", "not noise [%]", "below [Hz]"});
+  for (Eigen::Index j = 0; j < score.rmse.size(); ++j) {
+    table.add_row(
+        {fmt::format("{}", j + 1), report::number(score.rmse[j], 3), report::number(score.rmse_in_band[j], 3),
+         report::number(score.percent_of_max[j], 3), report::number(score.in_band_percent_of_max[j], 3),
+         std::isfinite(score.r2[j]) ? fmt::format("{:.4f}", score.r2[j]) : "–",
+         report::number(score.quantile_999[j], 3), report::number(score.bias[j], 2),
+         report::number(100.0 * score.correlated_share[j], 2), report::number(score.correlated_below[j], 2)});
+  }
+  return table;
+}
+
+std::string validation_meaning() {
+  return " Bias: mean of measured minus predicted. Not noise: share of the residual's variance that is "
+         "correlated in "
+         "time, nine tenths of it below the frequency given.";
+}
+
+nlohmann::ordered_json validation_json(const identify::Score& score) {
+  nlohmann::ordered_json json = score_json(score);
+  json["rmse_in_band_percent_of_max"] = json_array(score.in_band_percent_of_max);
+  json["max_torque"] = json_array(score.max_torque);
+  json["quantile_999"] = json_array(score.quantile_999);
+  json["bias"] = json_array(score.bias);
+  json["samples"] = score.samples;
+  json["whiteness"] = {{"correlated_share", json_array(score.correlated_share)},
+                       {"correlated_below_hz", json_array(score.correlated_below)},
+                       {"correlation_time", json_array(score.correlation_time)}};
+  json["whiteness"]["verdict"] = nlohmann::ordered_json::array();
+  for (int j = 0; j < score.num_joints(); ++j) {
+    json["whiteness"]["verdict"].push_back(identify::describe_residual(score, j));
+  }
+  return json;
+}
+
+report::Table criteria_table(const std::vector<identify::Criterion>& criteria) {
+  report::Table table({"criterion", "value [%]", "limit [%]", "verdict", "what the value is"});
+  for (const identify::Criterion& criterion : criteria) {
+    table.add_row({criterion.name, report::number(criterion.value, 3),
+                   fmt::format("{} {:g}", criterion.at_least ? ">" : "<", criterion.limit),
+                   to_string(criterion.verdict), criterion.meaning});
+  }
+  return table;
+}
+
+nlohmann::ordered_json criteria_json(const std::vector<identify::Criterion>& criteria) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const identify::Criterion& criterion : criteria) {
+    json.push_back({{"id", criterion.id},
+                    {"name", criterion.name},
+                    {"value_percent", std::isfinite(criterion.value) ? nlohmann::ordered_json(criterion.value)
+                                                                     : nlohmann::ordered_json(nullptr)},
+                    {"limit_percent", criterion.limit},
+                    {"at_least", criterion.at_least},
+                    {"verdict", to_string(criterion.verdict)},
+                    {"meaning", criterion.meaning},
+                    {"notes", criterion.notes}});
+  }
+  return json;
+}
+
+std::string criteria_summary(const std::vector<identify::Criterion>& criteria) {
+  const auto count = [&](identify::Verdict verdict) {
+    return std::count_if(criteria.begin(), criteria.end(),
+                         [verdict](const identify::Criterion& c) { return c.verdict == verdict; });
+  };
+  const auto missed = count(identify::Verdict::kMissed), open = count(identify::Verdict::kNotJudged);
+  std::string text = fmt::format("{} of {} criteria met", count(identify::Verdict::kMet), criteria.size());
+  if (missed > 0) text += fmt::format(", {} missed", missed);
+  if (open > 0) text += fmt::format(", {} not judged", open);
+  return text;
+}
+
+nlohmann::ordered_json fit_json(const model::FitRecord& fit) {
+  const auto number = [](double value) {
+    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+  };
+  nlohmann::ordered_json json;
+  json["base_parameters"] = nlohmann::ordered_json::array();
+  for (const model::BaseParameterRecord& parameter : fit.base_parameters) {
+    json["base_parameters"].push_back({{"name", parameter.name},
+                                       {"unit", parameter.unit},
+                                       {"expression", parameter.expression},
+                                       {"value", parameter.value},
+                                       {"std", number(parameter.std)},
+                                       {"half_width_95", number(parameter.half_width)},
+                                       {"determined", parameter.determined}});
+  }
+  json["condition_number"] = number(fit.condition_number);
+  json["physically_consistent"] = fit.physically_consistent;
+  json["physical_cost_ratio"] = number(fit.physical_cost_ratio);
+  json["missing"] = fit.missing;
+  return json;
+}
+
+report::Table base_parameter_table(const model::FitRecord& fit) {
+  report::Table table({"base parameter", "value", "± (95 %)", "unit", "", "stands for"});
+  for (const model::BaseParameterRecord& parameter : fit.base_parameters) {
+    table.add_row({parameter.name, report::number(parameter.value), report::number(parameter.half_width, 2),
+                   parameter.unit, parameter.determined ? "" : "not determined", parameter.expression});
+  }
+  return table;
+}
+
+TorqueTrace::TorqueTrace(long samples, Eigen::Index joints)
+    : rows_a_step_(std::max(1L, (samples + kTraceSteps - 1) / kTraceSteps)), joints_(joints) {}
+
+void TorqueTrace::widen(Extremes& extremes, double value) {
+  extremes.low = std::min(extremes.low, value);
+  extremes.high = std::max(extremes.high, value);
+}
+
+void TorqueTrace::add(const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
+                      const Eigen::MatrixXd& predicted) {
+  for (Eigen::Index k = 0; k < time.size(); ++k) {
+    if (rows_++ % rows_a_step_ == 0) {
+      time_.push_back(time[k]);
+      constexpr double kInfinity = std::numeric_limits<double>::infinity();
+      const Extremes none{kInfinity, -kInfinity};
+      steps_.emplace_back(static_cast<std::size_t>(joints_), std::array<Extremes, 3>{none, none, none});
+    }
+    for (Eigen::Index j = 0; j < joints_; ++j) {
+      std::array<Extremes, 3>& step = steps_.back()[static_cast<std::size_t>(j)];
+      widen(step[0], measured(k, j));
+      widen(step[1], predicted(k, j));
+      widen(step[2], measured(k, j) - predicted(k, j));
+    }
+  }
+}
+
+std::vector<report::PlotSpec> TorqueTrace::plots(std::size_t first, std::size_t count,
+                                                 const std::string& y_label) const {
+  static constexpr std::array<const char*, 3> kLabels{"measured", "model", "measured − model"};
+  static constexpr std::array<report::Hue, 3> kHues{report::Hue::kNeutral, report::Hue::kVermillion,
+                                                    report::Hue::kBlue};
+  std::vector<report::PlotSpec> specs;
+  for (std::size_t j = 0; j < static_cast<std::size_t>(joints_); ++j) {
+    report::PlotSpec spec;
+    spec.title = fmt::format("Joint {}", j + 1);
+    spec.x_label = "time [s]";
+    spec.y_label = y_label;
+    for (std::size_t which = first; which < first + count; ++which) {
+      report::Series series;
+      series.label = kLabels[which];
+      series.hue = kHues[which];
+      for (std::size_t k = 0; k < time_.size(); ++k) {
+        const Extremes& extremes = steps_[k][j][which];
+        series.x.push_back(time_[k]);
+        series.y.push_back(extremes.low);
+        if (rows_a_step_ == 1) continue;
+        series.x.push_back(time_[k]);
+        series.y.push_back(extremes.high);
+      }
+      spec.series.push_back(std::move(series));
+    }
+    specs.push_back(std::move(spec));
+  }
+  return specs;
+}
+
+std::vector<report::PlotSpec> TorqueTrace::torque_plots() const { return plots(0, 2, "torque [N·m]"); }
+std::vector<report::PlotSpec> TorqueTrace::residual_plots() const {
+  return plots(2, 1, "torque error [N·m]");
 }
 
 std::vector<report::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted) {

@@ -2,6 +2,7 @@
 /// How well a predicted torque meets the measured one, as the contract of the JSON results defines it.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -9,30 +10,65 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "heft/data/log.hpp"
+#include "heft/identify/validation.hpp"
+#include "heft/model/model_file.hpp"
 #include "heft/report/plot.hpp"
 #include "heft/report/table.hpp"
 
 namespace heft::tools {
 
-/// Per joint; vectors of n.
-struct TorqueScore {
-  Eigen::VectorXd rmse;  ///< measured (unfiltered) minus predicted, without the first and last 0.5 s [N·m, N]
-  Eigen::VectorXd rmse_in_band;    ///< both through the same zero-phase low-pass at `band` [N·m, N]
-  Eigen::VectorXd percent_of_max;  ///< rmse against the largest absolute measured torque of the log
-  Eigen::VectorXd r2;              ///< 1 - residual / variance of the measured torque, same samples as rmse
-  double band{0.0};          ///< [Hz]; 0: no band-limited figure, the log is too short or too slow for it
-  bool ends_left_out{true};  ///< false when the log is too short to leave out its ends
-};
-
-/// @param predicted  samples × joints, at the log's time stamps
-/// @param band       low-pass cut-off [Hz]; 0 takes five times the motion's bandwidth
+/// Scores a prediction that was made elsewhere, at the log's own time stamps.
+/// @param predicted  samples × joints
+/// @param band       low-pass cut-off [Hz]; 0 takes identify::default_band of the motion
 /// @pre log.tau has as many columns as `predicted`
-TorqueScore score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band);
+identify::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band);
 
 /// Says what the figures are; stands wherever they are printed.
-std::string score_meaning(const TorqueScore& score);
-report::Table score_table(const TorqueScore& score);
-nlohmann::ordered_json score_json(const TorqueScore& score);
+std::string score_meaning(const identify::Score& score);
+report::Table score_table(const identify::Score& score);
+nlohmann::ordered_json score_json(const identify::Score& score);
+
+/// The score with what a validation adds: 99.9 % quantile, bias, share of the residual that is no noise.
+report::Table validation_table(const identify::Score& score);
+/// Says what the further columns are, to stand behind score_meaning().
+std::string validation_meaning();
+nlohmann::ordered_json validation_json(const identify::Score& score);
+
+/// Criteria: name, value, limit, verdict; and what the values are.
+report::Table criteria_table(const std::vector<identify::Criterion>& criteria);
+nlohmann::ordered_json criteria_json(const std::vector<identify::Criterion>& criteria);
+/// "3 of 5 criteria met, 1 missed, 1 not judged".
+std::string criteria_summary(const std::vector<identify::Criterion>& criteria);
+
+/// Fields of the result that stand for a fit: base_parameters, condition_number, physically_consistent, missing.
+nlohmann::ordered_json fit_json(const model::FitRecord& fit);
+/// Base parameters with their intervals.
+report::Table base_parameter_table(const model::FitRecord& fit);
+
+/// Torque and residual of a long log, thinned while they come in: what the eye can see of them.
+class TorqueTrace {
+ public:
+  /// @param samples  rows to come
+  TorqueTrace(long samples, Eigen::Index joints);
+  void add(const Eigen::VectorXd& time, const Eigen::MatrixXd& measured, const Eigen::MatrixXd& predicted);
+  std::vector<report::PlotSpec> torque_plots() const;
+  std::vector<report::PlotSpec> residual_plots() const;
+
+ private:
+  /// Smallest and largest values of a joint over some rows.
+  struct Extremes {
+    double low, high;
+  };
+  static void widen(Extremes& extremes, double value);
+  std::vector<report::PlotSpec> plots(std::size_t first, std::size_t count, const std::string& y_label) const;
+
+  long rows_a_step_;
+  long rows_{0};
+  std::vector<double> time_;  ///< where each step begins
+  /// Per step, joint by joint: measured, predicted, residual.
+  std::vector<std::vector<std::array<Extremes, 3>>> steps_;
+  Eigen::Index joints_;
+};
 
 /// One plot a joint: predicted torque over time, with the measured one where the log has it.
 std::vector<report::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted);

@@ -1,0 +1,233 @@
+/// heft validate as a user runs it: models that know their robot, criteria, the simulated campaign.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <iterator>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <nlohmann/json.hpp>
+
+#include "heft/data/log.hpp"
+#include "heft/host/file.hpp"
+#include "heft/model/dynamics.hpp"
+#include "heft/model/model_file.hpp"
+#include "heft/urdf/urdf_import.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace heft {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+struct Outcome {
+  int exit_code{-1};
+  std::string out, err;
+};
+
+Outcome run_heft(const std::vector<std::string>& arguments, const std::string& from = "") {
+  const test::TemporaryFolder streams;
+  std::string command = from.empty() ? "" : "cd '" + from + "' && ";
+  command += std::string("'") + HEFT_COMMAND + "'";
+  for (const std::string& argument : arguments) command += " '" + argument + "'";
+  command += " >'" + streams.path("out") + "' 2>'" + streams.path("err") + "' </dev/null";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),
+          host::read_file(streams.path("err"), "output")};
+}
+
+nlohmann::json json_of(const std::string& path) {
+  return nlohmann::json::parse(host::read_file(path, "result"));
+}
+
+/// All numbers of a CSV file behind its header.
+std::vector<double> numbers_of(const std::string& path) {
+  std::string text = host::read_file(path, "result");
+  std::replace(text.begin(), text.end(), ',', ' ');
+  std::istringstream stream(text.substr(text.find('\n')));
+  return {std::istream_iterator<double>(stream), std::istream_iterator<double>()};
+}
+
+model::Robot ur10e() {
+  model::Robot robot = urdf::load_urdf(HEFT_URDF_DIR "/ur10e.urdf");
+  for (model::RobotJoint& joint : robot.joints) joint.actuation = {0.5, 3.0, 4.0, 0.2};
+  return robot;
+}
+
+/// Smooth motion with the torque that the robot needs, plus `offset` on every joint.
+data::Log log_of(const model::Robot& robot, double offset = 0.0) {
+  const model::Dynamics dynamics(robot);
+  const int n = robot.num_joints();
+  constexpr int kRows = 1500;
+  data::Log log;
+  log.time.resize(kRows);
+  log.q.resize(kRows, n);
+  log.tau.resize(kRows, n);
+  Eigen::VectorXd q(n), qd(n), qdd(n);
+  for (int k = 0; k < kRows; ++k) {
+    const double t = 0.01 * k;
+    log.time[k] = t;
+    for (int j = 0; j < n; ++j) {
+      const double w = 1.0 + 0.2 * j;
+      q[j] = 0.3 * j + 0.8 * std::sin(w * t);
+      qd[j] = 0.8 * w * std::cos(w * t);
+      qdd[j] = -0.8 * w * w * std::sin(w * t);
+    }
+    log.q.row(k) = q;
+    log.tau.row(k) = dynamics.joint_torque(q, qd, qdd).array() + offset;
+  }
+  return log;
+}
+
+TEST(Validate, NeedsNoUrdfWhenTheModelKnowsItsRobot) {
+  const test::TemporaryFolder folder;
+  model::write_model(folder.path("arm.json"), model::make_model(ur10e()));
+  data::write_log(folder.path("unseen.csv"), log_of(ur10e()));
+  const Outcome run =
+      run_heft({"validate", "--model", folder.path("arm.json"), "--log", folder.path("unseen.csv"), "--json",
+                folder.path("out.json"), "--report", folder.path("page.html")},
+               "/");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const nlohmann::json result = json_of(folder.path("out.json"));
+  for (const char* field : {"rmse", "rmse_in_band", "rmse_percent_of_max", "r2", "quantile_999", "bias"}) {
+    ASSERT_EQ(result[field].size(), 6U) << field;
+  }
+  // The log was made by the model; what is left is the filter of the motion and the friction's sign at reversals.
+  for (const auto& percent : result["rmse_percent_of_max"]) EXPECT_LT(percent.get<double>(), 3.0);
+  EXPECT_TRUE(result["physically_consistent"].get<bool>());
+  EXPECT_TRUE(result.contains("base_parameters"));
+  EXPECT_TRUE(result.contains("condition_number"));
+  ASSERT_EQ(result["criteria"].size(), 5U);
+  EXPECT_EQ(result["criteria"][1]["verdict"], "met");
+  EXPECT_EQ(result["criteria"][0]["verdict"], "not judged");
+  EXPECT_THAT(run.out, AllOf(HasSubstr("torque prediction"), HasSubstr("as logged, unfiltered"),
+                             HasSubstr("zero-phase low-pass")));
+  EXPECT_THAT(host::read_file(folder.path("page.html"), "page"),
+              AllOf(HasSubstr("</html>"), HasSubstr("<svg")));
+}
+
+TEST(Validate, GivesTheSameWithTheUrdfNamed) {
+  const test::TemporaryFolder folder;
+  model::ModelFile model = model::make_model(ur10e());
+  data::write_log(folder.path("unseen.csv"), log_of(ur10e(), 2.0));
+  model::write_model(folder.path("arm.json"), model);
+  model.kinematics.reset();
+  model::write_model(folder.path("old.json"), model);
+  const std::string log = folder.path("unseen.csv");
+  ASSERT_EQ(
+      run_heft({"validate", "--model", folder.path("arm.json"), "--log", log, "--json", folder.path("a")})
+          .exit_code,
+      0);
+  ASSERT_EQ(run_heft({"validate", "--urdf", "ur10e", "--model", folder.path("old.json"), "--log", log,
+                      "--json", folder.path("b")})
+                .exit_code,
+            0);
+  const nlohmann::json a = json_of(folder.path("a")), b = json_of(folder.path("b"));
+  EXPECT_EQ(a["rmse"], b["rmse"]);
+  EXPECT_EQ(a["rmse_in_band"], b["rmse_in_band"]);
+  for (const auto& bias : a["bias"]) EXPECT_NEAR(bias.get<double>(), 2.0, 0.2);
+  // Without either there is no robot.
+  const Outcome none = run_heft({"validate", "--model", folder.path("old.json"), "--log", log});
+  EXPECT_EQ(none.exit_code, 3);
+  EXPECT_THAT(none.err, AllOf(HasSubstr("old.json"), HasSubstr("--urdf")));
+}
+
+TEST(Validate, OtherCommandsTakeTheModelAsTheRobotToo) {
+  const test::TemporaryFolder folder;
+  model::write_model(folder.path("arm.json"), model::make_model(ur10e()));
+  data::write_log(folder.path("log.csv"), log_of(ur10e()));
+  const std::string arm = folder.path("arm.json"), log = folder.path("log.csv");
+  ASSERT_EQ(run_heft({"dynamics", "--model", arm, "--log", log, "-o", folder.path("a.csv")}, "/").exit_code,
+            0);
+  ASSERT_EQ(
+      run_heft({"dynamics", "--urdf", "ur10e", "--model", arm, "--log", log, "-o", folder.path("b.csv")})
+          .exit_code,
+      0);
+  EXPECT_EQ(host::read_file(folder.path("a.csv"), "result"), host::read_file(folder.path("b.csv"), "result"));
+  const Outcome header = run_heft({"export", "--model", arm, "-o", folder.path("arm.hpp")}, "/");
+  ASSERT_EQ(header.exit_code, 0) << header.err;
+  EXPECT_THAT(host::read_file(folder.path("arm.hpp"), "header"), HasSubstr("kModel"));
+  // A ceiling turns gravity round without a URDF just as with one.
+  const std::vector<std::string> ceiling{"--what", "gravity", "--mount", "3.141592653589793,0,0"};
+  std::vector<std::string> with{"dynamics", "--urdf", "ur10e", "--model",           arm,
+                                "--log",    log,      "-o",    folder.path("c.csv")},
+      without{"dynamics", "--model", arm, "--log", log, "-o", folder.path("d.csv")};
+  with.insert(with.end(), ceiling.begin(), ceiling.end());
+  without.insert(without.end(), ceiling.begin(), ceiling.end());
+  ASSERT_EQ(run_heft(with).exit_code, 0);
+  ASSERT_EQ(run_heft(without).exit_code, 0);
+  const std::vector<double> c = numbers_of(folder.path("c.csv")), d = numbers_of(folder.path("d.csv"));
+  ASSERT_EQ(c.size(), d.size());
+  ASSERT_GT(c.size(), 10000U);
+  double largest = 0.0, difference = 0.0;
+  for (std::size_t k = 0; k < c.size(); ++k) {
+    largest = std::max(largest, std::abs(c[k]));
+    difference = std::max(difference, std::abs(c[k] - d[k]));
+  }
+  EXPECT_GT(largest, 50.0);
+  EXPECT_LT(difference, 1e-9);  // a quarter turn is rounded in one of them
+  const Outcome tip = run_heft({"export", "--model", arm, "--tip", "flange", "-o", folder.path("x.hpp")});
+  EXPECT_EQ(tip.exit_code, 2);
+  EXPECT_THAT(tip.err, HasSubstr("--urdf"));
+}
+
+TEST(Validate, JudgesAtTheSensorTheModelWasFittedTo) {
+  const test::TemporaryFolder folder;
+  model::Robot robot = ur10e();
+  for (model::RobotJoint& joint : robot.joints) joint.actuation.rotor_inertia = 0.0;
+  model::ModelFile model = model::make_model(robot);
+  model.fit.emplace();
+  model.fit->method = "wls";
+  model.fit->torque_at = "joint";
+  model.fit->base_parameters = {{"Izz1*", "kg·m²", "Izz1 + Iyy2", 1.5, 0.1, 0.2, true}};
+  model.fit->condition_number = 12.0;
+  model.fit->physically_consistent = true;
+  model.provenance.logs = {folder.path("seen.csv")};
+  model::write_model(folder.path("arm.json"), model);
+  data::write_log(folder.path("seen.csv"), log_of(robot));
+  const Outcome run = run_heft({"validate", "--model", folder.path("arm.json"), "--log",
+                                folder.path("seen.csv"), "--json", folder.path("out.json")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, AllOf(HasSubstr("seen.csv"), HasSubstr("was fitted to this log")));
+  const nlohmann::json result = json_of(folder.path("out.json"));
+  EXPECT_EQ(result["torque_at"], "joint");
+  EXPECT_EQ(result["base_parameters"][0]["expression"], "Izz1 + Iyy2");
+  EXPECT_EQ(result["base_parameters"][0]["std"], 0.1);
+  EXPECT_EQ(result["condition_number"], 12.0);
+  // The sensor saw the friction that the model has.
+  for (const auto& percent : result["rmse_percent_of_max"]) EXPECT_LT(percent.get<double>(), 3.0);
+}
+
+TEST(Validate, SaysWhatIsMissing) {
+  EXPECT_THAT(run_heft({"validate"}).err, HasSubstr("--campaign"));
+  EXPECT_EQ(run_heft({"validate"}).exit_code, 2);
+  const Outcome log = run_heft({"validate", "--urdf", "ur10e"});
+  EXPECT_EQ(log.exit_code, 2);
+  EXPECT_THAT(log.err, HasSubstr("--log"));
+  const Outcome seed = run_heft({"validate", "--urdf", "ur10e", "--log", "x.csv", "--seed", "3"});
+  EXPECT_EQ(seed.exit_code, 2);
+  EXPECT_THAT(seed.err, HasSubstr("--campaign"));
+  const Outcome own = run_heft({"validate", "--campaign", "--log", "x.csv"});
+  EXPECT_EQ(own.exit_code, 2);
+  EXPECT_THAT(own.err, HasSubstr("makes its own logs"));
+}
+
+TEST(Validate, RefusesALogWithoutTorque) {
+  const test::TemporaryFolder folder;
+  data::Log log = log_of(ur10e());
+  log.tau.resize(0, 0);
+  data::write_log(folder.path("log.csv"), log);
+  const Outcome run = run_heft({"validate", "--urdf", "ur10e", "--log", folder.path("log.csv")});
+  EXPECT_EQ(run.exit_code, 3);
+  EXPECT_THAT(run.err, AllOf(HasSubstr("log.csv"), HasSubstr("tau1")));
+}
+
+}  // namespace
+}  // namespace heft

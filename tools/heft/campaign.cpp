@@ -1,0 +1,421 @@
+#include "campaign.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include <fmt/format.h>
+#include <Eigen/Dense>
+
+#include "heft/data/motion_stream.hpp"
+#include "heft/host/error.hpp"
+#include "heft/identify/excitation.hpp"
+#include "heft/model/dynamics.hpp"
+#include "heft/sim/simulator.hpp"
+#include "parallel.hpp"
+#include "sim_controllers.hpp"
+
+namespace heft::tools {
+namespace {
+
+using Eigen::Index;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// Natural frequency of every position loop [Hz]. It closes on the encoder's noisy readings and on the drives' own
+/// velocity, in experiments as in the tracking comparison.
+constexpr double kBandwidthHz = 3.0;
+/// Rows of joints slower than this are left to the judging: a joint that sticks takes any torque below its
+/// friction [rad/s, m/s].
+constexpr double kStandstillSpeed = 0.03;
+/// Blend from rest into a motion, left out of tracking errors [s].
+constexpr double kSettle = 1.0;
+
+/// A designed motion as the simulator follows it.
+class DesignedMotion : public sim::Reference {
+ public:
+  explicit DesignedMotion(identify::ExcitationTrajectory motion) : motion_(std::move(motion)) {}
+  int num_joints() const override { return motion_.num_joints(); }
+  void evaluate(double t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> qd,
+                Eigen::Ref<Eigen::VectorXd> qdd) const override {
+    Eigen::VectorXd position, velocity, acceleration;
+    motion_.evaluate(t, position, velocity, acceleration);
+    q = position;
+    qd = velocity;
+    qdd = acceleration;
+  }
+
+ private:
+  identify::ExcitationTrajectory motion_;
+};
+
+/// 1 plus or minus 10 to 25 %.
+double off(std::mt19937_64& random) {
+  const double size = std::uniform_real_distribution<double>(0.10, 0.25)(random);
+  return std::bernoulli_distribution(0.5)(random) ? 1.0 + size : 1.0 - size;
+}
+
+InertialParameters<double> sum(const InertialParameters<double>& a, const InertialParameters<double>& b,
+                               double factor = 1.0) {
+  InertialParameters<double> result = a;
+  for (std::size_t i = 0; i < result.size(); ++i) result[i] += factor * b[i];
+  return result;
+}
+
+/// Mass, centre of mass and central inertia, each times its factor: a body that can be stays one.
+InertialParameters<double> scaled(const InertialParameters<double>& link, double mass, double com,
+                                  double inertia) {
+  if (!(link[kMass] > 0)) return link;
+  sim::Body body;
+  body.mass = link[kMass];
+  body.com = Eigen::Vector3d(link[kMcx], link[kMcy], link[kMcz]) / link[kMass];
+  Eigen::Matrix3d about;
+  about << link[kIxx], link[kIxy], link[kIxz], link[kIxy], link[kIyy], link[kIyz], link[kIxz], link[kIyz],
+      link[kIzz];
+  body.inertia = about - body.mass * (body.com.squaredNorm() * Eigen::Matrix3d::Identity() -
+                                      body.com * body.com.transpose());
+  body.mass *= mass;
+  body.com *= com;
+  body.inertia *= inertia;
+  return sim::inertial_parameters(body);
+}
+
+model::Robot with_load(model::Robot robot, double mass) {
+  if (mass > 0) robot.joints.back().link = sum(robot.joints.back().link, campaign_load(robot, mass));
+  return robot;
+}
+
+/// What all experiments share.
+struct Setup {
+  const CampaignSettings* settings{nullptr};
+  model::Robot truth, datasheet;
+  std::shared_ptr<const sim::Reference> exciting, judged;
+  Eigen::VectorXd inertia;  ///< that PD gains would be scaled with
+};
+
+/// Simulation of an arm under computed torque with these parameters along a motion.
+sim::SimulationSettings loop_of(const Setup& setup, const model::Robot& arm, const model::Robot& believed,
+                                const std::shared_ptr<const sim::Reference>& motion, std::uint64_t seed) {
+  const CampaignSettings& settings = *setup.settings;
+  const int n = arm.num_joints();
+  TrackingSettings tracking;
+  tracking.bandwidth_hz = kBandwidthHz;
+  tracking.inertia = setup.inertia;
+  tracking.torque_limit = sim::effort_limits_of(arm);
+  sim::SimulationSettings simulation;
+  simulation.robot = arm;
+  simulation.duration = settings.duration;
+  simulation.sample_rate = settings.sample_rate;
+  simulation.initial_position.resize(n);
+  Eigen::VectorXd qd(n), qdd(n);
+  motion->evaluate(0.0, simulation.initial_position, qd, qdd);
+  simulation.loads = sim::loads_of(arm);
+  simulation.torque_limit = tracking.torque_limit;
+  simulation.reference = motion;
+  simulation.controller = make_tracking_controller(TrackingMethod::kComputedTorque, believed, tracking);
+  simulation.sensors.position_noise = Eigen::VectorXd::Constant(n, settings.position_noise);
+  simulation.sensors.torque_noise = Eigen::VectorXd::Constant(n, settings.torque_noise);
+  simulation.seed = seed;
+  return simulation;
+}
+
+/// What a robot's own log would hold: time, position, torque.
+data::Log measure(const Setup& setup, const Experiment& experiment) {
+  sim::SimulationResult result =
+      sim::simulate(loop_of(setup, with_load(setup.truth, experiment.payload), setup.datasheet,
+                            experiment.exciting ? setup.exciting : setup.judged, experiment.seed));
+  data::Log log;
+  log.path = experiment.name;
+  log.time = std::move(result.log.time);
+  log.q = std::move(result.log.q);
+  log.tau = std::move(result.log.tau);
+  return log;
+}
+
+TrackingResult track(const Setup& setup, const std::string& name, const model::Robot& believed,
+                     std::uint64_t seed) {
+  const Index n = setup.truth.num_joints();
+  sim::SimulationSettings simulation = loop_of(setup, setup.truth, believed, setup.judged, seed);
+  simulation.log_truth = true;
+  const sim::SimulationResult result = sim::simulate(simulation);
+  Eigen::MatrixXd q_true(result.log.time.size(), n);
+  for (Index j = 0; j < n; ++j) {
+    const std::string column = fmt::format("q_true{}", j + 1);
+    const auto found = std::find_if(result.log.extra.begin(), result.log.extra.end(),
+                                    [&](const auto& extra) { return extra.first == column; });
+    q_true.col(j) = found->second;
+  }
+  Index first = 0;
+  while (first < result.log.time.size() && result.log.time[first] < kSettle) ++first;
+  const Index rows = result.log.time.size() - first;
+  TrackingResult tracking{name, result.log.time.tail(rows), (result.log.qref - q_true).bottomRows(rows), {}};
+  tracking.rms = (tracking.error.colwise().squaredNorm() / static_cast<double>(rows)).cwiseSqrt();
+  return tracking;
+}
+
+/// Mass of what is on the last link in one fit and not in the other, by weighted least squares over all base
+/// parameters: Δβ = G Δx with Δx the ten of the last link.
+void find_load_difference(const identify::Fit& less, const identify::Fit& more, CampaignResult& result) {
+  const int n = less.columns->num_joints();
+  const Eigen::MatrixXd G = less.base.regrouping.middleCols(10 * (n - 1), 10);
+  const Eigen::MatrixXd covariance = less.covariance + more.covariance;
+  // Each parameter by its own deviation: a covariance from few blocks has no inverse.
+  const Eigen::VectorXd weight = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  Eigen::MatrixXd A = weight.asDiagonal() * G;
+  const Eigen::VectorXd scale = A.colwise().norm().cwiseMax(1e-12);
+  A = A * scale.cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd inverse = A.completeOrthogonalDecomposition().pseudoInverse() * weight.asDiagonal();
+  const Eigen::RowVectorXd mass = inverse.row(0) / scale[0];
+  result.load_difference = mass * (more.beta - less.beta);
+  result.load_difference_std = std::sqrt((mass * covariance * mass.transpose()).value());
+}
+
+double worst_of(const Eigen::VectorXd& values, const std::vector<bool>& counted, Index* at) {
+  double worst = kNaN;
+  for (Index i = 0; i < values.size(); ++i) {
+    if (!counted[static_cast<std::size_t>(i)]) continue;
+    if (!(values[i] <= worst)) {
+      worst = values[i];
+      *at = i;
+    }
+  }
+  return worst;
+}
+
+/// In band: what the model misses. Unfiltered beside it, with what of that the sensor's noise alone makes.
+void judge_torque(identify::Criterion& criterion, const identify::Score& score,
+                  const CampaignSettings& settings) {
+  Index at = 0, raw_at = 0;
+  identify::judge(criterion, score.in_band_percent_of_max.maxCoeff(&at));
+  const double raw = score.percent_of_max.maxCoeff(&raw_at);
+  criterion.notes.push_back(fmt::format(
+      "worst: joint {}, band {:.3g} Hz; unfiltered {:.2f} % in joint {}, of which the torque "
+      "sensor's own noise makes "
+      "{:.2f} %",
+      at + 1, score.band, raw, raw_at + 1, 100.0 * settings.torque_noise / score.max_torque[raw_at]));
+}
+
+}  // namespace
+
+model::Robot perturbed_arm(const model::Robot& nominal, std::uint64_t seed, model::Robot* datasheet) {
+  std::mt19937_64 random(seed);
+  model::Robot sheet = nominal, truth = nominal;
+  for (std::size_t j = 0; j < nominal.joints.size(); ++j) {
+    const model::RobotJoint& joint = nominal.joints[j];
+    // Drives of the size that the joint's torque and speed ask for. Shares as measured on a UR10e.
+    const double torque = std::isfinite(joint.effort_limit) ? joint.effort_limit : 50.0;
+    const double speed = std::isfinite(joint.velocity_limit) ? joint.velocity_limit : 2.0;
+    const JointActuation<double> drive{0.01 * torque, 0.05 * torque, 0.15 * torque / speed, 0.0};
+    sheet.joints[j].actuation = drive;
+    truth.joints[j].actuation = {drive.rotor_inertia * off(random), drive.coulomb_friction * off(random),
+                                 drive.viscous_friction * off(random),
+                                 0.005 * torque * (off(random) > 1.0 ? 1.0 : -1.0)};
+    const double mass = off(random), com = off(random), inertia = off(random);
+    truth.joints[j].link = scaled(joint.link, mass, com, inertia);
+  }
+  sheet.couplings.clear();
+  truth.couplings.clear();
+  if (datasheet != nullptr) *datasheet = sheet;
+  return truth;
+}
+
+InertialParameters<double> campaign_load(const model::Robot& robot, double mass) {
+  constexpr double kAluminium = 2700.0;  // [kg/m³]
+  const double radius = std::cbrt(3.0 * mass / (4.0 * std::numbers::pi * kAluminium));
+  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(robot.tip_rotation.data());
+  const Eigen::Map<const Eigen::Vector3d> p(robot.tip_position.data());
+  sim::Body body;
+  body.mass = mass;
+  body.com = p + R * Eigen::Vector3d(0.03, 0.02, 0.03 + radius);
+  body.inertia = 0.4 * mass * radius * radius * Eigen::Matrix3d::Identity();
+  return sim::inertial_parameters(body);
+}
+
+CampaignResult run_campaign(const CampaignSettings& settings,
+                            const std::function<void(double, const std::string&)>& progress) {
+  const auto part = [&](double from, double to, const std::string& what) -> std::function<void(double)> {
+    if (!progress) return {};
+    return [=](double done) { progress(from + done * (to - from), what); };
+  };
+  CampaignResult result;
+  Setup setup;
+  setup.settings = &settings;
+  setup.truth = perturbed_arm(settings.nominal, settings.seed, &setup.datasheet);
+  result.truth = setup.truth;
+  result.datasheet = setup.datasheet;
+
+  // Motions: designed for the heaviest load, so that limits hold with every one.
+  const double heaviest = std::max(settings.judged_payload,
+                                   *std::max_element(settings.payloads.begin(), settings.payloads.end()));
+  const model::Robot loaded = with_load(setup.datasheet, heaviest);
+  identify::MotionLimits limits = identify::limits_of(loaded);
+  limits.margin = 0.2;  // the true arm needs more torque than the data sheet says
+  identify::ExcitationOptions excitation;
+  excitation.duration = settings.duration;
+  excitation.harmonics = static_cast<int>(std::lround(0.5 * settings.duration));
+  excitation.structure = {true, true, true, true, {}};
+  excitation.starts = 4;
+  excitation.finalists = 1;
+  excitation.iterations = 60;
+  excitation.seed = settings.seed;
+  const identify::Excitation excited =
+      identify::ExcitationDesign(loaded, limits, excitation).optimize(part(0.0, 0.1, "designing motions"));
+  result.condition = excited.score.condition;
+  setup.exciting = std::make_shared<DesignedMotion>(excited.trajectory);
+  excitation.seed = settings.seed + 1000;
+  setup.judged = std::make_shared<DesignedMotion>(identify::ExcitationDesign(loaded, limits, excitation)
+                                                      .optimize(part(0.1, 0.2, "designing motions"))
+                                                      .trajectory);
+  setup.inertia = mean_inertia(setup.datasheet, *setup.exciting, settings.duration);
+
+  // Experiments.
+  std::uint64_t noise = settings.seed * 100;
+  const auto add = [&](bool exciting, double payload, const std::string& name) {
+    result.experiments.push_back({name, exciting, payload, ++noise, {}});
+    return result.experiments.size() - 1;
+  };
+  std::vector<std::size_t> repeats, loads, judged;
+  for (int k = 0; k < settings.repeats; ++k)
+    repeats.push_back(add(true, 0.0, fmt::format("exciting-0kg-{}", k + 1)));
+  for (const double payload : settings.payloads) {
+    if (payload > 0) loads.push_back(add(true, payload, fmt::format("exciting-{:g}kg", payload)));
+    judged.push_back(add(false, payload, fmt::format("judged-{:g}kg", payload)));
+  }
+  const std::size_t judged_heavy =
+      add(false, settings.judged_payload, fmt::format("judged-{:g}kg", settings.judged_payload));
+  const std::size_t exciting_heavy =
+      add(true, settings.judged_payload, fmt::format("exciting-{:g}kg", settings.judged_payload));
+  for_each_parallel(
+      result.experiments.size(),
+      [&](std::size_t k) {
+        Experiment& experiment = result.experiments[k];
+        experiment.log = measure(setup, experiment);
+      },
+      part(0.2, 0.5, "simulating experiments"));
+
+  // Fits.
+  std::vector<std::size_t> trained = repeats;
+  trained.insert(trained.end(), loads.begin(), loads.end());
+  trained.push_back(exciting_heavy);
+  std::vector<identify::Fit> fits(trained.size());
+  for_each_parallel(
+      trained.size(),
+      [&](std::size_t k) {
+        const data::MotionStream stream(result.experiments[trained[k]].log);
+        identify::FitOptions options;
+        options.test_bias = k == 0;
+        options.observation.standstill_speed = kStandstillSpeed;
+        fits[k] = identify::fit(settings.nominal, {&stream}, options);
+      },
+      part(0.5, 0.85, "identifying"));
+  const auto fit_of = [&](double payload) -> const identify::Fit& {
+    for (std::size_t k = 0; k < trained.size(); ++k) {
+      if (result.experiments[trained[k]].payload == payload) return fits[k];
+    }
+    throw ModelError(
+        fmt::format("campaign: no experiment with {} kg; expected one among the payloads", payload));
+  };
+  result.fit = fits.front();
+
+  result.criteria = identify::acceptance_criteria();
+  enum { kRecovery, kPrediction, kTracking, kPayload, kRepeatability };
+  const auto name_of = [&](Index i) {
+    return result.fit.base.name(*result.fit.columns, static_cast<int>(i));
+  };
+
+  // Parameters against the truth.
+  result.beta_true = result.fit.base.regrouping * result.fit.columns->values(setup.truth);
+  result.errors = identify::relative_errors(result.fit.beta, result.beta_true);
+  const data::MotionStream holdout(result.experiments[judged.front()].log);
+  result.shares = identify::torque_shares(result.fit, result.beta_true, holdout);
+  result.counted = identify::counted_parameters(result.fit, result.shares);
+  std::string weak, untold;
+  for (Index i = 0; i < result.shares.size(); ++i) {
+    if (result.counted.counted[static_cast<std::size_t>(i)]) continue;
+    std::string& names = result.fit.determined[static_cast<std::size_t>(i)] ? weak : untold;
+    names += (names.empty() ? "" : ", ") + name_of(i);
+  }
+  Index at = 0;
+  identify::Criterion& recovery = result.criteria[kRecovery];
+  identify::judge(recovery, 100.0 * worst_of(result.errors, result.counted.counted, &at));
+  int inside = 0;
+  for (Index i = 0; i < result.errors.size(); ++i) {
+    if (!result.counted.counted[static_cast<std::size_t>(i)]) continue;
+    inside += std::abs(result.fit.beta[i] - result.beta_true[i]) <= result.fit.half_width[i] ? 1 : 0;
+  }
+  recovery.notes.push_back(fmt::format(
+      "worst: {}; {} of {} base parameters counted; the 95 % intervals hold the truth of {} of them",
+      name_of(at), result.counted.count(), result.shares.size(), inside));
+  if (!weak.empty()) {
+    recovery.notes.push_back(
+        fmt::format("not counted, move less than {:g} % of any joint's torque (most are 0 in truth): {}",
+                    100.0 * identify::kCountedShare, weak));
+  }
+  if (!untold.empty()) recovery.notes.push_back("not counted, the log does not tell them: " + untold);
+
+  // Torque on the motion not trained on.
+  result.holdout = identify::score(result.fit.robot, holdout);
+  judge_torque(result.criteria[kPrediction], result.holdout, settings);
+
+  // Loads: each model on the other motion with the same load, then 5 kg on 8 kg.
+  std::vector<std::pair<double, std::size_t>> pairs;
+  for (std::size_t k = 0; k < settings.payloads.size(); ++k)
+    pairs.emplace_back(settings.payloads[k], judged[k]);
+  pairs.emplace_back(settings.identified_payload, judged_heavy);
+  for (const auto& [payload, log] : pairs) {
+    const Experiment& experiment = result.experiments[log];
+    model::Robot robot = fit_of(payload).robot;
+    if (experiment.payload != payload) {
+      // The difference between the two loads is known; the load identified with is not.
+      InertialParameters<double>& last = robot.joints.back().link;
+      last = sum(last, campaign_load(robot, experiment.payload));
+      last = sum(last, campaign_load(robot, payload), -1.0);
+    }
+    const data::MotionStream stream(experiment.log);
+    identify::ScoreOptions scoring;
+    scoring.band = result.holdout.band;
+    result.payloads.push_back({payload, experiment.payload, identify::score(robot, stream, scoring)});
+  }
+  identify::Criterion& payload = result.criteria[kPayload];
+  judge_torque(payload, result.payloads.back().score, settings);
+  result.load_difference_true = settings.judged_payload - settings.identified_payload;
+  find_load_difference(fit_of(settings.identified_payload), fit_of(settings.judged_payload), result);
+  payload.notes.push_back(
+      fmt::format("difference of the loads as identified: {:.3f} kg ± {:.3f} kg (standard deviation), in "
+                  "truth {:.3g} kg: {:.1f} %",
+                  result.load_difference, result.load_difference_std, result.load_difference_true,
+                  100.0 * std::abs(result.load_difference / result.load_difference_true - 1.0)));
+
+  // Closed loops.
+  model::Robot bare = settings.nominal;
+  for (model::RobotJoint& joint : bare.joints) joint.actuation = {};
+  const std::array<std::pair<const char*, const model::Robot*>, 3> models{
+      {{"URDF with the drives' data sheet", &setup.datasheet},
+       {"identified", &result.fit.robot},
+       {"URDF alone", &bare}}};
+  result.tracking.resize(models.size());
+  for_each_parallel(
+      models.size(),
+      [&](std::size_t k) {
+        result.tracking[k] = track(setup, models[k].first, *models[k].second, settings.seed * 100 + 99);
+      },
+      part(0.85, 1.0, "closing the loop"));
+  const auto reduction = [&](std::size_t from) {
+    return 100.0 * (1.0 - result.tracking[1].total() / result.tracking[from].total());
+  };
+  identify::Criterion& tracking = result.criteria[kTracking];
+  identify::judge(tracking, reduction(0));
+
+  // Repeats.
+  std::vector<Eigen::VectorXd> betas;
+  for (std::size_t k = 0; k < repeats.size(); ++k) betas.push_back(fits[k].beta);
+  result.scatter = identify::relative_scatter(betas);
+  identify::Criterion& repeatability = result.criteria[kRepeatability];
+  identify::judge(repeatability, 100.0 * worst_of(result.scatter, result.counted.counted, &at));
+  repeatability.notes.push_back(fmt::format("worst: {}; {} experiments", name_of(at), repeats.size()));
+  return result;
+}
+
+}  // namespace heft::tools

@@ -1,0 +1,479 @@
+/// @file
+/// heft identify: a model from logs, judged on logs it has not seen.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "command.hpp"
+#include "console.hpp"
+#include "heft/data/log_checks.hpp"
+#include "heft/data/motion_stream.hpp"
+#include "heft/host/error.hpp"
+#include "heft/identify/fit.hpp"
+#include "heft/identify/validation.hpp"
+#include "heft/model/model_file.hpp"
+#include "heft/report/report.hpp"
+#include "heft/urdf/urdf_export.hpp"
+#include "heft/urdf/urdf_import.hpp"
+#include "options.hpp"
+#include "torque_score.hpp"
+
+namespace heft::tools {
+namespace {
+
+struct Options {
+  RobotOptions robot;
+  LogOptions log;
+  ResultOptions result;
+  std::vector<std::string> validate;
+  double split{-1.0};  ///< share of a single log that is trained on; below 0: chosen
+  std::string method{"wls"};
+  std::string instruments{"simulated"};
+  std::vector<std::string> without;
+  std::vector<std::string> couplings;
+  double ridge{1000.0};
+  double standstill{0.0};
+  std::string model;
+  std::string write_urdf;
+  bool allow_impossible{false};
+};
+
+/// Longest log that is cut in two in memory.
+constexpr long kLongestSplit = 100000;
+constexpr double kDefaultSplit = 0.7;
+/// Poses in which the mass matrix of the identified arm is looked at.
+constexpr int kPoses = 10000;
+
+identify::Method method_of(const std::string& name) {
+  for (const auto method : {identify::Method::kOls, identify::Method::kWls, identify::Method::kIrls,
+                            identify::Method::kIv, identify::Method::kTls, identify::Method::kPhysical}) {
+    if (name == identify::to_string(method)) return method;
+  }
+  return identify::Method::kWls;
+}
+
+/// "5,6" or "5,6,0.7": joint 5 also turns the motor of joint 6.
+GearCoupling<double> coupling_of(const std::string& text) {
+  std::vector<double> numbers;
+  for (const std::string& part : CLI::detail::split(text, ',')) {
+    double value = 0.0;
+    if (!CLI::detail::lexical_cast(part, value))
+      throw CLI::ValidationError(fmt::format("--coupling {}: \"{}\" is no number", text, part));
+    numbers.push_back(value);
+  }
+  if (numbers.size() < 2 || numbers.size() > 3 || std::floor(numbers[0]) != numbers[0] ||
+      std::floor(numbers[1]) != numbers[1]) {
+    throw CLI::ValidationError(
+        fmt::format("--coupling {}: expected two joints and at most a ratio, as in 5,6 or 5,6,1.0 (joint 5 "
+                    "also turns the motor of joint 6)",
+                    text));
+  }
+  GearCoupling<double> coupling;
+  coupling.driving = static_cast<int>(numbers[0]) - 1;
+  coupling.driven = static_cast<int>(numbers[1]) - 1;
+  if (numbers.size() == 3) coupling.ratio = numbers[2];
+  return coupling;
+}
+
+identify::ModelStructure structure_of(const Options& options) {
+  identify::ModelStructure structure;
+  // A sensor behind the gear does not see the rotor; friction of bearings and seals, cables and its own zero it does.
+  structure.rotor_inertia = options.log.measured_at() == TorqueAt::kMotor;
+  for (const std::string& what : options.without) {
+    if (what == "rotor") structure.rotor_inertia = false;
+    if (what == "coulomb") structure.coulomb = false;
+    if (what == "viscous") structure.viscous = false;
+    if (what == "offset") structure.offset = false;
+  }
+  for (const std::string& text : options.couplings) structure.couplings.push_back(coupling_of(text));
+  return structure;
+}
+
+data::JointLimits limits_of(const model::Robot& robot) {
+  const auto n = static_cast<Eigen::Index>(robot.joints.size());
+  data::JointLimits limits{
+      Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), {}};
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+    limits.lower[j] = joint.lower;
+    limits.upper[j] = joint.upper;
+    limits.velocity[j] = joint.velocity_limit;
+    limits.effort[j] = joint.effort_limit;
+    limits.prismatic.push_back(joint.joint.type == JointType::kPrismatic);
+  }
+  return limits;
+}
+
+/// Rows of a log between two times.
+data::Log part_of(const data::Log& log, double from, double to) {
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index i = 0; i < log.time.size(); ++i) {
+    if (log.time[i] >= from && log.time[i] < to) rows.push_back(i);
+  }
+  data::Log part;
+  part.path = fmt::format("{} [{:.1f} s, {:.1f} s]", log.path, from, to);
+  part.time = log.time(rows);
+  const auto take = [&rows](const Eigen::MatrixXd& all) {
+    return all.cols() == 0 ? Eigen::MatrixXd() : Eigen::MatrixXd(all(rows, Eigen::all));
+  };
+  part.q = take(log.q);
+  part.qd = take(log.qd);
+  part.qdd = take(log.qdd);
+  part.tau = take(log.tau);
+  return part;
+}
+
+/// Training and judging logs as streams.
+struct Logs {
+  std::vector<data::MotionStream> train, judge;
+  std::string how;  ///< what was judged on, in words
+};
+
+Logs open_logs(const Options& options, const model::Robot& robot) {
+  data::LogRequirements needs;
+  needs.num_joints = robot.num_joints();
+  needs.robot_name = robot.name;
+  needs.torque = true;
+  needs.torque_constant = options.log.torque_constant;
+  data::StreamOptions streaming;
+  streaming.motion.cutoff = options.log.band;
+  const data::JointLimits limits = limits_of(robot);
+  const auto checked = [&](data::MotionStream stream) {
+    for (const std::string& text : stream.summary().notes) note(text);
+    const std::vector<data::LogFinding> findings = stream.check(limits);
+    data::refuse_errors(findings);
+    for (const data::LogFinding& finding : findings) note(finding.message);
+    return stream;
+  };
+  Logs logs;
+  for (const std::string& path : options.log.logs)
+    logs.train.push_back(checked(data::MotionStream(path, needs, streaming)));
+  for (const std::string& path : options.validate) {
+    for (const std::string& trained : options.log.logs) {
+      if (std::filesystem::weakly_canonical(path) == std::filesystem::weakly_canonical(trained)) {
+        throw DataError(
+            fmt::format("{}: given to --log and to --validate: a model is not judged on the log it was "
+                        "fitted to; give another log, or leave --validate out and the log is cut in two",
+                        path));
+      }
+    }
+    logs.judge.push_back(checked(data::MotionStream(path, needs, streaming)));
+  }
+  if (!logs.judge.empty()) {
+    logs.how = "judged on logs that the fit has not seen";
+    return logs;
+  }
+  const double split = options.split >= 0.0 ? options.split : kDefaultSplit;
+  const data::StreamSummary& summary = logs.train.front().summary();
+  if (logs.train.size() > 1 || split == 0.0 || split >= 1.0) {
+    logs.how = "not judged: no log was held back (--validate)";
+    return logs;
+  }
+  if (summary.samples > kLongestSplit) {
+    logs.how = "not judged: the log is too long to be cut in two; give another with --validate";
+    return logs;
+  }
+  const data::Log whole = data::read_log(options.log.logs.front(), needs);
+  const double cut = summary.moving_from + split * (summary.moving_to - summary.moving_from);
+  data::Log first = part_of(whole, summary.begin, cut), second = part_of(whole, cut, summary.end + 1.0);
+  // Too short a log has no part to spare; the fit says what is wrong with it.
+  if (first.time.size() < 50 || second.time.size() < 50) {
+    logs.how = "not judged: the log is too short to be cut in two";
+    return logs;
+  }
+  // One cut-off for both parts.
+  streaming.motion.cutoff = summary.cutoff;
+  logs.train.clear();
+  logs.train.emplace_back(std::move(first), streaming);
+  logs.judge.emplace_back(std::move(second), streaming);
+  logs.how = fmt::format("fitted to the first {:.0f} % of the motion, judged on the rest", 100.0 * split);
+  return logs;
+}
+
+std::vector<const data::MotionStream*> pointers(const std::vector<data::MotionStream>& streams) {
+  std::vector<const data::MotionStream*> out;
+  for (const data::MotionStream& stream : streams) out.push_back(&stream);
+  return out;
+}
+
+struct Judged {
+  std::vector<identify::Score> scores;
+  std::vector<TorqueTrace> traces;
+};
+
+Judged judge(const std::vector<data::MotionStream>& streams, const model::Robot& robot, double band,
+             bool trace) {
+  Judged judged;
+  for (const data::MotionStream& stream : streams) {
+    Progress progress("judging " + stream.summary().path);
+    identify::ScoreOptions scoring;
+    scoring.band = band;
+    scoring.progress = [&](double done) { progress.update(done); };
+    if (trace) {
+      judged.traces.emplace_back(stream.summary().samples, robot.num_joints());
+      scoring.rows = [&](const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
+                         const Eigen::MatrixXd& predicted) {
+        judged.traces.back().add(time, measured, predicted);
+      };
+    }
+    judged.scores.push_back(identify::score(robot, stream, scoring));
+  }
+  return judged;
+}
+
+std::vector<report::PlotSpec> small(std::vector<report::PlotSpec> plots) {
+  for (report::PlotSpec& plot : plots) {
+    plot.width = 460;
+    plot.height = 220;
+  }
+  return plots;
+}
+
+std::string physics_in_words(const identify::Fit& fit, const identify::MassMatrixCheck& mass) {
+  std::string text;
+  const double loss = 100.0 * (std::sqrt(fit.physical_cost_ratio) - 1.0);
+  if (fit.physically_consistent) {
+    text = "Every link of this model is a body that can exist.";
+  } else {
+    text = "At least one link of this model is no body that can exist.";
+  }
+  text += fmt::format(" Links that can exist cost {:.2g} % of the fit's weighted error", loss);
+  if (!fit.at_boundary.empty()) {
+    text += fmt::format("; at the edge of what is possible: link{} {}", fit.at_boundary.size() > 1 ? "s" : "",
+                        fmt::join(fit.at_boundary, ", "));
+  }
+  text += fit.method == identify::Method::kPhysical || fit.physically_consistent
+              ? "."
+              : " (--method physical takes them).";
+  text += fmt::format(" Mass matrix not positive in {} of {} random poses (with rotor inertia: {}).",
+                      mass.not_positive, mass.poses, mass.not_positive_with_rotors);
+  if (!fit.repaired_prior.empty()) {
+    text += fmt::format(
+        " The URDF's inertia of link{} {} is none that a body can have; the nearest that can was taken as "
+        "prior.",
+        fit.repaired_prior.size() > 1 ? "s" : "", fmt::join(fit.repaired_prior, ", "));
+  }
+  return text;
+}
+
+void print_lines(const Console& console, const std::string& title, const std::vector<std::string>& lines) {
+  if (lines.empty()) return;
+  console.print("{}\n", title);
+  for (const std::string& line : lines) console.print("  {}\n", line);
+}
+
+void run(const Options& options) {
+  const Console console{options.result.json, options.model, options.write_urdf};
+  const model::Robot robot = load_robot(options.robot);
+  if (!options.write_urdf.empty() && options.robot.urdf.empty()) {
+    throw ModelError("--write-urdf needs the URDF to write into: give it with --urdf");
+  }
+  const Logs logs = open_logs(options, robot);
+
+  identify::FitOptions fitting;
+  fitting.method = method_of(options.method);
+  fitting.structure = structure_of(options);
+  fitting.observation.cutoff = options.log.band;
+  fitting.observation.standstill_speed = options.standstill;
+  fitting.instruments =
+      options.instruments == "delayed" ? identify::Instruments::kDelayed : identify::Instruments::kSimulated;
+  fitting.ridge_from_condition = options.ridge;
+  identify::Fit fit;
+  {
+    Progress progress("fitting");
+    fitting.progress = [&](double done) { progress.update(done); };
+    fit = identify::fit(robot, pointers(logs.train), fitting);
+  }
+  const identify::MassMatrixCheck mass = identify::check_mass_matrix(fit.robot, kPoses, 1);
+
+  double band = options.log.band;
+  for (const auto* streams : {&logs.train, &logs.judge}) {
+    for (const data::MotionStream& stream : *streams) {
+      if (options.log.band == 0.0) band = std::max(band, identify::default_band(stream.summary().bandwidth));
+    }
+  }
+  const bool trace = !options.result.report.empty();
+  const Judged train = judge(logs.train, fit.robot, band, trace);
+  const Judged held_out = judge(logs.judge, fit.robot, band, trace);
+  const identify::Score trained = identify::pool(train.scores);
+  const std::string meaning = score_meaning(trained) + validation_meaning();
+
+  const model::FitRecord record = identify::fit_record(fit, options.log.torque_at, &trained);
+  model::ModelFile file = fit.model_file();
+  file.fit = record;
+  for (const std::string& path : options.log.logs) file.provenance.logs.push_back(path);
+  file.provenance.notes = fit.notes;
+  // Both files or none: what can fail on the identified numbers goes first.
+  urdf::UrdfExportReport written;
+  if (!options.write_urdf.empty()) {
+    urdf::UrdfExportOptions exporting;
+    exporting.allow_impossible = options.allow_impossible;
+    exporting.model = file;
+    urdf::write_urdf(urdf::resolve_robot(options.robot.urdf), fit.robot, options.write_urdf, exporting,
+                     &written);
+  }
+  if (!options.model.empty()) model::write_model(options.model, file);
+
+  const auto determined = std::count(fit.determined.begin(), fit.determined.end(), true);
+  const std::string summary = fmt::format(
+      "{} base parameters, {} determined; {} of {} samples in {} rows; torque and regressor behind {:.3g} "
+      "Hz; condition number {} "
+      "(weighted base regressor, columns of norm 1){}; 95 % intervals from {} blocks of {:.2g} s",
+      fit.base.count(), determined, fit.samples,
+      logs.train.size() == 1 ? "1 log" : fmt::format("{} logs", logs.train.size()), fit.rows.sum(),
+      fit.cutoff, report::number(fit.condition, 3), fit.ridge ? ", steadied by a ridge towards the URDF" : "",
+      fit.blocks, fit.block_length);
+
+  nlohmann::ordered_json json{
+      {"robot", robot.name}, {"method", options.method}, {"torque_at", options.log.torque_at}};
+  json["train"] = validation_json(trained);
+  // The judged figures stand at the top where there are any: the error on logs not seen is the model's error.
+  json.update(validation_json(held_out.scores.empty() ? trained : identify::pool(held_out.scores)));
+  json["judged_on"] = held_out.scores.empty() ? "train" : "held_out";
+  json["held_out"] = nlohmann::ordered_json::array();
+  for (const identify::Score& score : held_out.scores) {
+    nlohmann::ordered_json entry{{"log", score.log}};
+    entry.update(validation_json(score));
+    json["held_out"].push_back(std::move(entry));
+  }
+  json.update(fit_json(record));
+  json["null_space"] = fit.base.null_space;
+  json["condition_number_unscaled"] = fit.condition_unscaled;
+  json["ridge"] = fit.ridge;
+  json["mass_matrix_not_positive"] = {
+      {"poses", mass.poses}, {"links", mass.not_positive}, {"with_rotors", mass.not_positive_with_rotors}};
+  if (fit.bias) {
+    json["bias_test"] = {
+        {"statistic", fit.bias->statistic}, {"degrees_of_freedom", fit.bias->degrees_of_freedom},
+        {"p_value", fit.bias->p_value},     {"torque_difference", fit.bias->torque_difference},
+        {"biased", fit.bias->biased},       {"verdict", fit.bias->verdict}};
+  }
+  json["notes"] = fit.notes;
+  write_json(options.result.json, json);
+
+  console.print("{}: {}.\n", robot.name, summary);
+  console.print("\nTraining\n{}", validation_table(trained).to_text(2));
+  for (const identify::Score& score : held_out.scores) {
+    console.print("\nHeld out: {}, {} samples\n{}", score.log, score.samples,
+                  validation_table(score).to_text(2));
+  }
+  console.print("{}; {}.\n\nBase parameters (* with others, see expression)\n{}", meaning, logs.how,
+                base_parameter_table(record).to_text(2));
+  const std::string physics = physics_in_words(fit, mass);
+  console.print("\n{}\n", physics);
+  if (fit.bias) console.print("Noise in the motion: {}\n", fit.bias->verdict);
+  print_lines(console, "\nNot determined by these logs:", fit.missing);
+  print_lines(console, "Notes:", fit.notes);
+  print_lines(console, "Notes on the URDF:", written.notes);
+
+  report::Report page(fmt::format("{}: identified model", robot.name),
+                      fmt::format("{} on {}", options.method, fmt::join(options.log.logs, ", ")));
+  const identify::Score& judged = held_out.scores.empty() ? trained : held_out.scores.front();
+  Eigen::Index worst = 0;
+  const double worst_percent = judged.percent_of_max.maxCoeff(&worst);
+  page.verdict(fmt::format("{} the model misses the torque by {:.2g} % of the joint's largest on average and "
+                           "{:.2g} % in the worst joint ({}).",
+                           held_out.scores.empty() ? "On its own training logs" : "On a log it has not seen",
+                           judged.percent_of_max.mean(), worst_percent, worst + 1),
+               held_out.scores.empty() ? report::Tone::kNeutral : report::Tone::kGood);
+  page.facts(
+      {{"base parameters", fmt::format("{}", fit.base.count()), fmt::format("{} determined", determined)},
+       {"condition number", report::number(fit.condition, 3), "weighted, columns of norm 1"},
+       {"physical", fit.physically_consistent ? "yes" : "no", "every link a body that can exist"},
+       {"mean R²", fmt::format("{:.3f}", judged.r2.mean()),
+        held_out.scores.empty() ? "training" : "held out"}});
+  page.paragraph(summary + ".");
+  page.paragraph(physics);
+  if (fit.bias) page.note("Noise in the motion: " + fit.bias->verdict);
+  page.heading("Torque");
+  page.table(validation_table(trained), "Training. " + meaning);
+  for (std::size_t k = 0; k < held_out.scores.size(); ++k) {
+    page.table(validation_table(held_out.scores[k]), "Held out: " + held_out.scores[k].log);
+    if (k < held_out.traces.size()) {
+      page.plots("Torque on the held-out log", small(held_out.traces[k].torque_plots()));
+      page.plots("What is left", small(held_out.traces[k].residual_plots()));
+    }
+  }
+  if (held_out.scores.empty()) {
+    for (const TorqueTrace& t : train.traces) {
+      page.plots("Torque on the training log", small(t.torque_plots()));
+      page.plots("What is left", small(t.residual_plots()));
+    }
+  }
+  page.heading("Parameters");
+  page.table(base_parameter_table(record),
+             "Base parameters with 95 % intervals for residuals correlated in time");
+  if (!fit.missing.empty()) {
+    page.heading("What these logs do not tell");
+    for (const std::string& line : fit.missing) page.note(line);
+  }
+  page.heading("What no motion of this arm tells");
+  page.preformatted(fmt::format("{}", fmt::join(fit.base.null_space, "\n")));
+  for (const std::string& line : fit.notes) page.note(line);
+  finish(console, options.model, options.result, page);
+  if (!options.write_urdf.empty() && options.write_urdf != "-")
+    console.print("Robot: {}\n", options.write_urdf);
+}
+
+}  // namespace
+
+Action set_up_identify(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  add_robot_options(app, options->robot);
+  add_log_options(app, options->log);
+  app.add_option("--validate", options->validate,
+                 "log to judge the model on, not used for the fit; may be given several times")
+      ->type_name("LOG.csv");
+  app.add_option("--split", options->split,
+                 "share of a single log that the fit gets when there is no --validate; the rest judges "
+                 "(default 0.7; 0: fit to all of it)")
+      ->type_name("SHARE")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--method", options->method,
+                 "ols, wls (joints weighted by their noise), irls (robust), iv (instruments), tls, physical "
+                 "(links that can exist)")
+      ->check(CLI::IsMember({"ols", "wls", "irls", "iv", "tls", "physical"}))
+      ->capture_default_str();
+  app.add_option("--instruments", options->instruments, "for iv and the test for bias: simulated or delayed")
+      ->check(CLI::IsMember({"simulated", "delayed"}))
+      ->capture_default_str();
+  app.add_option("--without", options->without, "leave columns out: rotor, coulomb, viscous, offset")
+      ->type_name("WHAT,...")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"rotor", "coulomb", "viscous", "offset"}));
+  app.add_option(
+         "--coupling", options->couplings,
+         "known gear coupling: joint I also turns the motor of joint J (ratio: J's turn for one of I)")
+      ->type_name("I,J[,RATIO]");
+  app.add_option("--ridge", options->ridge,
+                 "condition number from which a ridge towards the URDF steadies the fit; 0: never")
+      ->type_name("NUMBER")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--standstill", options->standstill,
+                 "leave out rows of joints slower than this [rad/s, m/s]")
+      ->type_name("SPEED")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  add_output_option(app, options->model, "model file", false);
+  app.add_option("--write-urdf", options->write_urdf, "copy of the URDF with the identified parameters")
+      ->type_name("OUT.urdf");
+  app.add_flag("--allow-impossible", options->allow_impossible,
+               "write links into the URDF that no body can be");
+  add_result_options(app, options->result);
+  app.footer(
+      "Example: heft identify --urdf ur10e --log a.csv --log b.csv --validate c.csv -o arm.json --report "
+      "arm.html\n"
+      "A single log is cut in two, so that the error is always one on data not seen.");
+  return [options] { run(*options); };
+}
+
+}  // namespace heft::tools
