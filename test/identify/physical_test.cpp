@@ -415,9 +415,15 @@ TEST(PhysicalFit, ReachesTheSameOptimumFromAnyPrior) {
     if (k == 0) reference = fit.limit_squared_error;
     EXPECT_NEAR(fit.limit_squared_error, reference, 3e-4 * reference) << k << ": " << fit.summary;
     EXPECT_LT(fit.iterations, 1500) << k;
-    if (k == 2) EXPECT_FALSE(fit.rescaled_prior.empty());
-    if (k == 0) EXPECT_TRUE(fit.rescaled_prior.empty());
-    if (k == 4) EXPECT_EQ(fit.repaired_prior, (std::vector<int>{1, 2, 3, 4, 5}));
+    if (k == 2) {
+      EXPECT_FALSE(fit.rescaled_prior.empty());
+    }
+    if (k == 0) {
+      EXPECT_TRUE(fit.rescaled_prior.empty());
+    }
+    if (k == 4) {
+      EXPECT_EQ(fit.repaired_prior, (std::vector<int>{1, 2, 3, 4, 5}));
+    }
   }
 }
 
