@@ -5,8 +5,9 @@
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/regressor.hpp"
-#include "heft/core/friction/friction.hpp"
 #include "heft/host/error.hpp"
+
+#include "drive_torque.hpp"
 
 namespace heft::model {
 
@@ -73,7 +74,7 @@ std::unique_ptr<Base> make_sized(const Robot& robot) {
 
 }  // namespace
 
-Dynamics::Dynamics(const Robot& robot) : impl_(make_sized<1, Impl>(robot)) {}
+Dynamics::Dynamics(const Robot& robot) : impl_(make_sized<1, Impl>(robot)) { check_effects(robot); }
 Dynamics::~Dynamics() = default;
 Dynamics::Dynamics(Dynamics&&) noexcept = default;
 Dynamics& Dynamics::operator=(Dynamics&&) noexcept = default;
@@ -89,16 +90,18 @@ Eigen::VectorXd Dynamics::inverse_dynamics(const Eigen::VectorXd& q, const Eigen
 Eigen::VectorXd Dynamics::joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                                        const Eigen::VectorXd& qdd, double sign_width) const {
   Eigen::VectorXd tau = impl_->inverse(q, qd, qdd);
-  for (Eigen::Index i = 0; i < tau.size(); ++i) {
-    const auto& actuation = impl_->robot.joints[static_cast<std::size_t>(i)].actuation;
-    tau[i] += actuation.rotor_inertia * qdd[i] + friction_torque(actuation, qd[i], sign_width);
+  const Robot& robot = impl_->robot;
+  // Before anything is added tau is the load of the gears.
+  const Eigen::VectorXd load = robot.effects.empty() ? Eigen::VectorXd{} : tau;
+  add_actuation(robot, qd, qdd, sign_width, tau);
+  for (const Elasticity<double>& elasticity : robot.elasticities) {
+    tau[elasticity.joint] += elasticity.motor_inertia * qdd[elasticity.joint];
   }
-  for (const GearCoupling<double>& coupling : impl_->robot.couplings) {
-    const double v = shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]);
-    const double a = shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]);
-    const double shared = gear_coupling_torque(coupling, v, a, sign_width);
-    tau[coupling.driven] += shared;
-    tau[coupling.driving] += coupling.ratio * shared;
+  for (const JointEffect<double>& effect : robot.effects) {
+    const int j = effect.joint;
+    const double direction = velocity_sign(qd[j], sign_width);
+    const EffectPoint<double> point{0.0, q[j], qd[j], qdd[j], direction, load[j], direction};
+    tau[j] += joint_effect_torque(effect, point, robot.joints[static_cast<std::size_t>(j)].actuation);
   }
   return tau;
 }

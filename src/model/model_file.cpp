@@ -81,6 +81,17 @@ class Node {
     for (std::size_t i = 0; i < kSize; ++i) values[i] = list.at(i).number();
     return values;
   }
+  /// A joint that counts from 1; returned counted from 0.
+  int joint(const char* key, std::size_t num_joints) const {
+    const std::string expected = fmt::format("a joint, 1 to {}", num_joints);
+    const Node node = at(key, expected);
+    if (!node.json_->is_number()) node.fail(fmt::format("found {}", node.json_->dump()), expected);
+    const double value = node.number();
+    if (value != std::floor(value) || value < 1 || value > static_cast<double>(num_joints)) {
+      node.fail(fmt::format("found {}", value), expected);
+    }
+    return static_cast<int>(value) - 1;
+  }
   /// Size 0 when the key is missing; null is NaN.
   Eigen::VectorXd numbers_or_none(const char* key, std::size_t size) const {
     if (!has(key)) return {};
@@ -95,6 +106,7 @@ class Node {
     if (!json_->is_string()) fail(fmt::format("found {}", json_->dump()), "a text");
     return json_->get<std::string>();
   }
+  bool is_null() const { return json_->is_null(); }
   std::string text_or_empty(const char* key) const {
     return has(key) ? at(key, "a text").text() : std::string{};
   }
@@ -113,20 +125,10 @@ class Node {
 };
 
 const std::set<std::string>& known_fields() {
-  static const std::set<std::string> fields{"format",
-                                            "version",
-                                            "robot",
-                                            "num_joints",
-                                            "units",
-                                            "parameter_order",
-                                            "links",
-                                            "joints",
-                                            "gear_couplings",
-                                            "kinematics",
-                                            "standard_deviations",
-                                            "covariance",
-                                            "fit",
-                                            "provenance"};
+  static const std::set<std::string> fields{
+      "format",     "version", "robot",          "num_joints", "units",      "parameter_order",
+      "links",      "joints",  "gear_couplings", "effects",    "kinematics", "standard_deviations",
+      "covariance", "fit",     "provenance"};
   return fields;
 }
 
@@ -195,6 +197,117 @@ Json to_json(const Kinematics& kinematics) {
                               {"upper", number_or_null(place.upper)},
                               {"velocity_limit", number_or_null(place.velocity_limit)},
                               {"effort_limit", number_or_null(place.effort_limit)}});
+  }
+  return json;
+}
+
+constexpr const char* kElasticity = "elasticity";
+constexpr const char* kDelay = "delay";
+
+std::string effect_kinds() {
+  std::string kinds;
+  for (int kind = 0; kind < kNumJointEffects; ++kind) {
+    visit_joint_effect(kind, [&](auto effect) { kinds += fmt::format("{}, ", decltype(effect)::kId); });
+  }
+  return fmt::format("one of {}{}, {}", kinds, kElasticity, kDelay);
+}
+
+/// Where a model holds a finding that is no entry of its effects.
+std::string place_of(const std::string& kind) {
+  if (kind == "wrist_coupling") return "; a motor that turns with two joints stands in /gear_couplings";
+  if (kind == "base_tilt") return "; a base that stands off level stands in /kinematics/gravity";
+  if (kind == "payload_change") return "; a body on the tool belongs to the last of /links";
+  return {};
+}
+
+/// The effect has a finite torque at rest and in motion: no width, time or distance of zero.
+bool has_torque(const JointEffect<double>& effect) {
+  const JointActuation<double> actuation{0.0, 1.0, 1.0, 0.0};
+  const EffectPoint<double> rest{}, moving{1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+  return std::isfinite(joint_effect_torque(effect, rest, actuation)) &&
+         std::isfinite(joint_effect_torque(effect, moving, actuation)) &&
+         std::isfinite(joint_effect_memory(effect, 0.0, 0.0)) &&
+         std::isfinite(joint_effect_memory(effect, 0.0, 1.0));
+}
+
+/// One entry of `effects`, put where the model keeps it.
+void read_effect(const Node& node, std::size_t num_joints, ModelFile& model) {
+  const Node kind_node = node.at("kind", effect_kinds());
+  const std::string kind = kind_node.text();
+  const Node parameters = node.at("parameters", "an object");
+  parameters.expect_object();
+  if (kind == kDelay) {
+    if (node.has("joint") && !node.at("joint", "null").is_null()) {
+      node.at("joint", "null").fail("found a joint", "null: the delay is that of all joints");
+    }
+    const Node delay = parameters.at("delay", "seconds");
+    if (model.torque_delay > 0) node.fail("found a second delay", "one for all joints");
+    model.torque_delay = delay.number();
+    if (model.torque_delay < 0) delay.fail(fmt::format("found {}", model.torque_delay), "0 or more");
+    return;
+  }
+  if (kind == kElasticity) {
+    const Node stiffness = parameters.at("stiffness", "N·m/rad (N/m)");
+    const Elasticity<double> elasticity{node.joint("joint", num_joints), stiffness.number(),
+                                        parameters.number_or_zero("damping"),
+                                        parameters.number_or_zero("motor_inertia")};
+    if (!(elasticity.stiffness > 0)) {
+      stiffness.fail(fmt::format("found {}", elasticity.stiffness), "a positive number");
+    }
+    if (elasticity.damping < 0) {
+      parameters.at("damping", "").fail(fmt::format("found {}", elasticity.damping), "0 or more");
+    }
+    for (const Elasticity<double>& other : model.elasticities) {
+      if (other.joint == elasticity.joint) {
+        node.fail(fmt::format("found a second elasticity of joint {}", elasticity.joint + 1),
+                  "one spring a joint");
+      }
+    }
+    model.elasticities.push_back(elasticity);
+    return;
+  }
+  JointEffect<double> effect;
+  effect.kind = joint_effect_kind(kind);
+  if (effect.kind < 0) {
+    kind_node.fail(fmt::format("found \"{}\"", kind), effect_kinds() + place_of(kind));
+  }
+  effect.joint = node.joint("joint", num_joints);
+  visit_joint_effect(effect.kind, [&](auto type) {
+    std::size_t i = 0;
+    for (const EffectParameter& parameter : decltype(type)::kParameters) {
+      const std::string name(parameter.name);
+      effect.parameters[i++] = parameters.at(name.c_str(), std::string(parameter.unit)).number();
+    }
+  });
+  if (!has_torque(effect)) {
+    parameters.fail("found values that give no finite torque", "widths, times and distances above zero");
+  }
+  model.effects.push_back(effect);
+}
+
+Json effects_json(const ModelFile& model) {
+  Json json = Json::array();
+  for (const JointEffect<double>& effect : model.effects) {
+    visit_joint_effect(effect.kind, [&](auto type) {
+      Json parameters = Json::object();
+      std::size_t i = 0;
+      for (const EffectParameter& parameter : decltype(type)::kParameters) {
+        parameters[std::string(parameter.name)] = effect.parameters[i++];
+      }
+      json.push_back(
+          {{"kind", decltype(type)::kId}, {"joint", effect.joint + 1}, {"parameters", parameters}});
+    });
+  }
+  for (const Elasticity<double>& elasticity : model.elasticities) {
+    json.push_back({{"kind", kElasticity},
+                    {"joint", elasticity.joint + 1},
+                    {"parameters",
+                     {{"stiffness", elasticity.stiffness},
+                      {"damping", elasticity.damping},
+                      {"motor_inertia", elasticity.motor_inertia}}}});
+  }
+  if (model.torque_delay > 0) {
+    json.push_back({{"kind", kDelay}, {"joint", nullptr}, {"parameters", {{"delay", model.torque_delay}}}});
   }
   return json;
 }
@@ -290,6 +403,9 @@ ModelFile make_model(const Robot& robot) {
     model.actuation.push_back(joint.actuation);
   }
   model.couplings = robot.couplings;
+  model.effects = robot.effects;
+  model.elasticities = robot.elasticities;
+  model.torque_delay = robot.torque_delay;
   Kinematics& kinematics = model.kinematics.emplace();
   kinematics.base_link = robot.base_link;
   kinematics.tip_link = robot.tip_link;
@@ -370,6 +486,23 @@ void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes
     robot.joints[k].actuation = model.actuation[k];
   }
   robot.couplings = model.couplings;
+  robot.effects = model.effects;
+  robot.elasticities = model.elasticities;
+  robot.torque_delay = model.torque_delay;
+  if (!model.kinematics) return;
+  const std::array<double, 3>& gravity = model.kinematics->gravity;
+  const std::array<double, 3> own = robot.gravity;
+  const bool same_base = model.kinematics->base_link.empty() || robot.base_link.empty() ||
+                         model.kinematics->base_link == robot.base_link;
+  if (same_base) robot.gravity = gravity;
+  const double apart = std::hypot(gravity[0] - own[0], gravity[1] - own[1], gravity[2] - own[2]);
+  constexpr double kRounding = 1e-6;  // [m/s²]
+  if (notes == nullptr || apart < kRounding) return;
+  notes->push_back(fmt::format(
+      "{}: the model was made with gravity ({:.6g}, {:.6g}, {:.6g}) m/s², robot \"{}\" "
+      "has ({:.6g}, {:.6g}, {:.6g}); {}",
+      where, gravity[0], gravity[1], gravity[2], robot.name, own[0], own[1], own[2],
+      same_base ? "the model's is used" : "the robot's is used, since its chain begins at another link"));
 }
 
 ModelFile parse_model(const std::string& text, const std::string& path) {
@@ -438,18 +571,9 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
     const Node couplings = root.at("gear_couplings", "a list");
     for (std::size_t k = 0; k < couplings.array_size("a list"); ++k) {
       const Node entry = couplings.at(k);
-      const auto joint = [&](const char* key) {
-        const std::string expected = fmt::format("a joint, 1 to {}", num_joints);
-        const Node node = entry.at(key, expected);
-        const double number = node.number();
-        if (number != std::floor(number) || number < 1 || number > static_cast<double>(num_joints)) {
-          node.fail(fmt::format("found {}", number), expected);
-        }
-        return static_cast<int>(number) - 1;
-      };
       GearCoupling<double> coupling;
-      coupling.driving = joint("driving");
-      coupling.driven = joint("driven");
+      coupling.driving = entry.joint("driving", num_joints);
+      coupling.driven = entry.joint("driven", num_joints);
       if (coupling.driving == coupling.driven) {
         entry.fail(fmt::format("joint {} is coupled to itself", coupling.driven + 1), "two different joints");
       }
@@ -458,6 +582,12 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
       coupling.coulomb_friction = entry.number_or_zero("coulomb_friction");
       coupling.viscous_friction = entry.number_or_zero("viscous_friction");
       model.couplings.push_back(coupling);
+    }
+  }
+  if (root.has("effects")) {
+    const Node effects = root.at("effects", "a list");
+    for (std::size_t k = 0; k < effects.array_size("a list"); ++k) {
+      read_effect(effects.at(k), num_joints, model);
     }
   }
   const std::size_t num_parameters = 14 * num_joints;
@@ -537,6 +667,7 @@ std::string to_json(const ModelFile& model) {
                                       {"coulomb_friction", coupling.coulomb_friction},
                                       {"viscous_friction", coupling.viscous_friction}});
   }
+  if (Json effects = effects_json(model); !effects.empty()) json["effects"] = std::move(effects);
   if (model.kinematics) json["kinematics"] = to_json(*model.kinematics);
   if (model.fit) json["fit"] = to_json(*model.fit);
   if (model.standard_deviations) {

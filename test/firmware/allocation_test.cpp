@@ -1,4 +1,5 @@
 // Gate 4: the control cycle takes nothing from the heap, in ten thousand cycles of a Release build.
+#include <array>
 #include <cstdlib>
 #include <memory>
 #include <random>
@@ -9,6 +10,7 @@
 #include "firmware/log_table.hpp"
 #include "firmware/replay.hpp"
 #include "heft/core/dynamics/regressor.hpp"
+#include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/estimate/instruments.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "support/allocation_counter.hpp"
@@ -103,6 +105,37 @@ void expect_other_estimators_without_allocation() {
   EXPECT_EQ(spent.malloc, 0U);
   EXPECT_EQ(refused, 0);
 }
+
+template <typename Scalar>
+void expect_effects_without_allocation() {
+  constexpr int kN = firmware::kNumJoints;
+  using Vector = JointVector<Scalar, kN>;
+  EffectFeedForward<Scalar, kN, kNumJointEffects> effects;
+  std::array<JointEffect<double>, kNumJointEffects> found;
+  for (int kind = 0; kind < kNumJointEffects; ++kind) {
+    found[static_cast<std::size_t>(kind)] = {kind, kind % kN, {0.5, 0.25, 3.0}};
+  }
+  ASSERT_EQ(effects.configure(found), Status::kOk);
+  std::array<JointActuation<Scalar>, static_cast<std::size_t>(kN)> actuation{};
+  int refused = 0;
+  const test::AllocationCount spent = allocations_of([&](const LogRow& row) {
+    const auto vector = [](const float* values) -> Vector {
+      return Eigen::Map<const Eigen::Matrix<float, kN, 1>>(values).cast<Scalar>();
+    };
+    Vector tau = Vector::Zero();
+    refused += effects.add_torque(Scalar(1), vector(row.q), vector(row.qd), vector(row.qdd), vector(row.tau),
+                                  actuation, static_cast<Scalar>(0.01), tau) == Status::kOk
+                   ? 0
+                   : 1;
+  });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_EQ(refused, 0);
+}
+
+TEST_F(Allocation, EffectsInDoubleTakeNothingFromTheHeap) { expect_effects_without_allocation<double>(); }
+
+TEST_F(Allocation, EffectsInFloatTakeNothingFromTheHeap) { expect_effects_without_allocation<float>(); }
 
 TEST_F(Allocation, CycleInDoubleTakesNothingFromTheHeap) { expect_cycle_without_allocation<double>(); }
 

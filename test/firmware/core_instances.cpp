@@ -9,6 +9,7 @@
 #include "heft/core/dynamics/lumped_regressor.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/dynamics/terminal_rows.hpp"
+#include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/estimate/covariance_recursion.hpp"
 #include "heft/core/estimate/factored_equations.hpp"
 #include "heft/core/estimate/instruments.hpp"
@@ -79,6 +80,14 @@ struct DynamicInstances {
   }
   static Scalar friction(const JointActuation<Scalar>& joint, Scalar velocity, Scalar sign_width) {
     return friction_torque(joint, velocity, sign_width);
+  }
+  using Effects = EffectFeedForward<Scalar, N, 8>;
+  static Status set_effects(Effects& effects, const std::array<JointEffect<double>, 8>& found) {
+    return effects.configure(found);
+  }
+  static Status effects(Effects& effects, Scalar time, const Vector& q, const Vector& qd, const Vector& qdd,
+                        const Vector& load, const ArmModel<Scalar, N>& arm, Scalar sign_width, Vector& tau) {
+    return effects.add_torque(time, q, qd, qdd, load, arm.actuation, sign_width, tau);
   }
 };
 

@@ -232,6 +232,110 @@ TEST(ModelFile, RefusesAnotherRobotsJoints) {
               AllOf(HasSubstr("arm.json"), HasSubstr("1 joints"), HasSubstr("expected 2")));
 }
 
+ModelFile with_effects() {
+  ModelFile model = example();
+  int kind = 0;
+  for (const double scale : {0.1, 0.3, 0.7, 1.3, 1.9, 2.3, 0.9, 1.7, 3.1}) {
+    model.effects.push_back({kind, kind % 2, {}});
+    visit_joint_effect(kind++, [&](auto effect) {
+      for (std::size_t i = 0; i < decltype(effect)::kParameters.size(); ++i) {
+        model.effects.back().parameters[i] = scale / static_cast<double>(i + 3);
+      }
+    });
+  }
+  model.elasticities = {{1, 9000.0 / 7.0, 0.1, 1.0 / 3.0}};
+  model.torque_delay = 0.0021;
+  return model;
+}
+
+TEST(ModelFile, CarriesEveryEffectToTheRobot) {
+  const ModelFile written = with_effects();
+  ASSERT_EQ(written.effects.size(), static_cast<std::size_t>(kNumJointEffects));
+  const ModelFile read = parse_model(to_json(written), "arm.json");
+  EXPECT_EQ(to_json(read), to_json(written));
+  EXPECT_TRUE(read.other_fields.empty());
+  Robot applied = test::planar_two_link();
+  apply(read, applied);
+  for (const Robot& robot : {make_robot(read), applied, make_robot(make_model(applied))}) {
+    ASSERT_EQ(robot.effects.size(), written.effects.size());
+    for (std::size_t k = 0; k < written.effects.size(); ++k) {
+      EXPECT_EQ(robot.effects[k].kind, written.effects[k].kind);
+      EXPECT_EQ(robot.effects[k].joint, written.effects[k].joint);
+      EXPECT_EQ(robot.effects[k].parameters, written.effects[k].parameters);
+    }
+    ASSERT_EQ(robot.elasticities.size(), 1U);
+    EXPECT_EQ(robot.elasticities[0].joint, 1);
+    EXPECT_EQ(robot.elasticities[0].stiffness, 9000.0 / 7.0);
+    EXPECT_EQ(robot.elasticities[0].damping, 0.1);
+    EXPECT_EQ(robot.elasticities[0].motor_inertia, 1.0 / 3.0);
+    EXPECT_EQ(robot.torque_delay, 0.0021);
+  }
+}
+
+TEST(ModelFile, WithoutEffectsTakesThoseOfTheRobotAway) {
+  Robot robot = make_robot(with_effects());
+  apply(example(), robot);
+  EXPECT_TRUE(robot.effects.empty());
+  EXPECT_TRUE(robot.elasticities.empty());
+  EXPECT_EQ(robot.torque_delay, 0.0);
+}
+
+TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
+  const auto message = [](const std::string& effects) {
+    std::string text = to_json(example());
+    text.replace(text.find("\"links\""), 0, "\"effects\": " + effects + ", ");
+    return test::message_of<ModelError>([&] { (void)parse_model(text, "arm.json"); });
+  };
+  EXPECT_EQ(message(R"([{"kind": "offset", "joint": 2, "parameters": {"tau0": 1}}])"), "");
+  EXPECT_THAT(message("{}"), AllOf(HasSubstr("arm.json: /effects"), HasSubstr("a list")));
+  EXPECT_THAT(message(R"([{"kind": "backlash", "joint": 1, "parameters": {}}])"),
+              AllOf(HasSubstr("arm.json: /effects/0/kind"), HasSubstr("\"backlash\""), HasSubstr("stribeck"),
+                    HasSubstr("elasticity, delay")));
+  EXPECT_THAT(message(R"([{"kind": "base_tilt", "joint": null, "parameters": {}}])"),
+              HasSubstr("/kinematics/gravity"));
+  EXPECT_THAT(message(R"([{"kind": "offset", "joint": 3, "parameters": {"tau0": 1}}])"),
+              AllOf(HasSubstr("/effects/0/joint"), HasSubstr("found 3"), HasSubstr("1 to 2")));
+  EXPECT_THAT(message(R"([{"kind": "offset", "joint": null, "parameters": {"tau0": 1}}])"),
+              AllOf(HasSubstr("/effects/0/joint"), HasSubstr("found null"), HasSubstr("1 to 2")));
+  EXPECT_THAT(message(R"([{"kind": "stribeck", "joint": 1, "parameters": {"Fs": 1}}])"),
+              AllOf(HasSubstr("/effects/0/parameters/vs: missing"), HasSubstr("rad/s")));
+  EXPECT_THAT(message(R"([{"kind": "stribeck", "joint": 1, "parameters": {"Fs": 1, "vs": 0}}])"),
+              AllOf(HasSubstr("/effects/0/parameters"), HasSubstr("above zero")));
+  EXPECT_THAT(message(R"([{"kind": "hysteresis", "joint": 1, "parameters": {"x0": 0}}])"),
+              AllOf(HasSubstr("/effects/0/parameters"), HasSubstr("above zero")));
+  EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"damping": 1}}])"),
+              HasSubstr("/effects/0/parameters/stiffness: missing"));
+  EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": -1}}])"),
+              AllOf(HasSubstr("/effects/0/parameters/stiffness"), HasSubstr("found -1")));
+  EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1}},
+                          {"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 2}}])"),
+              AllOf(HasSubstr("/effects/1"), HasSubstr("second elasticity of joint 1")));
+  EXPECT_THAT(message(R"([{"kind": "delay", "joint": 1, "parameters": {"delay": 0.002}}])"),
+              AllOf(HasSubstr("/effects/0/joint"), HasSubstr("all joints")));
+  EXPECT_THAT(message(R"([{"kind": "delay", "parameters": {"delay": -0.002}}])"),
+              AllOf(HasSubstr("/effects/0/parameters/delay"), HasSubstr("0 or more")));
+}
+
+TEST(ModelFile, BringsTheGravityItWasFittedWith) {
+  Robot robot = test::planar_two_link();
+  robot.base_link = "floor";
+  Robot tilted = robot;
+  tilted.gravity = {0.3, -9.7, 0.1};
+  const ModelFile model = make_model(tilted);
+  std::vector<std::string> notes;
+  Robot applied = robot;
+  apply(model, applied, &notes);
+  EXPECT_EQ(applied.gravity, tilted.gravity);
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_THAT(notes[0], AllOf(HasSubstr("gravity (0.3, -9.7, 0.1)"), HasSubstr("the model's is used")));
+  // Another base frame: the vector would mean something else.
+  applied = robot;
+  applied.base_link = "trolley";
+  apply(model, applied, &notes);
+  EXPECT_EQ(applied.gravity, robot.gravity);
+  EXPECT_THAT(notes.back(), HasSubstr("another link"));
+}
+
 TEST(ModelFile, SaysWhenItWasMadeForARobotOfAnotherName) {
   Robot robot = test::planar_two_link();
   ModelFile model = example();

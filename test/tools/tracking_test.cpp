@@ -10,6 +10,8 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/host/file.hpp"
+#include "heft/model/model_file.hpp"
+#include "heft/urdf/urdf_import.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft {
@@ -124,6 +126,61 @@ TEST(Track, WorksOnAnArmWithAPrismaticAxis) {
   const Outcome outcome = run_heft({"track", "--scenario", folder.path("scara.json"), "--json", "-"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(nlohmann::json::parse(outcome.out)["controllers"][3]["rms_error"].size(), 4U);
+}
+
+constexpr const char* kScaraWith = R"({
+  "robot": "scara", "duration": 6.0, "sample_rate": 1000,
+  "reference": {"kind": "fourier", "q0": [0.3, 0.8, 0.05, 0.0], "amplitude": [[0.5], [0.5], [0.03], [0.6]],
+    "frequency_hz": [[0.4], [0.5], [0.45], [0.35]], "phase": [[0], [1], [2], [3]], "ramp": 1.0},
+  "effects": [EFFECT]
+})";
+
+/// Error of computed torque at a joint (from 1) under an effect, without and with the effect in the model.
+std::vector<double> errors_with(const std::string& effect, std::size_t joint, const model::Robot& informed) {
+  const test::TemporaryFolder folder;
+  std::string scenario = kScaraWith;
+  scenario.replace(scenario.find("EFFECT"), 6, effect);
+  folder.write("s.json", scenario);
+  std::vector<double> errors;
+  for (const bool with : {false, true}) {
+    model::Robot believed = urdf::load_urdf(urdf::resolve_robot("scara"));
+    model::write_model(folder.path("m.json"), model::make_model(with ? informed : believed));
+    const Outcome outcome = run_heft({"track", "--scenario", folder.path("s.json"), "--model",
+                                      folder.path("m.json"), "--from", "1.5", "--json", "-"});
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    if (outcome.exit_code != 0) return {1.0, 1.0};
+    errors.push_back(
+        nlohmann::json::parse(outcome.out)["controllers"][2]["rms_error"][joint - 1].get<double>());
+  }
+  return errors;
+}
+
+template <typename Effect>
+model::Robot scara_with(int joint, EffectParameters<double> parameters) {
+  model::Robot robot = urdf::load_urdf(urdf::resolve_robot("scara"));
+  robot.effects = {{joint_effect_kind<Effect>(), joint, parameters}};
+  return robot;
+}
+
+TEST(Track, FeedsTheModelsEffectsForward) {
+  std::vector<double> errors = errors_with(R"({"kind": "stribeck", "joint": 2, "Fs": 3.0, "vs": 0.6})", 2,
+                                           scara_with<Stribeck>(1, {3.0, 0.6}));
+  EXPECT_LT(errors[1], 0.2 * errors[0]);
+  errors = errors_with(R"({"kind": "ripple", "joint": 1, "A": 4.0, "n": 12, "phase": 0.5})", 1,
+                       scara_with<Ripple>(0, {4.0, 12, 0.5}));
+  EXPECT_LT(errors[1], 0.2 * errors[0]);
+  errors =
+      errors_with(R"({"kind": "hysteresis", "joint": 2, "x0": 0.15})", 2, scara_with<Hysteresis>(1, {0.15}));
+  EXPECT_LT(errors[1], 0.2 * errors[0]);
+}
+
+TEST(Track, LeadsTheMotorsOfElasticJoints) {
+  model::Robot robot = urdf::load_urdf(urdf::resolve_robot("scara"));
+  robot.elasticities = {{1, 400.0, 1.0, 0.1}};
+  const std::vector<double> errors = errors_with(
+      R"({"kind": "elasticity", "joint": 2, "stiffness": 400, "damping": 1.0, "motor_inertia": 0.1})", 2,
+      robot);
+  EXPECT_LT(errors[1], 0.2 * errors[0]);
 }
 
 TEST(Track, AsksForAReference) {

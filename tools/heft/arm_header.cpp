@@ -4,6 +4,8 @@
 #include <cctype>
 #include <cmath>
 #include <set>
+#include <string>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -54,6 +56,54 @@ std::string plain(const std::string& text) {
   return safe;
 }
 
+/// A constant list, an entry a line.
+std::string list_text(const std::string& type, const std::string& name,
+                      const std::vector<std::string>& entries) {
+  std::string text =
+      fmt::format("  static constexpr std::array<heft::{}<double>, {}> {}{{", type, entries.size(), name);
+  if (entries.empty()) return text + "};\n";
+  text += "{\n";
+  for (const std::string& entry : entries) text += fmt::format("      {},\n", entry);
+  return text + "  }};\n";
+}
+
+/// Gear couplings, joint effects, elastic joints and delay; joints counted from 0.
+std::string effects_text(const model::Robot& robot) {
+  std::vector<std::string> couplings, effects, elasticities;
+  for (const GearCoupling<double>& c : robot.couplings) {
+    couplings.push_back(fmt::format("{{{}, {}, {}, {}, {}, {}}}", c.driving, c.driven, literal(c.ratio),
+                                    literal(c.rotor_inertia), literal(c.coulomb_friction),
+                                    literal(c.viscous_friction)));
+  }
+  for (const JointEffect<double>& effect : robot.effects) {
+    visit_joint_effect(effect.kind, [&](auto type) {
+      using Effect = decltype(type);
+      std::string values, meaning;
+      std::size_t i = 0;
+      for (const EffectParameter& parameter : Effect::kParameters) {
+        values += (i > 0 ? ", " : "") + literal(effect.parameters[i]);
+        meaning += fmt::format("{}{}", i > 0 ? ", " : "", parameter.name);
+        ++i;
+      }
+      effects.push_back(fmt::format("// {}: {}\n      {{heft::joint_effect_kind(\"{}\"), {}, {{{}}}}}",
+                                    Effect::kEquation, meaning, Effect::kId, effect.joint, values));
+    });
+  }
+  for (const Elasticity<double>& e : robot.elasticities) {
+    elasticities.push_back(fmt::format("{{{}, {}, {}, {}}}", e.joint, literal(e.stiffness),
+                                       literal(e.damping), literal(e.motor_inertia)));
+  }
+  return "  /// Motors that turn with two joints: driving, driven, ratio, rotor inertia, Coulomb, "
+         "viscous.\n" +
+         list_text("GearCoupling", "kCouplings", couplings) +
+         "  /// What acts at joints besides, for heft::EffectFeedForward: kind, joint, parameters.\n" +
+         list_text("JointEffect", "kEffects", effects) +
+         "  /// Joints that give: joint, stiffness, damping, motor inertia.\n" +
+         list_text("Elasticity", "kElasticities", elasticities) +
+         "  /// The torque channel reports the torque of this long ago [s].\n" +
+         fmt::format("  static constexpr double kTorqueDelay = {};\n", literal(robot.torque_delay));
+}
+
 }  // namespace
 
 std::string type_name_of(const std::string& robot_name) {
@@ -89,7 +139,9 @@ std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names) {
   std::string text = fmt::format(
       "/// @file\n/// Robot \"{}\" with {} joints, written by `heft export` from {}.\n/// Do not edit: "
       "export again.\n"
-      "#pragma once\n\n#include <array>\n\n#include \"heft/core/arm_model.hpp\"\n\n",
+      "#pragma once\n\n#include <array>\n\n#include \"heft/core/arm_model.hpp\"\n"
+      "#include \"heft/core/effects/effects.hpp\"\n#include \"heft/core/effects/elasticity.hpp\"\n"
+      "#include \"heft/core/friction/gear_coupling.hpp\"\n\n",
       plain(robot.name), robot.num_joints(), plain(names.source_of_truth));
   if (!names.name_space.empty()) text += fmt::format("namespace {} {{\n\n", names.name_space);
   text +=
@@ -125,6 +177,7 @@ std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names) {
                       braces(robot.tip_rotation, true));
   text += fmt::format("  static constexpr std::array<double, 3> kTipPosition{};\n",
                       braces(robot.tip_position, false));
+  text += effects_text(robot);
   text += "};\n";
   if (!names.name_space.empty()) text += fmt::format("\n}}  // namespace {}\n", names.name_space);
   return text;

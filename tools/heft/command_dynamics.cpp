@@ -1,5 +1,6 @@
 /// @file
 /// heft dynamics: inverse dynamics, gravity torque or regressor for each row of a log.
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <optional>
@@ -13,6 +14,7 @@
 #include "console.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/model/motion_torque.hpp"
 #include "heft/report/report.hpp"
 #include "options.hpp"
 #include "torque_score.hpp"
@@ -67,16 +69,20 @@ LogResult work_on(const std::string& path, const Options& options, const model::
   const int n = dynamics.num_joints();
   const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;
   const bool is_gravity = options.what == "gravity";
+  const bool is_torque = options.what == "torque";
   data::LogRequirements needs;
   needs.num_joints = n;
   needs.robot_name = dynamics.robot().name;
   needs.velocity = needs.acceleration = !is_gravity;
-  needs.min_samples = 1;  // each row stands for itself; what has to be derived asks for more
+  needs.min_samples = 1;  // what has to be derived asks for more
   LogResult result{prepare_log(path, options.log, needs).log, {}, {}};
   const data::Log& log = result.log;
   const int num_samples = log.num_samples();
   if (options.what != "regressor") result.torque.resize(num_samples, n);
 
+  // What the model holds beyond one instant (memory, deflection, delay) goes on from row to row.
+  model::MotionTorque motion(dynamics.robot());
+  constexpr int kRowsAtOnce = 1024;
   Progress progress(path);
   for (int k = 0; k < num_samples; ++k) {
     progress.update(static_cast<double>(k) / num_samples);
@@ -87,18 +93,21 @@ LogResult work_on(const std::string& path, const Options& options, const model::
       append_row(csv, log.time[k], result.torque.row(k));
       continue;
     }
-    const Eigen::VectorXd qd = log.qd.row(k);
-    const Eigen::VectorXd qdd = log.qdd.row(k);
-    if (options.what == "regressor") {
-      const Eigen::MatrixXd Y = dynamics.regressor(q, qd, qdd);
-      append_row(csv, log.time[k],
-                 Y.leftCols(at_motor ? Y.cols() : Eigen::Index{10 * n}).reshaped<Eigen::RowMajor>().eval());
-    } else {
-      result.torque.row(k) = dynamics.joint_torque(q, qd, qdd);
+    if (is_torque) {
+      if (k % kRowsAtOnce == 0) {
+        const int count = std::min(kRowsAtOnce, num_samples - k);
+        result.torque.middleRows(k, count) =
+            motion.torque(log.time.segment(k, count).array() - log.time[0], log.q.middleRows(k, count),
+                          log.qd.middleRows(k, count), log.qdd.middleRows(k, count));
+      }
       append_row(csv, log.time[k], result.torque.row(k));
+      continue;
     }
+    const Eigen::MatrixXd Y = dynamics.regressor(q, log.qd.row(k), log.qdd.row(k));
+    append_row(csv, log.time[k],
+               Y.leftCols(at_motor ? Y.cols() : Eigen::Index{10 * n}).reshaped<Eigen::RowMajor>().eval());
   }
-  if (options.what == "torque" && log.tau.cols() == n) {
+  if (is_torque && log.tau.cols() == n) {
     result.score = score_torque(log, result.torque, options.log.band);
   }
   return result;

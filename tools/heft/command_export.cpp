@@ -51,7 +51,10 @@ Action set_up_export(CLI::App& app) {
   add_output_option(app, options->output, "the header (.hpp); - is standard output");
   app.footer(
       "The header needs heft's core alone. Its struct is a description for the compile-time dynamics:\n"
-      "a member kModel of type heft::ArmModel<double, N>.\n"
+      "a member kModel of type heft::ArmModel<double, N>, and beside it kCouplings, kEffects (for\n"
+      "heft::EffectFeedForward), kElasticities and kTorqueDelay with what a model holds besides rigid bodies "
+      "and\n"
+      "friction.\n"
       "Example: heft export --urdf ur5e --model fitted.json --namespace app -o ur5e.hpp");
   return [options] { run(*options); };
 }

@@ -54,6 +54,26 @@ void take_friction(const std::string& path, model::Robot& robot) {
   }
 }
 
+/// What acts undeclared in the scenario is what controllers do not know, unless a model tells them.
+void forget_effects(model::Robot& robot) {
+  robot.couplings.clear();
+  robot.effects.clear();
+  robot.elasticities.clear();
+  robot.torque_delay = 0.0;
+}
+
+/// Reference less position; for elastic joints that of the link, which the motor's encoder does not see.
+Eigen::MatrixXd tracking_error(const data::Log& log, const model::Robot& robot) {
+  Eigen::MatrixXd error = log.qref - log.q;
+  for (const Elasticity<double>& elasticity : robot.elasticities) {
+    const std::string name = fmt::format("qlink{}", elasticity.joint + 1);
+    for (const auto& [column, values] : log.extra) {
+      if (column == name) error.col(elasticity.joint) = log.qref.col(elasticity.joint) - values;
+    }
+  }
+  return error;
+}
+
 /// Settings from the scenario's controller of kind "track"; defaults with any other kind.
 TrackingSettings read_settings(const sim::Scenario& scenario) {
   TrackingSettings settings;
@@ -107,15 +127,18 @@ void run(const Options& options) {
                     options.scenario, base.duration, options.from));
   }
   model::Robot nominal = base.robot;
+  forget_effects(nominal);
   take_friction(options.scenario, nominal);
   if (!options.model.empty()) {
     std::vector<std::string> notes;
     model::apply(model::read_model(options.model), nominal, &notes);
     for (const std::string& text : notes) note(text);
   }
-  if (base.gravity) {
+  const Eigen::Vector3d believed = Eigen::Map<const Eigen::Vector3d>(nominal.gravity.data());
+  if (base.gravity && !base.gravity->isApprox(believed, 1e-6)) {
     // The controllers believe the base to be as the scenario's robot has it; a tilt is for the plant alone.
-    note(fmt::format("{}: gravity differs from the robot's; the controllers are not told", options.scenario));
+    note(fmt::format("{}: gravity differs from the {}; the controllers are not told", options.scenario,
+                     options.model.empty() ? "robot's" : "model's"));
   }
   TrackingSettings settings = read_settings(scenario);
   settings.torque_limit = base.torque_limit;
@@ -132,8 +155,10 @@ void run(const Options& options) {
           sim::SimulationSettings own = base;
           own.controller = make_tracking_controller(
               kMethods[i], nominal, settings, kMethods[i] == TrackingMethod::kEstimated ? trace : nullptr);
+          own.log_truth = own.log_truth || !base.robot.elasticities.empty();
           sim::SimulationResult result = sim::simulate(own);
-          runs[i] = {to_string(kMethods[i]), result.log.time, result.log.qref - result.log.q, result.log.tau};
+          runs[i] = {to_string(kMethods[i]), result.log.time, tracking_error(result.log, base.robot),
+                     result.log.tau};
           if (kMethods[i] == TrackingMethod::kEstimated) events = std::move(result.events);
         },
         [&](double done) { progress.update(done); });
@@ -162,11 +187,13 @@ void run(const Options& options) {
 
   const double mass = trace->mass.empty() ? std::nan("") : trace->mass.back();
   const double half = trace->mass.empty() ? std::nan("") : trace->mass_half_width.back();
-  nlohmann::ordered_json json{{"scenario", options.scenario},
-                              {"robot", base.robot.name},
-                              {"bandwidth_hz", settings.bandwidth_hz},
-                              {"from", options.from},
-                              {"controllers", tracking_json(counted)}};
+  nlohmann::ordered_json json{
+      {"scenario", options.scenario},
+      {"robot", base.robot.name},
+      {"bandwidth_hz", settings.bandwidth_hz},
+      {"from", options.from},
+      {"model_effects", nominal.effects.size() + nominal.elasticities.size() + nominal.couplings.size()},
+      {"controllers", tracking_json(counted)}};
   if (!after.empty()) {
     json["after_last_payload_event"] = {{"from", settled}, {"controllers", tracking_json(after)}};
   }
@@ -258,9 +285,10 @@ Action set_up_track(CLI::App& app) {
                  "robot, motion, sensors, events (JSON), as heft simulate takes it")
       ->type_name("SCENARIO.json")
       ->required();
-  app.add_option("--model", options->model,
-                 "model file with what the controllers believe; without it the scenario's robot and "
-                 "friction, without load")
+  app.add_option(
+         "--model", options->model,
+         "model file with what the controllers believe, effects included; without it the scenario's robot "
+         "and friction, without load and effects")
       ->type_name("MODEL.json");
   app.add_option("--from", options->from, "[s] errors count from here on")
       ->check(CLI::NonNegativeNumber)
@@ -275,6 +303,10 @@ Action set_up_track(CLI::App& app) {
       "rows (1: torques of joints k..n go to the estimator), filter_hz (20), mass_prior [kg] (a third of the "
       "arm's mass),\n"
       "torque_residual (per joint, from friction and weight).\n"
+      "Effects of the scenario are the arm's alone. With a --model that holds them computed torque feeds "
+      "them "
+      "forward along\n"
+      "the reference. The error of an elastic joint is that of its link.\n"
       "Example: heft track --scenario pick.json --report pick.html");
   return [options] { run(*options); };
 }

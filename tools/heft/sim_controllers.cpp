@@ -10,6 +10,7 @@
 
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/dynamics/regressor.hpp"
+#include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/host/error.hpp"
@@ -26,6 +27,126 @@ constexpr double kSignWidth = 0.02;
 /// Slower than this the sign of friction is not known [rad/s, m/s].
 constexpr double kUncertainSpeed = 0.06;
 
+/// Effects of a model that a controller has room for.
+constexpr int kMaxEffects = 64;
+
+/// The robot with what has a place in its actuation put there: rotor inertia, offset, motors behind elastic joints.
+model::Robot with_actuation_of_effects(model::Robot robot) {
+  std::vector<JointEffect<double>> others;
+  for (const JointEffect<double>& effect : robot.effects) {
+    JointActuation<double>& actuation = robot.joints[static_cast<std::size_t>(effect.joint)].actuation;
+    if (effect.kind == joint_effect_kind<RotorInertia>()) {
+      actuation.rotor_inertia += effect.parameters[0];
+    } else if (effect.kind == joint_effect_kind<Offset>()) {
+      actuation.friction_offset += effect.parameters[0];
+    } else {
+      others.push_back(effect);
+    }
+  }
+  robot.effects = std::move(others);
+  for (const Elasticity<double>& elasticity : robot.elasticities) {
+    robot.joints[static_cast<std::size_t>(elasticity.joint)].actuation.rotor_inertia +=
+        elasticity.motor_inertia;
+  }
+  return robot;
+}
+
+template <int N>
+EffectFeedForward<double, N, kMaxEffects> effects_of(const model::Robot& robot) {
+  EffectFeedForward<double, N, kMaxEffects> effects;
+  for (const JointEffect<double>& effect : robot.effects) {
+    if (effects.add(effect) != Status::kOk) {
+      throw ModelError(
+          fmt::format("tracking: robot \"{}\" has {} effects on {} joints; expected at most {}, each "
+                      "of a joint and with finite values",
+                      robot.name, robot.effects.size(), N, kMaxEffects));
+    }
+  }
+  return effects;
+}
+
+/// Adds the torque of gear couplings.
+template <typename Vector>
+void add_couplings(const std::vector<GearCoupling<double>>& couplings, const Vector& qd, const Vector& qdd,
+                   Vector& tau) {
+  for (const GearCoupling<double>& coupling : couplings) {
+    const double shared = gear_coupling_torque(
+        coupling, shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]),
+        shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]), kSignWidth);
+    tau[coupling.driven] += shared;
+    tau[coupling.driving] += coupling.ratio * shared;
+  }
+}
+
+/// What a model holds beyond rigid bodies and declared friction, along the reference: joint effects, gear couplings
+/// and where the motors of elastic joints have to be for the links to follow.
+template <int N>
+class ModelFeedForward {
+ public:
+  using Arm = DynamicArm<double, N>;
+  using Vector = JointVector<double, N>;
+
+  /// @param friction  false leaves out declared friction, and with it what scales it
+  ModelFeedForward(const model::Robot& nominal, bool friction)
+      : nominal_(model::to_arm_model<N>(nominal)),
+        actuation_(nominal_.model().actuation),
+        couplings_(nominal.couplings),
+        elasticities_(nominal.elasticities),
+        effects_(effects_of<N>(nominal)) {
+    if (friction) return;
+    for (JointActuation<double>& actuation : actuation_) actuation = {actuation.rotor_inertia, 0, 0, 0};
+  }
+
+  bool needed() const { return effects_.count() > 0 || !couplings_.empty() || !elasticities_.empty(); }
+
+  /// Takes the next point of the reference.
+  /// @param arm  with the load that is believed to be there
+  Status update(double time, double sample_time, const Arm& arm, const JointReference<double, N>& reference) {
+    const Vector load = inverse_dynamics(arm, reference.q, reference.qd, reference.qdd);
+    deflection = rate = acceleration = Vector::Zero();
+    if (!elasticities_.empty()) {
+      // θ = x + τ/K. An estimated load comes in steps: the derivatives are those of the nominal arm.
+      const Vector steady = inverse_dynamics(nominal_, reference.q, reference.qd, reference.qdd);
+      const Vector change =
+          points_ > 0 ? Vector((steady - last_load_) / sample_time) : Vector(Vector::Zero());
+      const Vector change_of_change =
+          points_ > 1 ? Vector((change - last_change_) / sample_time) : Vector(Vector::Zero());
+      last_load_ = steady;
+      last_change_ = change;
+      ++points_;
+      for (const Elasticity<double>& elasticity : elasticities_) {
+        const int j = elasticity.joint;
+        deflection[j] = load[j] / elasticity.stiffness;
+        rate[j] = change[j] / elasticity.stiffness;
+        acceleration[j] = change_of_change[j] / elasticity.stiffness;
+      }
+    }
+    const Vector q = reference.q + deflection, qd = reference.qd + rate, qdd = reference.qdd + acceleration;
+    torque = Vector::Zero();
+    for (const Elasticity<double>& elasticity : elasticities_) {
+      const int j = elasticity.joint;
+      torque[j] += actuation_[static_cast<std::size_t>(j)].rotor_inertia * acceleration[j];
+    }
+    add_couplings(couplings_, qd, qdd, torque);
+    return effects_.add_torque(time, q, qd, qdd, load, actuation_, kSignWidth, torque);
+  }
+
+  // Of the last point.
+  Vector torque = Vector::Zero();      ///< beyond rigid bodies, rotors and declared friction
+  Vector deflection = Vector::Zero();  ///< motor before link [rad, m]
+  Vector rate = Vector::Zero();        ///< its derivatives
+  Vector acceleration = Vector::Zero();
+
+ private:
+  Arm nominal_;
+  std::array<JointActuation<double>, static_cast<std::size_t>(N)> actuation_;
+  std::vector<GearCoupling<double>> couplings_;
+  std::vector<Elasticity<double>> elasticities_;
+  EffectFeedForward<double, N, kMaxEffects> effects_;
+  Vector last_load_ = Vector::Zero(), last_change_ = Vector::Zero();
+  int points_{0};
+};
+
 /// The load, sample by sample: filters, residual of the nominal arm, recursion, change detection.
 ///
 /// Motion comes from encoder positions through the state-variable filter; the torque, with the friction that the
@@ -40,7 +161,11 @@ class LoadObserver {
 
   LoadObserver(const model::Robot& nominal, const TrackingSettings& settings,
                std::shared_ptr<LoadTrace> trace)
-      : settings_(settings), arm_(model::to_arm_model<N>(nominal)), trace_(std::move(trace)) {
+      : settings_(settings),
+        arm_(model::to_arm_model<N>(nominal)),
+        trace_(std::move(trace)),
+        couplings_(nominal.couplings),
+        effects_(effects_of<N>(nominal)) {
     double weight = 0, reach = 0;
     for (const model::RobotJoint& joint : nominal.joints) {
       weight += joint.link[kMass];
@@ -106,6 +231,16 @@ class LoadObserver {
       rigid[i] -=
           friction_torque(arm_.model().actuation[static_cast<std::size_t>(i)], middle_qd[i], kSignWidth);
     }
+    if (effects_.count() > 0 || !couplings_.empty()) {
+      const Vector zero = Vector::Zero();
+      Vector known = zero;
+      add_couplings(couplings_, middle_qd, zero, known);
+      const Vector load = inverse_dynamics(arm_, middle_q, middle_qd, zero);
+      if (effects_.add_torque(m.time, middle_q, middle_qd, zero, load, arm_.model().actuation, kSignWidth,
+                              known) != Status::kOk)
+        return;
+      rigid -= known;
+    }
     if (motion_.update(middle_q, m.sample_time) != Status::kOk ||
         torque_.update(rigid, m.sample_time) != Status::kOk)
       return;
@@ -121,6 +256,12 @@ class LoadObserver {
     Vector residual = torque_.value() - inverse_dynamics(arm_, q, qd, qdd);
     for (int i = 0; i < N; ++i) {
       residual[i] -= arm_.model().actuation[static_cast<std::size_t>(i)].rotor_inertia * qdd[i];
+    }
+    for (const GearCoupling<double>& coupling : couplings_) {
+      const double shared =
+          coupling.rotor_inertia * shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]);
+      residual[coupling.driven] -= shared;
+      residual[coupling.driving] -= coupling.ratio * shared;
     }
     if (time < quiet_until_) return record(time);
     if (reset_due_) {
@@ -260,6 +401,8 @@ class LoadObserver {
   TrackingSettings settings_;
   Arm arm_;
   std::shared_ptr<LoadTrace> trace_;
+  std::vector<GearCoupling<double>> couplings_;
+  EffectFeedForward<double, N, kMaxEffects> effects_;
   Estimator estimator_;
   StateVariableFilter<double, N> motion_, torque_;
   typename Estimator::Row prior_variance_{};
@@ -283,7 +426,10 @@ class TrackingController final : public sim::Controller {
 
   TrackingController(TrackingMethod method, const model::Robot& nominal, const TrackingSettings& settings,
                      std::shared_ptr<LoadTrace> trace)
-      : method_(method), nominal_(model::to_arm_model<N>(nominal)), arm_(nominal_) {
+      : method_(method),
+        nominal_(model::to_arm_model<N>(nominal)),
+        arm_(nominal_),
+        beyond_(nominal, settings.friction_feed_forward) {
     const double w = 2 * std::numbers::pi * settings.bandwidth_hz;
     typename JointFeedback<double, N>::Config config;
     const bool scaled = method == TrackingMethod::kPd || method == TrackingMethod::kPdGravity;
@@ -311,7 +457,7 @@ class TrackingController final : public sim::Controller {
     }
   }
 
-  void control(double, const sim::Measurement& m, Eigen::Ref<Eigen::VectorXd> torque) override {
+  void control(double t, const sim::Measurement& m, Eigen::Ref<Eigen::VectorXd> torque) override {
     JointReference<double, N> reference;
     reference.q = m.q_ref;
     reference.qd = m.qd_ref;
@@ -335,16 +481,34 @@ class TrackingController final : public sim::Controller {
         for (std::size_t i = 0; i < last.size(); ++i) last[i] += observer_->load()[i];
         arm_.set_link(N - 1, last);
       }
-      status = computed_torque(feedback_, arm_, friction_, reference, q, qd, tau, record);
+      status = beyond_.needed() ? extended(t, m.sample_time, reference, q, qd, tau, record)
+                                : computed_torque(feedback_, arm_, friction_, reference, q, qd, tau, record);
     }
     // A measurement that is not finite leaves the torque as it was.
     if (status == Status::kOk) torque = tau;
   }
 
  private:
+  /// Computed torque for the links of elastic joints, everything else that the model holds fed forward.
+  Status extended(double t, double sample_time, const JointReference<double, N>& reference, const Vector& q,
+                  const Vector& qd, Vector& tau, ControlRecord& record) {
+    if (const Status status = beyond_.update(t, sample_time, arm_, reference); status != Status::kOk)
+      return status;
+    // The encoders sit on the motors; the links are where the reference's torque bends the joints to.
+    const Vector link_q = q - beyond_.deflection, link_qd = qd - beyond_.rate;
+    const Vector qdd = commanded_acceleration<double, N>(feedback_, reference, link_q, link_qd);
+    Vector wanted = inverse_dynamics(arm_, link_q, link_qd, qdd) +
+                    friction_.torque(reference.qd + beyond_.rate) + beyond_.torque;
+    for (int i = 0; i < N; ++i) {
+      wanted[i] += nominal_.actuation[static_cast<std::size_t>(i)].rotor_inertia * qdd[i];
+    }
+    return feedback_.limit(wanted, tau, record);
+  }
+
   TrackingMethod method_;
   ArmModel<double, N> nominal_;
   Arm arm_;
+  ModelFeedForward<N> beyond_;
   JointFeedback<double, N> feedback_;
   FrictionFeedForward<double, N> friction_;
   std::unique_ptr<LoadObserver<N>> observer_;
@@ -406,7 +570,7 @@ Eigen::VectorXd mean_inertia(const model::Robot& robot, const sim::Reference& re
 std::shared_ptr<sim::Controller> make_tracking_controller(TrackingMethod method, const model::Robot& nominal,
                                                           const TrackingSettings& settings,
                                                           std::shared_ptr<LoadTrace> trace) {
-  return make_sized<1>(method, nominal, settings, std::move(trace));
+  return make_sized<1>(method, with_actuation_of_effects(nominal), settings, std::move(trace));
 }
 
 }  // namespace heft::tools

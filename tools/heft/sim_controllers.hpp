@@ -57,9 +57,11 @@ struct LoadTrace {
 Eigen::VectorXd mean_inertia(const model::Robot& robot, const sim::Reference& reference, double duration);
 
 /// A controller for the simulator.
-/// @param nominal  the arm as the controller believes it to be, friction and rotors included, without load
+/// @param nominal  the arm as the controller believes it to be, without load: friction, rotors, gear couplings,
+///                 effects and elastic joints are fed forward along the reference by computed torque, and taken off
+///                 what the estimator sees
 /// @param trace    filled by kEstimated; may be null
-/// @throws ModelError when the robot has more joints than heft handles
+/// @throws ModelError when the robot has more joints or effects than heft handles
 std::shared_ptr<sim::Controller> make_tracking_controller(TrackingMethod method, const model::Robot& nominal,
                                                           const TrackingSettings& settings,
                                                           std::shared_ptr<LoadTrace> trace = nullptr);

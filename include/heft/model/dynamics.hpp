@@ -17,7 +17,8 @@ inline constexpr int kMaxJoints = 10;
 /// All torques on the link side [N·m, N on a prismatic joint], sign along positive q.
 class Dynamics {
  public:
-  /// @throws ModelError when the robot has no joint or more than kMaxJoints.
+  /// @throws ModelError when the robot has no joint or more than kMaxJoints, or an effect or elasticity that
+  ///         no joint can have: of a joint or kind that does not exist, a stiffness that is not positive.
   explicit Dynamics(const Robot& robot);
   ~Dynamics();
   Dynamics(Dynamics&&) noexcept;
@@ -29,8 +30,10 @@ class Dynamics {
   /// Rigid-body inverse dynamics with gravity, without actuation terms. All n.
   Eigen::VectorXd inverse_dynamics(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                                    const Eigen::VectorXd& qdd) const;
-  /// inverse_dynamics plus rotor inertia, Coulomb (sign, 0 at standstill), viscous and offset terms, and gear
-  /// couplings.
+  /// inverse_dynamics plus rotor inertia, Coulomb (sign, 0 at standstill), viscous and offset terms, gear
+  /// couplings and joint effects: everything that one instant tells. What depends on more is left to
+  /// MotionTorque; here friction has turned over at once after a reversal (no hysteresis), a joint that warms up
+  /// is cold, an elastic joint is rigid with its motor's inertia, and the torque channel has no delay.
   /// @param sign_width  [rad/s, m/s] the sign becomes tanh(velocity / width), for joints that rest with a noisy
   ///                    velocity; as in velocity_sign
   Eigen::VectorXd joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,

@@ -10,6 +10,10 @@
 ///                "viscous_friction": 2.0, "friction_offset": 0.0}, ... ],
 ///   "gear_couplings": [ {"driving": 5, "driven": 6, "ratio": 1.0, "rotor_inertia": 0.01,
 ///                        "coulomb_friction": 2.0, "viscous_friction": 0.6} ],
+///   "effects": [ {"kind": "stribeck", "joint": 2, "parameters": {"Fs": 1.2, "vs": 0.05}},
+///                {"kind": "elasticity", "joint": 1,
+///                 "parameters": {"stiffness": 9000, "damping": 8, "motor_inertia": 0.6}},
+///                {"kind": "delay", "joint": null, "parameters": {"delay": 0.002}} ],
 ///   "kinematics": {"base_link": "base", "tip_link": "flange", "gravity": [0, 0, -9.81],
 ///                  "tip": {"rotation": [nine, row-major], "position": [three]},
 ///                  "joints": [ {"type": "revolute", "rotation": [nine], "position": [three], "axis": [three],
@@ -23,10 +27,17 @@
 /// @endcode
 ///
 /// Inertia is about the origin of the link frame of the URDF that the model was made with. Link k is the link
-/// that joint k moves, with everything fixed to it. Joints in `gear_couplings` count from 1. With `kinematics`
-/// (frames as in heft::Joint and Robot, null for a limit that is not stated) the file is a whole robot and needs
-/// no URDF. `joints`, `gear_couplings`, `kinematics`, `standard_deviations`, `covariance`, `fit` and `provenance`
-/// may be missing. Fields that heft does not know are kept when a file is read and written again.
+/// that joint k moves, with everything fixed to it. Joints in `gear_couplings` and `effects` count from 1. With
+/// `kinematics` (frames as in heft::Joint and Robot, null for a limit that is not stated) the file is a whole robot
+/// and needs no URDF. `joints`, `gear_couplings`, `effects`, `kinematics`, `standard_deviations`, `covariance`,
+/// `fit` and `provenance` may be missing. Fields that heft does not know are kept when a file is read and written
+/// again.
+///
+/// `effects` holds what acts besides rigid bodies, friction and couplings. Kinds are the joint effects of
+/// core/effects/effects.hpp with the parameters that they name, `elasticity` of a joint (`damping` and
+/// `motor_inertia` may be missing) and `delay` of the torque channel, for the whole arm. Other findings have places
+/// of their own: motors that turn with two joints in `gear_couplings`, a base that stands off level in
+/// `kinematics.gravity`, a body on the tool in the last of `links`.
 #pragma once
 
 #include <array>
@@ -103,7 +114,10 @@ struct ModelFile {
   std::vector<InertialParameters<double>> links;  ///< one a joint, base first
   std::vector<JointActuation<double>> actuation;  ///< one a joint
   std::vector<GearCoupling<double>> couplings;
-  std::optional<Kinematics> kinematics;  ///< makes the file a whole robot
+  std::vector<JointEffect<double>> effects;      ///< joints counted from 0
+  std::vector<Elasticity<double>> elasticities;  ///< joints counted from 0
+  double torque_delay{0.0};                      ///< as in Robot [s]
+  std::optional<Kinematics> kinematics;          ///< makes the file a whole robot
   /// Of the 14n full parameters in the regressor's order: ten a link, then rotor inertia, Coulomb, viscous
   /// and offset blocks. NaN (JSON null) where the data say nothing.
   std::optional<Eigen::VectorXd> standard_deviations;
@@ -122,9 +136,11 @@ ModelFile make_model(const Robot& robot);
 /// @throws ModelError when the file has no kinematics; says to give the URDF.
 Robot make_robot(const ModelFile& model);
 
-/// Puts a model's parameters into a robot: every link, every joint's actuation and the gear couplings.
-/// @param notes  gets a line when the model was made for a robot of another name, or with link frames elsewhere;
-///               may be null
+/// Puts a model's parameters into a robot: every link, every joint's actuation, gear couplings, effects,
+/// elasticities and delay, and the gravity that the model was fitted with (a base that stands off level), unless
+/// its chain begins at another link.
+/// @param notes  gets a line when the model was made for a robot of another name, with link frames elsewhere, or
+///               under a gravity other than the robot's; may be null
 /// @throws ModelError when the number of joints or a joint's name differs: the link frames would not be the
 ///         model's, and its parameters would mean something else.
 void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes = nullptr);

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "heft/core/arm_model.hpp"
+#include "heft/core/effects/effects.hpp"
+#include "heft/core/effects/elasticity.hpp"
 #include "heft/core/friction/gear_coupling.hpp"
 
 namespace heft::model {
@@ -33,6 +35,9 @@ struct Robot {
   std::string tip_link;
   std::vector<RobotJoint> joints;
   std::vector<GearCoupling<double>> couplings{};   ///< motors that turn with two joints
+  std::vector<JointEffect<double>> effects{};      ///< what acts at joints besides the declared friction
+  std::vector<Elasticity<double>> elasticities{};  ///< joints that give; then q is the motor's position
+  double torque_delay{0.0};  ///< the torque channel reports τ(t - delay) at t, q is on time [s]
   std::array<double, 3> gravity{0.0, 0.0, -9.81};  ///< in the base frame [m/s²]
   /// Placement of the tip (tool flange) in the last link frame: rotation row-major, position [m].
   std::array<double, 9> tip_rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};

@@ -1,0 +1,124 @@
+/// @file
+/// Joint effects fed forward by a controller.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "heft/core/arm_geometry.hpp"
+#include "heft/core/effects/effects.hpp"
+#include "heft/core/friction/friction.hpp"
+#include "heft/core/status.hpp"
+
+namespace heft {
+
+/// Up to M joint effects of an arm with N joints, with the memory that some of them carry along the motion. What a
+/// controller adds to its feed-forward of rigid bodies and declared friction:
+///
+/// @code
+/// EffectFeedForward<float, 6, 4> effects;
+/// if (effects.configure(app::Ur5e::kEffects) != Status::kOk) ...   // a header of `heft export`
+/// ...                                                             // every cycle, along the reference
+/// status = effects.add_torque(t, q_ref, qd_ref, qdd_ref, rigid, actuation, sign_width, tau);
+/// @endcode
+///
+/// Call it once a cycle and in order: memory goes on by the way from call to call.
+template <typename Scalar, int N, int M>
+class EffectFeedForward {
+ public:
+  static_assert(N >= 1 && M >= 1, "at least one joint and room for one effect");
+  using Vector = JointVector<Scalar, N>;
+
+  /// One effect more.
+  /// @return kOutOfRange when there is no room, or no such joint or effect; kNonFiniteInput; state kept
+  Status add(const JointEffect<Scalar>& effect) noexcept {
+    if (count_ >= M || effect.joint < 0 || effect.joint >= N || effect.kind < 0 ||
+        effect.kind >= kNumJointEffects) {
+      return Status::kOutOfRange;
+    }
+    for (const Scalar value : effect.parameters) {
+      if (!(value - value == Scalar(0))) {
+        return Status::kNonFiniteInput;
+      }
+    }
+    effects_[static_cast<std::size_t>(count_)] = effect;
+    memory_[static_cast<std::size_t>(count_)] = Scalar(0);
+    ++count_;
+    return Status::kOk;
+  }
+
+  /// These effects and no others, in any precision.
+  /// @return as add(); what came before the refused effect is taken
+  template <typename From, std::size_t kCount>
+  Status configure(const std::array<JointEffect<From>, kCount>& effects) noexcept {
+    static_assert(kCount <= static_cast<std::size_t>(M), "more effects than there is room for");
+    count_ = 0;
+    reset();
+    for (const JointEffect<From>& from : effects) {
+      JointEffect<Scalar> effect;
+      effect.kind = from.kind;
+      effect.joint = from.joint;
+      for (std::size_t i = 0; i < from.parameters.size(); ++i) {
+        effect.parameters[i] = static_cast<Scalar>(from.parameters[i]);
+      }
+      if (const Status status = add(effect); status != Status::kOk) {
+        return status;
+      }
+    }
+    return Status::kOk;
+  }
+
+  int count() const noexcept { return count_; }
+
+  /// Forgets the motion: memory begins anew.
+  void reset() noexcept {
+    memory_.fill(Scalar(0));
+    started_ = false;
+  }
+
+  /// Adds the torque of all effects at this instant.
+  /// @param time        since the run, with cold joints, began [s]
+  /// @param q,qd,qdd    motion, n; that of the reference does not chatter
+  /// @param load        torque of the rigid bodies, n [N·m, N]
+  /// @param actuation   declared friction, which some effects scale or replace
+  /// @param sign_width  as in velocity_sign; the width that declared friction is fed forward with
+  /// @param tau         n [N·m, N]; unchanged unless kOk
+  /// @return kNonFiniteInput when a torque is not finite; then memory is unchanged too
+  Status add_torque(Scalar time, const Vector& q, const Vector& qd, const Vector& qdd, const Vector& load,
+                    const std::array<JointActuation<Scalar>, static_cast<std::size_t>(N)>& actuation,
+                    Scalar sign_width, Vector& tau) noexcept {
+    Vector sum = Vector::Zero();
+    std::array<Scalar, static_cast<std::size_t>(M)> memory = memory_;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(count_); ++k) {
+      const JointEffect<Scalar>& effect = effects_[k];
+      const int j = effect.joint;
+      if (started_) {
+        memory[k] = joint_effect_memory(effect, memory[k], q[j] - last_q_[j]);
+      }
+      const EffectPoint<Scalar> point{time,    q[j],     qd[j], qdd[j], velocity_sign(qd[j], sign_width),
+                                      load[j], memory[k]};
+      sum[j] += joint_effect_torque(effect, point, actuation[static_cast<std::size_t>(j)]);
+    }
+    for (int j = 0; j < N; ++j) {
+      if (!(sum[j] - sum[j] == Scalar(0)) || !(q[j] - q[j] == Scalar(0))) {
+        return Status::kNonFiniteInput;
+      }
+    }
+    memory_ = memory;
+    last_q_ = q;
+    started_ = true;
+    for (int j = 0; j < N; ++j) {
+      tau[j] += sum[j];
+    }
+    return Status::kOk;
+  }
+
+ private:
+  std::array<JointEffect<Scalar>, static_cast<std::size_t>(M)> effects_{};
+  std::array<Scalar, static_cast<std::size_t>(M)> memory_{};
+  Vector last_q_ = Vector::Zero();
+  int count_{0};
+  bool started_{false};
+};
+
+}  // namespace heft

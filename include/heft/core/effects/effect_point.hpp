@@ -1,0 +1,73 @@
+/// @file
+/// What every joint effect is made of: what it sees, what its parameters are called, where they may lie.
+///
+/// A joint effect is a torque that the motor brings up on top of rigid body, Coulomb and viscous friction:
+/// motor torque = declared model + sum of effects, sign along positive q. Each effect is one struct in a file
+/// of its own beside this one, and one entry in effects.hpp. The struct states
+///
+///   kId, kEquation            id of the contract, and the term as text
+///   kParameters               names and units of its physical parameters
+///   kShapes                   ranges of the parameters that the torque is not linear in (at most one)
+///   kNotNegative              which of its linear coefficients cannot be negative
+///   kShownBy                  the motion that shows it
+///   columns(shape, point)     the terms that its linear coefficients multiply
+///   parameters(c, shape, joint)  physical parameters of fitted coefficients
+///   torque(p, point, joint)   the effect's torque; equals columns times coefficients
+///
+/// and may state `memory(p, z, travel)`, `memory_rate(p, z, direction, velocity)` (a state that the motion
+/// carries, starting at 0) and `kReplacesCoulomb` (its column stands in for the Coulomb column).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "heft/core/arm_model.hpp"
+
+namespace heft {
+
+/// One joint at one instant, as an effect sees it.
+template <typename Scalar>
+struct EffectPoint {
+  Scalar time{0};       ///< since the log, or the run, began [s]
+  Scalar q{0};          ///< [rad, m]
+  Scalar qd{0};         ///< [rad/s, m/s]
+  Scalar qdd{0};        ///< [rad/s², m/s²]
+  Scalar direction{0};  ///< sign of the velocity, sharp or smooth, within [-1, 1]
+  Scalar load{0};       ///< torque of the rigid bodies that the joint transmits [N·m, N]
+  Scalar memory{0};     ///< the effect's own state
+};
+
+/// Name and unit of a physical parameter.
+struct EffectParameter {
+  std::string_view name;
+  std::string_view unit;            ///< on a revolute joint
+  std::string_view prismatic_unit;  ///< on a prismatic joint
+};
+
+/// Largest number of physical parameters of a joint effect.
+inline constexpr int kMaxEffectParameters = 4;
+
+/// Values of an effect's physical parameters in the order of kParameters; the rest is not used.
+template <typename Scalar>
+using EffectParameters = std::array<Scalar, kMaxEffectParameters>;
+
+/// What a shape's range is counted in.
+enum class ShapeScale : std::uint8_t {
+  kAbsolute,  ///< as it stands
+  kTopSpeed,  ///< the joint's largest speed
+  kTravel,    ///< the joint's largest minus smallest position
+  kDuration   ///< length of the log
+};
+
+/// Where a search looks for a parameter that the torque is not linear in.
+struct ShapeRange {
+  double from;
+  double to;
+  ShapeScale scale;
+  int steps;   ///< of the first grid, evenly spaced in the logarithm
+  bool whole;  ///< whole numbers only: every one from `from` to `to`
+  bool fixed;  ///< `from` and `to` are the only two values
+};
+
+}  // namespace heft

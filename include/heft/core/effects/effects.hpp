@@ -1,0 +1,95 @@
+/// @file
+/// The joint effects that heft knows, and their torque at run time.
+#pragma once
+
+#include <cstddef>
+#include <tuple>
+#include <type_traits>
+#include <utility>
+
+#include "heft/core/effects/friction_drift.hpp"
+#include "heft/core/effects/hysteresis.hpp"
+#include "heft/core/effects/load_friction.hpp"
+#include "heft/core/effects/offset.hpp"
+#include "heft/core/effects/ripple.hpp"
+#include "heft/core/effects/rotor_inertia.hpp"
+#include "heft/core/effects/spring.hpp"
+#include "heft/core/effects/stribeck.hpp"
+#include "heft/core/effects/viscous_nonlinear.hpp"
+
+namespace heft {
+
+/// Every joint effect, simplest first: an effect that a motion cannot tell from a later one is named by the
+/// earlier. A new effect is one file and one entry here; search, simulator, model files and export read this list.
+using JointEffectTypes = std::tuple<Offset, RotorInertia, ViscousNonlinear, Stribeck, LoadFriction, Spring,
+                                    Hysteresis, FrictionDrift, Ripple>;
+
+inline constexpr int kNumJointEffects = static_cast<int>(std::tuple_size_v<JointEffectTypes>);
+
+/// An effect's place in JointEffectTypes.
+template <typename Effect, int I = 0>
+constexpr int joint_effect_kind() {
+  static_assert(I < kNumJointEffects, "the effect is not in JointEffectTypes");
+  if constexpr (std::is_same_v<Effect, std::tuple_element_t<static_cast<std::size_t>(I), JointEffectTypes>>) {
+    return I;
+  } else {
+    return joint_effect_kind<Effect, I + 1>();
+  }
+}
+
+/// Calls f(Effect{}) for the effect of that kind; does nothing for a kind that does not exist.
+template <typename F>
+constexpr void visit_joint_effect(int kind, F&& f) {
+  [&]<std::size_t... I>(std::index_sequence<I...>) {
+    ((static_cast<int>(I) == kind ? (f(std::tuple_element_t<I, JointEffectTypes>{}), void()) : void()), ...);
+  }
+  (std::make_index_sequence<std::tuple_size_v<JointEffectTypes>>{});
+}
+
+/// Kind with that id; -1 when there is none.
+constexpr int joint_effect_kind(std::string_view id) {
+  int found = -1;
+  for (int kind = 0; kind < kNumJointEffects; ++kind) {
+    visit_joint_effect(kind, [&](auto effect) {
+      if (decltype(effect)::kId == id) found = kind;
+    });
+  }
+  return found;
+}
+
+template <typename Effect>
+concept EffectWithMemory = requires(EffectParameters<double> p) {
+  Effect::memory(p, 0.0, 0.0);
+};
+
+/// One effect on one joint with its values.
+template <typename Scalar>
+struct JointEffect {
+  int kind{0};                            ///< place in JointEffectTypes
+  int joint{0};                           ///< counted from 0
+  EffectParameters<Scalar> parameters{};  ///< in the order of the effect's kParameters
+};
+
+/// Torque of an effect at one instant [N·m, N]; 0 for a kind that does not exist. No allocation.
+/// @param actuation  the joint's declared friction: some effects scale or replace it
+template <typename Scalar>
+Scalar joint_effect_torque(const JointEffect<Scalar>& effect, const EffectPoint<Scalar>& point,
+                           const JointActuation<Scalar>& actuation) {
+  Scalar torque(0);
+  visit_joint_effect(
+      effect.kind, [&](auto type) { torque = decltype(type)::torque(effect.parameters, point, actuation); });
+  return torque;
+}
+
+/// State of an effect after `travel`; unchanged for an effect that has none.
+template <typename Scalar>
+Scalar joint_effect_memory(const JointEffect<Scalar>& effect, Scalar memory, Scalar travel) {
+  Scalar after = memory;
+  visit_joint_effect(effect.kind, [&](auto type) {
+    using Effect = decltype(type);
+    if constexpr (EffectWithMemory<Effect>) after = Effect::memory(effect.parameters, memory, travel);
+  });
+  return after;
+}
+
+}  // namespace heft

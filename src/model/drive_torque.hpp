@@ -1,0 +1,60 @@
+/// @file
+/// What stands between the rigid bodies' torque and the motors': actuation, gear couplings, joint effects.
+#pragma once
+
+#include <fmt/format.h>
+#include <Eigen/Core>
+
+#include "heft/core/friction/friction.hpp"
+#include "heft/host/error.hpp"
+#include "heft/model/robot.hpp"
+
+namespace heft::model {
+
+/// Rotor inertia, friction and gear couplings, added to `tau`. All n, motor side.
+template <typename Motion, typename Torque>
+void add_actuation(const Robot& robot, const Motion& qd, const Motion& qdd, double sign_width, Torque& tau) {
+  for (Eigen::Index i = 0; i < tau.size(); ++i) {
+    const JointActuation<double>& actuation = robot.joints[static_cast<std::size_t>(i)].actuation;
+    tau[i] += actuation.rotor_inertia * qdd[i] + friction_torque(actuation, qd[i], sign_width);
+  }
+  for (const GearCoupling<double>& coupling : robot.couplings) {
+    const double v = shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]);
+    const double a = shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]);
+    const double shared = gear_coupling_torque(coupling, v, a, sign_width);
+    tau[coupling.driven] += shared;
+    tau[coupling.driving] += coupling.ratio * shared;
+  }
+}
+
+/// @throws ModelError for an effect or an elasticity of a joint that does not exist, an effect that does not
+///         exist, or an elastic joint that is named twice or has no positive stiffness.
+inline void check_effects(const Robot& robot) {
+  const auto check_joint = [&robot](int joint, std::string_view what) {
+    if (joint >= 0 && joint < robot.num_joints()) return;
+    throw ModelError(fmt::format("robot \"{}\": {} of joint {}; expected a joint from 1 to {}", robot.name,
+                                 what, joint + 1, robot.num_joints()));
+  };
+  for (const JointEffect<double>& effect : robot.effects) {
+    if (effect.kind < 0 || effect.kind >= kNumJointEffects) {
+      throw ModelError(fmt::format("robot \"{}\": effect of kind {}; expected 0 to {}", robot.name,
+                                   effect.kind, kNumJointEffects - 1));
+    }
+    check_joint(effect.joint, "effect");
+  }
+  for (std::size_t k = 0; k < robot.elasticities.size(); ++k) {
+    const Elasticity<double>& elasticity = robot.elasticities[k];
+    check_joint(elasticity.joint, "elasticity");
+    for (std::size_t other = 0; other < k; ++other) {
+      if (robot.elasticities[other].joint != elasticity.joint) continue;
+      throw ModelError(fmt::format("robot \"{}\": two elasticities of joint {}; expected one spring a joint",
+                                   robot.name, elasticity.joint + 1));
+    }
+    if (!(elasticity.stiffness > 0)) {
+      throw ModelError(fmt::format("robot \"{}\": stiffness {} of joint {}; expected a positive one",
+                                   robot.name, elasticity.stiffness, elasticity.joint + 1));
+    }
+  }
+}
+
+}  // namespace heft::model

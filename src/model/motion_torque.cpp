@@ -1,0 +1,292 @@
+#include "heft/model/motion_torque.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+
+#include "drive_torque.hpp"
+#include "heft/host/error.hpp"
+
+namespace heft::model {
+namespace {
+
+using Eigen::Index;
+
+/// Over the elastic joints, on the stack.
+template <int kSize>
+using Deflections = Eigen::Matrix < double,
+      kSize, 1, 0, kSize<0 ? kMaxJoints : kSize, 1>;
+template <int kSize>
+using Coupled = Eigen::Matrix < double,
+      kSize, kSize, 0, kSize < 0 ? kMaxJoints : kSize, kSize<0 ? kMaxJoints : kSize>;
+
+/// Rows so far apart that a joint rings longer than this between them [rad] say nothing of its ringing.
+constexpr double kLongestRinging = 300.0;
+/// Phase of the fastest mode that one step of the integration covers [rad]: error 0.3⁵/120 of the amplitude.
+constexpr double kStepPhase = 0.3;
+
+/// e and ė of every elastic joint.
+template <int kSize>
+struct Deflection {
+  Deflections<kSize> e, ed;
+};
+
+/// M ë = r(t) - K e - D ė from `state` over h, r going from `r0` to `r1` in a straight line. Classical Runge-Kutta.
+template <int kSize>
+void integrate(const Coupled<kSize>& inverse_mass, const Deflections<kSize>& K, const Deflections<kSize>& D,
+               const Deflections<kSize>& r0, const Deflections<kSize>& r1, double h, int steps,
+               Deflection<kSize>& state) {
+  using Vector = Deflections<kSize>;
+  const auto acceleration = [&](double share, const Vector& e, const Vector& ed) -> Vector {
+    const Vector torque = r0 + share * (r1 - r0) - K.cwiseProduct(e) - D.cwiseProduct(ed);
+    return inverse_mass.lazyProduct(torque);
+  };
+  const double dt = h / steps;
+  for (int k = 0; k < steps; ++k) {
+    const double from = static_cast<double>(k) / steps;
+    const double half = from + 0.5 / steps;
+    const double to = from + 1.0 / steps;
+    const Vector a1 = acceleration(from, state.e, state.ed);
+    const Vector v2 = state.ed + 0.5 * dt * a1;
+    const Vector a2 = acceleration(half, state.e + 0.5 * dt * state.ed, v2);
+    const Vector v3 = state.ed + 0.5 * dt * a2;
+    const Vector a3 = acceleration(half, state.e + 0.5 * dt * v2, v3);
+    const Vector v4 = state.ed + dt * a3;
+    const Vector a4 = acceleration(to, state.e + dt * v3, v4);
+    state.e += dt / 6.0 * (state.ed + 2.0 * v2 + 2.0 * v3 + v4);
+    state.ed += dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+  }
+}
+
+}  // namespace
+
+struct MotionTorque::Impl {
+  explicit Impl(const Robot& given) : dynamics(given), robot(dynamics.robot()) {
+    if (!(robot.torque_delay >= 0) || !std::isfinite(robot.torque_delay)) {
+      throw ModelError(fmt::format("robot \"{}\": torque delay {} s; expected zero or a positive one",
+                                   robot.name, robot.torque_delay));
+    }
+    const auto count = static_cast<Index>(robot.elasticities.size());
+    K.resize(count), D.resize(count);
+    for (Index i = 0; i < count; ++i) {
+      const Elasticity<double>& elasticity = robot.elasticities[static_cast<std::size_t>(i)];
+      K[i] = elasticity.stiffness;
+      D[i] = elasticity.damping;
+    }
+    reset();
+  }
+
+  void reset() {
+    started = false;
+    memory.assign(robot.effects.size(), 0.0);
+    const auto count = static_cast<Index>(robot.elasticities.size());
+    e = ed = r = Deflections<Eigen::Dynamic>::Zero(count);
+    past_time.resize(0);
+    past_torque.resize(0, robot.num_joints());
+  }
+
+  int joint(Index i) const { return robot.elasticities[static_cast<std::size_t>(i)].joint; }
+
+  /// x, ẋ of the elastic joints for a deflection.
+  template <typename Vector>
+  void put_link(const Vector& deflection, const Vector& rate) {
+    for (Index i = 0; i < K.size(); ++i) {
+      link_q[joint(i)] = motor_q[joint(i)] - deflection[i];
+      link_qd[joint(i)] = motor_qd[joint(i)] - rate[i];
+    }
+  }
+
+  /// Rows and columns of the elastic joints.
+  template <int kSize>
+  Coupled<kSize> elastic_part(const Eigen::MatrixXd& M) const {
+    Coupled<kSize> part = Coupled<kSize>::Zero(K.size(), K.size());
+    for (Index i = 0; i < K.size(); ++i) {
+      for (Index j = 0; j < K.size(); ++j) part(i, j) = M(joint(i), joint(j));
+    }
+    return part;
+  }
+
+  /// Deflection at the row `motor_*`, `h` after the last one; leaves the rigid bodies' torque in `load`.
+  template <int kSize>
+  void deflect(double h) {
+    using Vector = Deflections<kSize>;
+    const Index count = K.size();
+    const Vector stiffness = K, damping = D;
+    const auto rigid = [&](const Vector& deflection, const Vector& rate) -> Vector {
+      put_link(deflection, rate);
+      load = dynamics.inverse_dynamics(link_q, link_qd, motor_qdd);
+      Vector part = Vector::Zero(count);
+      for (Index i = 0; i < count; ++i) part[i] = load[joint(i)];
+      return part;
+    };
+    const auto settle = [&](Deflection<kSize>& state) -> Vector {
+      // K e = τ_rigid(θ - e, θ̇, θ̈): the torque hardly changes with e.
+      constexpr int kRounds = 4;
+      Vector torque = rigid(state.e, state.ed);
+      for (int round = 0; round < kRounds; ++round) {
+        state.e = torque.cwiseQuotient(stiffness);
+        torque = rigid(state.e, state.ed);
+      }
+      return torque;
+    };
+    Deflection<kSize> state{e, ed};
+    Vector torque = Vector::Zero(count), second = Vector::Zero(count);
+    bool at_rest = !started;
+    if (started) {
+      // The row before tells the inertia; the arm turns little from row to row.
+      const Eigen::LLT<Coupled<kSize>> factor(elastic_part<kSize>(M_before));
+      // Links whose fitted inertia no body can have do not ring.
+      at_rest = factor.info() != Eigen::Success;
+      if (!at_rest) {
+        const Coupled<kSize> inverse = factor.solve(Coupled<kSize>::Identity(count, count));
+        // Fastest mode: ω² is at most the trace of M⁻¹K, a decay rate at most that of M⁻¹D.
+        const double rate = std::max(std::sqrt(inverse.diagonal().dot(stiffness)),
+                                     inverse.diagonal().dot(damping.cwiseAbs()));
+        const double phase = rate * h;
+        at_rest = !(phase < kLongestRinging);
+        if (!at_rest) {
+          const int steps = std::max(1, static_cast<int>(std::ceil(phase / kStepPhase)));
+          const Vector last = r;
+          // The torque at this row needs the deflection there: first with the torque held, then along a line.
+          Deflection<kSize> ahead = state;
+          integrate<kSize>(inverse, stiffness, damping, last, last, h, steps, ahead);
+          torque = rigid(ahead.e, ahead.ed);
+          integrate<kSize>(inverse, stiffness, damping, last, torque, h, steps, state);
+        }
+      }
+    }
+    if (at_rest) {
+      state.ed = Vector::Zero(count);
+      torque = settle(state);
+    }
+    put_link(state.e, state.ed);
+    mass = dynamics.mass_matrix(link_q);
+    const Vector left = torque - stiffness.cwiseProduct(state.e) - damping.cwiseProduct(state.ed);
+    const Eigen::LLT<Coupled<kSize>> factor(elastic_part<kSize>(mass));
+    if (!at_rest && factor.info() == Eigen::Success) second = factor.solve(left);
+    // rigid(x, ẋ, ẍ) = rigid(x, ẋ, θ̈) - M_e ë; at an elastic joint it is the torque of spring and damper.
+    for (Index i = 0; i < count; ++i) {
+      load -= mass.col(joint(i)) * second[i];
+      link_qdd[joint(i)] = motor_qdd[joint(i)] - second[i];
+    }
+    for (Index i = 0; i < count; ++i) {
+      load[joint(i)] = stiffness[i] * state.e[i] + damping[i] * state.ed[i];
+    }
+    e = state.e, ed = state.ed, r = torque;
+    M_before = mass;
+  }
+
+  /// Torque of the row `motor_*` at `time`, without delay.
+  void row(double time, double sign_width) {
+    link_q = motor_q, link_qd = motor_qd, link_qdd = motor_qdd;
+    const double h = started ? time - last_time : 0.0;
+    if (K.size() == 0) {
+      load = dynamics.inverse_dynamics(link_q, link_qd, link_qdd);
+    } else if (K.size() == 1) {
+      deflect<1>(h);
+    } else {
+      deflect<Eigen::Dynamic>(h);
+    }
+    tau = load;
+    for (const Elasticity<double>& elasticity : robot.elasticities) {
+      tau[elasticity.joint] += elasticity.motor_inertia * motor_qdd[elasticity.joint];
+    }
+    add_actuation(robot, motor_qd, motor_qdd, sign_width, tau);
+    for (std::size_t k = 0; k < robot.effects.size(); ++k) {
+      const JointEffect<double>& effect = robot.effects[k];
+      const int j = effect.joint;
+      if (started) memory[k] = joint_effect_memory(effect, memory[k], motor_q[j] - last_q[j]);
+      const EffectPoint<double> point{
+          time,    motor_q[j], motor_qd[j], motor_qdd[j], velocity_sign(motor_qd[j], sign_width),
+          load[j], memory[k]};
+      tau[j] += joint_effect_torque(effect, point, robot.joints[static_cast<std::size_t>(j)].actuation);
+    }
+    last_time = time;
+    last_q = motor_q;
+    started = true;
+  }
+
+  /// Every row as it was `torque_delay` before, rows of earlier calls included.
+  void delay(const Eigen::VectorXd& time, Eigen::MatrixXd& torque) {
+    const double late = robot.torque_delay;
+    const Index before = past_time.size();
+    Eigen::VectorXd known_time(before + time.size());
+    known_time.head(before) = past_time, known_time.tail(time.size()) = time;
+    Eigen::MatrixXd known(before + time.size(), torque.cols());
+    known.topRows(before) = past_torque, known.bottomRows(time.size()) = torque;
+    Index at = 0;  // the last known row that is not later than the one wanted
+    for (Index k = 0; k < time.size(); ++k) {
+      const double wanted = time[k] - late;
+      while (at + 1 < known_time.size() && known_time[at + 1] <= wanted) ++at;
+      if (wanted <= known_time[at] || at + 1 == known_time.size()) {
+        torque.row(k) = known.row(at);
+        continue;
+      }
+      const double share = (wanted - known_time[at]) / (known_time[at + 1] - known_time[at]);
+      torque.row(k) = known.row(at) + share * (known.row(at + 1) - known.row(at));
+    }
+    // The next call reads from here on.
+    const Index kept = known_time.size() - at;
+    past_time = known_time.tail(kept).eval();
+    past_torque = known.bottomRows(kept).eval();
+  }
+
+  Dynamics dynamics;
+  const Robot& robot;  // of `dynamics`
+  /// Only then does a row depend on more than its own instant.
+  bool along() const { return !robot.effects.empty() || !robot.elasticities.empty(); }
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1> K, D;
+
+  // State.
+  bool started{false};
+  double last_time{0.0};
+  Eigen::VectorXd last_q;
+  std::vector<double> memory;
+  Deflections<Eigen::Dynamic> e, ed, r;
+  Eigen::MatrixXd M_before;
+  Eigen::VectorXd past_time;
+  Eigen::MatrixXd past_torque;
+
+  // Workspace of one row.
+  Eigen::VectorXd motor_q, motor_qd, motor_qdd, link_q, link_qd, link_qdd, load, tau;
+  Eigen::MatrixXd mass;
+
+  // Of the last call.
+  Eigen::MatrixXd out_q, out_qd, out_qdd;
+};
+
+MotionTorque::MotionTorque(const Robot& robot) : impl_(std::make_unique<Impl>(robot)) {}
+MotionTorque::~MotionTorque() = default;
+MotionTorque::MotionTorque(MotionTorque&&) noexcept = default;
+MotionTorque& MotionTorque::operator=(MotionTorque&&) noexcept = default;
+
+Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
+                                     const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
+                                     double sign_width) {
+  Impl& s = *impl_;
+  s.out_q = q, s.out_qd = qd, s.out_qdd = qdd;
+  Eigen::MatrixXd torque(q.rows(), q.cols());
+  for (Index k = 0; k < q.rows(); ++k) {
+    s.motor_q = q.row(k), s.motor_qd = qd.row(k), s.motor_qdd = qdd.row(k);
+    if (!s.along()) {
+      torque.row(k) = s.dynamics.joint_torque(s.motor_q, s.motor_qd, s.motor_qdd, sign_width);
+      continue;
+    }
+    s.row(time[k], sign_width);
+    torque.row(k) = s.tau;
+    if (s.robot.elasticities.empty()) continue;
+    s.out_q.row(k) = s.link_q, s.out_qd.row(k) = s.link_qd, s.out_qdd.row(k) = s.link_qdd;
+  }
+  if (s.robot.torque_delay > 0) s.delay(time, torque);
+  return torque;
+}
+
+const Eigen::MatrixXd& MotionTorque::link_q() const { return impl_->out_q; }
+const Eigen::MatrixXd& MotionTorque::link_qd() const { return impl_->out_qd; }
+const Eigen::MatrixXd& MotionTorque::link_qdd() const { return impl_->out_qdd; }
+void MotionTorque::reset() { impl_->reset(); }
+
+}  // namespace heft::model

@@ -1,0 +1,153 @@
+/// Effects as a controller feeds them forward, against their formulas, and every effect's own consistency.
+#include <array>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "heft/core/effects/effect_feed_forward.hpp"
+#include "support/random_arm.hpp"
+
+namespace heft {
+namespace {
+
+template <typename Scalar>
+using Actuation = std::array<JointActuation<Scalar>, 2>;
+
+/// A point that any search may meet.
+EffectPoint<double> random_point(test::Random& random) {
+  EffectPoint<double> point;
+  point.time = test::uniform(random, 0, 20);
+  point.q = test::uniform(random, -3, 3);
+  point.qd = test::uniform(random, -2, 2);
+  point.qdd = test::uniform(random, -5, 5);
+  point.direction = point.qd > 0 ? 1 : -1;
+  point.load = test::uniform(random, -30, 30);
+  point.memory = test::uniform(random, -1, 1);
+  return point;
+}
+
+TEST(JointEffects, ColumnsTimesCoefficientsAreTheTorque) {
+  test::Random random(1);
+  const JointActuation<double> joint{0.1, 3.0, 1.5, 0.2};
+  for (int kind = 0; kind < kNumJointEffects; ++kind) {
+    visit_joint_effect(kind, [&](auto type) {
+      using Effect = decltype(type);
+      const std::string id(Effect::kId);
+      for (int n = 0; n < 50; ++n) {
+        const EffectPoint<double> x = random_point(random);
+        const double shape = test::uniform(random, 0.1, 3.0);
+        const auto columns = Effect::columns(shape, x);
+        auto c = columns;
+        for (double& value : c) value = test::uniform(random, -2, 2);
+        // An effect that replaces the Coulomb term is that term's coefficient times the change of column.
+        if constexpr (requires { Effect::kReplacesCoulomb; }) c[0] = joint.coulomb_friction;
+        double expected = 0;
+        for (std::size_t i = 0; i < c.size(); ++i) expected += c[i] * columns[i];
+        if constexpr (requires { Effect::kReplacesCoulomb; })
+          expected -= joint.coulomb_friction * x.direction;
+        const double torque = Effect::torque(Effect::parameters(c, shape, joint), x, joint);
+        EXPECT_NEAR(torque, expected, 1e-12 * (1 + std::abs(expected))) << id;
+      }
+    });
+  }
+}
+
+TEST(JointEffects, MemoryRateIsTheSlopeOfMemory) {
+  const JointEffect<double> dahl{joint_effect_kind<Hysteresis>(), 0, {0.02}};
+  for (const double direction : {1.0, -1.0}) {
+    const double z = 0.3, speed = 0.4 * direction, h = 1e-7;
+    const double slope = (joint_effect_memory(dahl, z, speed * h) - z) / h;
+    EXPECT_NEAR(slope, Hysteresis::memory_rate(dahl.parameters, z, direction, speed), 1e-4);
+  }
+  // An effect without memory keeps what it is given.
+  EXPECT_EQ(joint_effect_memory(JointEffect<double>{joint_effect_kind<Offset>(), 0, {}}, 0.7, 0.1), 0.7);
+}
+
+template <typename Scalar>
+void expect_formulas(Scalar tolerance) {
+  EffectFeedForward<Scalar, 2, 4> effects;
+  const std::array<JointEffect<double>, 3> found{{{joint_effect_kind<Stribeck>(), 0, {1.1, 0.4}},
+                                                  {joint_effect_kind<Hysteresis>(), 1, {0.03}},
+                                                  {joint_effect_kind<FrictionDrift>(), 1, {0.5, 0.4, 3.0}}}};
+  ASSERT_EQ(effects.configure(found), Status::kOk);
+  ASSERT_EQ(effects.count(), 3);
+  const Actuation<Scalar> actuation{
+      {{Scalar(0), Scalar(2), Scalar(1), Scalar(0)}, {Scalar(0), Scalar(0.8), Scalar(0.3), Scalar(0)}}};
+  using Vector = JointVector<Scalar, 2>;
+  double z = 0, last = 0;
+  for (int k = 0; k < 200; ++k) {
+    const double t = 0.01 * k;
+    const double q = 0.1 * std::sin(5 * t), v = 0.5 * std::cos(5 * t);
+    Vector position(Scalar(0), static_cast<Scalar>(q)), velocity = Vector::Constant(static_cast<Scalar>(v));
+    Vector tau(Scalar(10), Scalar(20));
+    ASSERT_EQ(effects.add_torque(static_cast<Scalar>(t), position, velocity, Vector::Zero(), Vector::Zero(),
+                                 actuation, Scalar(0), tau),
+              Status::kOk);
+    const double sign = v > 0 ? 1 : -1;
+    if (k > 0) {
+      const double way = q - last, s = way > 0 ? 1 : -1;
+      z = s + (z - s) * std::exp(-std::abs(way) / 0.03);
+    }
+    last = q;
+    EXPECT_NEAR(tau[0], 10 + 1.1 * std::exp(-v * v / 0.16) * sign, tolerance);
+    EXPECT_NEAR(tau[1], 20 + 0.8 * (z - sign) + std::exp(-t / 3) * (0.4 * sign + 0.12 * v), tolerance);
+  }
+}
+
+TEST(EffectFeedForward, FollowsTheFormulasInDouble) { expect_formulas<double>(1e-12); }
+TEST(EffectFeedForward, FollowsTheFormulasInFloat) { expect_formulas<float>(2e-5F); }
+
+TEST(EffectFeedForward, BeginsAnewAfterAReset) {
+  EffectFeedForward<double, 1, 1> effects;
+  ASSERT_EQ(effects.add({joint_effect_kind<Hysteresis>(), 0, {0.03}}), Status::kOk);
+  const std::array<JointActuation<double>, 1> actuation{{{0, 2, 0, 0}}};
+  using Vector = JointVector<double, 1>;
+  const auto torque = [&](double q) {
+    Vector tau = Vector::Zero();
+    EXPECT_EQ(effects.add_torque(0.0, Vector(Eigen::Matrix<double, 1, 1>::Constant(q)), Vector::Zero(),
+                                 Vector::Zero(), Vector::Zero(), actuation, 0.0, tau),
+              Status::kOk);
+    return tau[0];
+  };
+  EXPECT_EQ(torque(5.0), 0.0);  // the first position is no way
+  EXPECT_NEAR(torque(5.03), 2 * (1 - std::exp(-1.0)), 1e-12);
+  effects.reset();
+  EXPECT_EQ(torque(7.0), 0.0);
+}
+
+TEST(EffectFeedForward, RefusesWhatItCannotHold) {
+  EffectFeedForward<double, 2, 1> effects;
+  EXPECT_EQ(effects.add({joint_effect_kind<Offset>(), 2, {1.0}}), Status::kOutOfRange);
+  EXPECT_EQ(effects.add({joint_effect_kind<Offset>(), -1, {1.0}}), Status::kOutOfRange);
+  EXPECT_EQ(effects.add({kNumJointEffects, 0, {1.0}}), Status::kOutOfRange);
+  EXPECT_EQ(effects.add({joint_effect_kind<Offset>(), 0, {std::nan("")}}), Status::kNonFiniteInput);
+  EXPECT_EQ(effects.count(), 0);
+  EXPECT_EQ(effects.add({joint_effect_kind<Offset>(), 0, {1.0}}), Status::kOk);
+  EXPECT_EQ(effects.add({joint_effect_kind<Offset>(), 1, {1.0}}), Status::kOutOfRange);
+  EXPECT_EQ(effects.count(), 1);
+}
+
+TEST(EffectFeedForward, LeavesTorqueAndMemoryAloneWhenTheInputIsNotFinite) {
+  EffectFeedForward<double, 1, 2> effects;
+  ASSERT_EQ(effects.add({joint_effect_kind<Hysteresis>(), 0, {0.03}}), Status::kOk);
+  ASSERT_EQ(effects.add({joint_effect_kind<Spring>(), 0, {2.0, 0.0}}), Status::kOk);
+  const std::array<JointActuation<double>, 1> actuation{{{0, 2, 0, 0}}};
+  using Vector = JointVector<double, 1>;
+  const auto at = [](double q) { return Vector(Eigen::Matrix<double, 1, 1>::Constant(q)); };
+  const Vector zero = Vector::Zero();
+  Vector tau = zero;
+  ASSERT_EQ(effects.add_torque(0, at(0), zero, zero, zero, actuation, 0, tau), Status::kOk);
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+    tau = at(7);
+    EXPECT_EQ(effects.add_torque(0, at(bad), zero, zero, zero, actuation, 0, tau), Status::kNonFiniteInput);
+    EXPECT_EQ(tau[0], 7.0);
+  }
+  tau = zero;
+  ASSERT_EQ(effects.add_torque(0, at(0.03), zero, zero, zero, actuation, 0, tau), Status::kOk);
+  EXPECT_NEAR(tau[0], 2 * (1 - std::exp(-1.0)) + 2 * 0.03, 1e-12);
+}
+
+}  // namespace
+}  // namespace heft
