@@ -190,6 +190,15 @@ void ForwardDynamics::set_gravity(const Vector3d& gravity) { impl_->gravity = gr
 
 Vector3d ForwardDynamics::gravity() const { return impl_->gravity; }
 
+void ForwardDynamics::set_rotor_inertia(int joint, double inertia) {
+  impl_->links[static_cast<std::size_t>(joint)].rotor_inertia = inertia;
+  if (joint + 1 == num_joints()) impl_->bare_last.rotor_inertia = inertia;
+}
+
+double ForwardDynamics::rotor_inertia(int joint) const {
+  return impl_->links[static_cast<std::size_t>(joint)].rotor_inertia;
+}
+
 void ForwardDynamics::attach(const Body& body) {
   impl_->payload = inertial_parameters(body);
   impl_->links.back() = impl_->bare_last;

@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "heft/host/error.hpp"
+#include "scenario_effects.hpp"
 
 namespace heft::sim {
 namespace {
@@ -63,12 +64,19 @@ std::shared_ptr<const Reference> read_reference(const SettingsReader& reader, in
   return ramp_in(motion, start, ramp);
 }
 
-std::vector<JointLoad> read_friction(const SettingsReader& reader, const model::Robot& robot) {
-  const int n = robot.num_joints();
+void without_friction(model::Robot& acting) {
+  for (model::RobotJoint& joint : acting.joints) {
+    joint.actuation = {joint.actuation.rotor_inertia, 0.0, 0.0, 0.0};
+  }
+}
+
+/// @param acting  gets the friction that is read as its joints' actuation
+std::vector<JointLoad> read_friction(const SettingsReader& reader, model::Robot& acting) {
+  const int n = acting.num_joints();
   const std::string model = reader.word_or("model", "stick_slip", {"stick_slip", "smooth", "none"});
   VectorXd coulomb(n), viscous(n), offset(n);
   for (int i = 0; i < n; ++i) {
-    const JointActuation<double>& a = robot.joints[static_cast<std::size_t>(i)].actuation;
+    const JointActuation<double>& a = acting.joints[static_cast<std::size_t>(i)].actuation;
     coulomb[i] = a.coulomb_friction;
     viscous[i] = a.viscous_friction;
     offset[i] = a.friction_offset;
@@ -94,9 +102,16 @@ std::vector<JointLoad> read_friction(const SettingsReader& reader, const model::
                   "it only with the model \"smooth\"", "leave it out or change the model");
   }
   reader.finish();
-  if (model == "none") return {};
   std::vector<JointLoad> loads(static_cast<std::size_t>(n));
+  if (model == "none") {
+    without_friction(acting);
+    return loads;
+  }
   for (int i = 0; i < n; ++i) {
+    JointActuation<double>& actuation = acting.joints[static_cast<std::size_t>(i)].actuation;
+    actuation.coulomb_friction = coulomb[i];
+    actuation.viscous_friction = viscous[i];
+    actuation.friction_offset = offset[i];
     JointLoad& load = loads[static_cast<std::size_t>(i)];
     load.sign = model == "smooth" ? SignModel::kSmooth : SignModel::kStickSlip;
     load.smooth_speed = smooth_speed;
@@ -148,27 +163,6 @@ SensorSettings read_sensors(const SettingsReader& reader, int n, double sample_r
   only_with("acceleration_noise", "acceleration", acceleration_differenced, false);
   reader.finish();
   return s;
-}
-
-Body read_body(const SettingsReader& reader) {
-  Body body;
-  body.mass = reader.number("mass", Range::kPositive);
-  if (reader.has("com")) body.com = reader.numbers("com", 3);
-  if (reader.has("inertia")) {
-    const VectorXd i = reader.numbers("inertia", 6);
-    body.inertia << i[0], i[1], i[3], i[1], i[2], i[4], i[3], i[4], i[5];
-    const Eigen::Vector3d moments =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(body.inertia).eigenvalues();
-    // Rounding in the file must not turn a flat or a thin body away.
-    if (moments[0] < -1e-9 * moments[2] || moments[0] + moments[1] < moments[2] * (1.0 - 1e-9)) {
-      reader.refuse(
-          "inertia",
-          fmt::format("principal moments {:.6g}, {:.6g}, {:.6g} kg·m²", moments[0], moments[1], moments[2]),
-          "moments of at least 0 of which each is at most the sum of the other two",
-          "check units, order [Ixx, Ixy, Iyy, Ixz, Iyz, Izz] and that it is about the centre of mass");
-    }
-  }
-  return body;
 }
 
 std::vector<PayloadEvent> read_payload(const SettingsReader& top, int n) {
@@ -249,6 +243,27 @@ std::function<void(double, Eigen::Ref<VectorXd>)> read_torque(const SettingsRead
 
 }  // namespace
 
+Body read_body(const SettingsReader& reader) {
+  Body body;
+  body.mass = reader.number("mass", Range::kPositive);
+  if (reader.has("com")) body.com = reader.numbers("com", 3);
+  if (reader.has("inertia")) {
+    const VectorXd i = reader.numbers("inertia", 6);
+    body.inertia << i[0], i[1], i[3], i[1], i[2], i[4], i[3], i[4], i[5];
+    const Eigen::Vector3d moments =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(body.inertia).eigenvalues();
+    // Rounding in the file must not turn a flat or a thin body away.
+    if (moments[0] < -1e-9 * moments[2] || moments[0] + moments[1] < moments[2] * (1.0 - 1e-9)) {
+      reader.refuse(
+          "inertia",
+          fmt::format("principal moments {:.6g}, {:.6g}, {:.6g} kg·m²", moments[0], moments[1], moments[2]),
+          "moments of at least 0 of which each is at most the sum of the other two",
+          "check units, order [Ixx, Ixy, Iyy, Ixz, Iyz, Izz] and that it is about the centre of mass");
+    }
+  }
+  return body;
+}
+
 Scenario parse_scenario(std::string_view json, const std::string& file, const RobotLoader& load_robot) {
   const SettingsReader top = SettingsReader::parse(json, file);
   const std::string robot_name = top.text("robot");
@@ -313,16 +328,27 @@ Scenario parse_scenario(std::string_view json, const std::string& file, const Ro
                "add it, or a reference whose start is then taken");
   }
 
+  // The robot with the friction that is simulated: some effects scale or replace it.
+  model::Robot acting = s.robot;
   if (top.is_text("friction")) {
     top.word("friction", {"none"});
+    without_friction(acting);
+    s.loads.resize(static_cast<std::size_t>(n));
+    add_joint_effects(acting, s.loads);
   } else if (top.has("friction")) {
-    s.loads = read_friction(top.object("friction"), s.robot);
+    s.loads = read_friction(top.object("friction"), acting);
+    add_joint_effects(acting, s.loads);
   } else {
     s.loads = loads_of(s.robot);
   }
+  if (top.has("payload")) s.payload_events = read_payload(top, n);
+  if (top.has("effects")) read_effects(top, acting, s);
   for (const JointLoad& load : s.loads) {
     // A smooth sign is stiff: Fc/(ε M) can pass 1e5 1/s.
     if (load.sign == SignModel::kSmooth && !load.effects.empty()) s.solver.method = SolverMethod::kBdf;
+  }
+  for (const GearCoupling<double>& coupling : s.robot.couplings) {
+    if (coupling.coulomb_friction > 0.0) s.solver.method = SolverMethod::kBdf;
   }
 
   if (top.is_text("torque_limit")) {
@@ -339,7 +365,6 @@ Scenario parse_scenario(std::string_view json, const std::string& file, const Ro
     s.torque = read_torque(top.object("torque"), n);
   }
   if (top.has("sensors")) s.sensors = read_sensors(top.object("sensors"), n, s.sample_rate);
-  if (top.has("payload")) s.payload_events = read_payload(top, n);
   if (top.has("solver")) s.solver = read_solver(top.object("solver"), s.solver);
   top.finish();
   return scenario;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <string>
 #include <utility>
@@ -64,6 +65,9 @@ void check_settings(const SimulationSettings& s) {
     refuse("sensors.sampling_jitter", fmt::format("{} s", s.sensors.sampling_jitter),
            "at least 0 and less than half a sample", "lower it");
   }
+  if (!(s.robot.torque_delay >= 0.0)) {
+    refuse("robot.torque_delay", fmt::format("{} s", s.robot.torque_delay), "at least 0", "correct it");
+  }
   bool held = false;
   double last = 0.0;
   for (const PayloadEvent& event : s.payload_events) {
@@ -105,6 +109,11 @@ class Recorder {
       }
       log_.extra.emplace_back("kinetic_energy", VectorXd(rows));
       log_.extra.emplace_back("potential_energy", VectorXd(rows));
+      if (!settings.robot.elasticities.empty()) {
+        for (const char* name : {"qlink", "qdlink", "qddlink"}) {
+          for (int i = 1; i <= n; ++i) log_.extra.emplace_back(fmt::format("{}{}", name, i), VectorXd(rows));
+        }
+      }
     }
   }
 
@@ -131,8 +140,13 @@ class Recorder {
       for (int i = 0; i < n_; ++i) log_.extra[column++].second[row_] = (*channel)[i];
     }
     for (int i = 0; i < n_; ++i) log_.extra[column++].second[row_] = plant.effect_torque(i);
-    log_.extra[column++].second[row_] = plant.dynamics().kinetic_energy(q, qd);
-    log_.extra[column++].second[row_] = plant.dynamics().potential_energy(q);
+    log_.extra[column++].second[row_] = plant.kinetic_energy(q, qd);
+    log_.extra[column++].second[row_] = plant.potential_energy(q);
+    if (settings_.robot.elasticities.empty()) return;
+    for (const VectorXd* channel : {&q, &qd, &qdd}) {
+      const VectorXd links = plant.link_side(*channel);
+      for (int i = 0; i < n_; ++i) log_.extra[column++].second[row_] = links[i];
+    }
   }
 
   void next_row() { ++row_; }
@@ -154,12 +168,15 @@ class Run {
         plant_(settings),
         integrator_(plant_, settings.solver),
         sensors_(settings.sensors, n_, settings.seed) {
-    q_ = s_.initial_position;
-    qd_ = s_.initial_velocity.size() > 0 ? s_.initial_velocity : VectorXd::Zero(n_);
+    const int positions = plant_.num_positions();
+    q_.setZero(positions);
+    qd_.setZero(positions);
+    q_.head(n_) = s_.initial_position;
+    if (s_.initial_velocity.size() > 0) qd_.head(n_) = s_.initial_velocity;
     z_.setZero(std::max(1, plant_.num_extra()));
     plant_.initial_extra(0.0, q_.data(), qd_.data(), z_.data());
-    qdd_before_.setZero(n_);
-    qdd_.setZero(n_);
+    qdd_before_.setZero(positions);
+    qdd_.setZero(positions);
     rate_.setZero(z_.size());
     tau_.setZero(n_);
   }
@@ -173,7 +190,7 @@ class Run {
     Measurement m;
     m.tau = VectorXd::Zero(n_);
     m.qdd = VectorXd::Zero(n_);
-    m.q_ref = q_;
+    m.q_ref = q_.head(n_);
     m.qd_ref = VectorXd::Zero(n_);
     m.qdd_ref = VectorXd::Zero(n_);
     VectorXd reported = VectorXd::Zero(n_);
@@ -184,12 +201,13 @@ class Run {
       const double time = k == 0 ? 0.0 : nominal + sensors_.jitter();
       if (k == 0) {
         apply_due_payload();
+        plant_.settle_links(0.0, q_.data(), qd_.data());
       } else {
         advance_to(time);
       }
       const double dt = k == 0 ? 0.0 : time - previous;
       previous = time;
-      sensors_.read_motion(dt, q_, qd_);
+      sensors_.read_motion(dt, q_.head(n_), qd_.head(n_));
       sensors_.read_acceleration(dt);
       m.time = nominal;
       m.sample_time = k == 0 ? sample_time : dt;
@@ -204,15 +222,15 @@ class Run {
         // The arm is taken to be held until the first sample: no acceleration before it.
         if (k > 0) {
           plant_.evaluate(t_, q_.data(), qd_.data(), z_.data(), qdd_before_.data(), rate_.data());
-          m.qdd = sensors_.acceleration(qdd_before_);
+          m.qdd = sensors_.acceleration(qdd_before_.head(n_));
         }
         m.tau = reported;
         command(m);
       }
       settle(k == 0);
-      reported = sensors_.torque(plant_.motor_torque(t_));
+      reported = sensors_.torque(torque_on_record());
       if (k % stride == 0) {
-        recorder.add(time, sensors_, sensors_.acceleration(qdd_), reported, m);
+        recorder.add(time, sensors_, sensors_.acceleration(qdd_.head(n_)), reported, m);
         if (s_.log_truth) recorder.add_truth(q_, qd_, qdd_, plant_.motor_torque(t_), plant_);
         recorder.next_row();
       }
@@ -238,6 +256,20 @@ class Run {
     plant_.hold_torque(tau_);
   }
 
+  /// Motor torque as the drive's channel has it at t_: late by the robot's torque_delay. A held torque is
+  /// read by straight lines between the samples; before the first sample it is the first one's.
+  VectorXd torque_on_record() {
+    const double delay = s_.robot.torque_delay;
+    if (delay == 0.0) return plant_.motor_torque(t_);
+    if (s_.controller == nullptr) return plant_.motor_torque(std::max(0.0, t_ - delay));
+    past_.emplace_back(t_, plant_.motor_torque(t_));
+    while (past_.size() > 2 && past_[1].first <= t_ - delay) past_.pop_front();
+    const auto& [before, first] = past_.front();
+    if (past_.size() == 1 || t_ - delay <= before) return first;
+    const auto& [after, second] = past_[1];
+    return first + (second - first) * ((t_ - delay - before) / (after - before));
+  }
+
   /// After a sample's new torque: modes, acceleration, and the integrator told.
   void settle(bool first) {
     const std::vector<int> before = plant_.modes();
@@ -258,8 +290,8 @@ class Run {
 
   void read_state() {
     t_ = integrator_.time();
-    std::copy(integrator_.q(), integrator_.q() + n_, q_.data());
-    std::copy(integrator_.qd(), integrator_.qd() + n_, qd_.data());
+    std::copy(integrator_.q(), integrator_.q() + q_.size(), q_.data());
+    std::copy(integrator_.qd(), integrator_.qd() + qd_.size(), qd_.data());
     std::copy(integrator_.z(), integrator_.z() + plant_.num_extra(), z_.data());
   }
 
@@ -356,6 +388,7 @@ class Run {
   double t_{0.0};
   double end_{0.0};
   VectorXd q_, qd_, z_, qdd_before_, qdd_, rate_, tau_;
+  std::deque<std::pair<double, VectorXd>> past_;  ///< sample times and held torques, for the delay
   std::size_t next_payload_{0};
   SimulationResult result_;
 };
@@ -374,9 +407,23 @@ std::vector<JointLoad> loads_of(const model::Robot& robot, SignModel sign) {
     if (a.viscous_friction != 0.0 || a.friction_offset != 0.0) {
       load.effects.push_back(std::make_shared<ViscousFriction>(a.viscous_friction, a.friction_offset));
     }
+    if (joint.joint.type == JointType::kPrismatic) load.smooth_speed = 5e-4;
     loads.push_back(load);
   }
+  add_joint_effects(robot, loads);
   return loads;
+}
+
+void add_joint_effects(const model::Robot& robot, std::vector<JointLoad>& loads) {
+  for (const heft::JointEffect<double>& effect : robot.effects) {
+    if (effect.joint < 0 || effect.joint >= robot.num_joints()) {
+      refuse("effects", fmt::format("joint {}", effect.joint + 1), fmt::format("1 to {}", robot.num_joints()),
+             "name a joint of the arm");
+    }
+    if (effect.kind == joint_effect_kind<RotorInertia>()) continue;
+    const auto i = static_cast<std::size_t>(effect.joint);
+    loads[i].effects.push_back(make_joint_effect(effect, robot.joints[i].actuation));
+  }
 }
 
 VectorXd effort_limits_of(const model::Robot& robot) {

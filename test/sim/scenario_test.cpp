@@ -1,5 +1,8 @@
 #include "heft/sim/scenario.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -37,6 +40,13 @@ std::string message_of(const std::string& json) {
   }
   return "no error";
 }
+
+struct BadScenario {
+  const char* keys;
+  const char* path;
+  const char* found;
+  const char* expected;
+};
 
 std::string scenario_file(const std::string& name) {
   return host::read_file(std::string(HEFT_SOURCE_DIR) + "/test/sim/scenarios/" + name, "scenario");
@@ -136,12 +146,136 @@ TEST(Scenario, TiltedBaseGainsHorizontalGravity) {
             1e-12);
 }
 
-struct BadScenario {
-  const char* keys;
-  const char* path;
-  const char* found;
-  const char* expected;
-};
+TEST(Scenario, ExampleOfTheReadmeWithEffectsRuns) {
+  const std::string readme = host::read_file(std::string(HEFT_SOURCE_DIR) + "/src/sim/README.md", "text");
+  const std::size_t begin = readme.rfind("```json\n") + 8;
+  const std::string example = readme.substr(begin, readme.find("```", begin) - begin);
+  const Scenario scenario = parse_scenario(example, "README.md", load_robot);
+  const SimulationSettings& s = scenario.settings;
+  ASSERT_EQ(s.robot.effects.size(), 1u);
+  EXPECT_EQ(s.robot.effects[0].joint, 1);
+  ASSERT_EQ(s.robot.elasticities.size(), 1u);
+  EXPECT_EQ(s.robot.elasticities[0].stiffness, 9000.0);
+  ASSERT_EQ(s.robot.couplings.size(), 1u);
+  EXPECT_EQ(s.robot.couplings[0].coulomb_friction, 0.5);
+  EXPECT_EQ(s.robot.torque_delay, 0.004);
+  EXPECT_NEAR(s.gravity->norm(), 9.81, 1e-12);
+  EXPECT_GT(s.gravity->x(), 0.0);
+  EXPECT_EQ(s.tool_wrench(0.2).force.norm(), 0.0);
+  EXPECT_EQ(s.tool_wrench(0.5).force, Eigen::Vector3d(10, 0, -5));
+  EXPECT_LT(s.tool_wrench(0.33).force.norm(), 11.0);
+  EXPECT_GT(s.tool_wrench(0.33).force.norm(), 1.0);
+  EXPECT_EQ(s.tool_wrench(0.71).force.norm(), 0.0);
+  ASSERT_EQ(s.payload_events.size(), 1u);
+  EXPECT_EQ(s.payload_events[0].time, 0.5);
+  const data::Log log = run_scenario(scenario);
+  EXPECT_EQ(log.num_samples(), 1001);
+  bool bends = false;
+  for (const auto& [name, values] : log.extra) bends = bends || (name == "qlink1" && values != log.q.col(0));
+  EXPECT_TRUE(bends);
+}
+
+TEST(Scenario, EveryJointEffectActsAtItsJoint) {
+  // A block that is pulled along: torque beyond m a, by the formulas.
+  struct Case {
+    const char* keys;
+    std::function<double(double t, double q, double v, double a)> torque;
+  };
+  const Case cases[] = {
+      {R"("kind": "stribeck", "Fs": 3.0, "vs": 0.2)",
+       [](double, double, double v, double) { return 3.0 * std::exp(-v * v / 0.04); }},
+      {R"("kind": "offset", "tau0": -2.0)", [](double, double, double, double) { return -2.0; }},
+      {R"("kind": "offset", "tau0": -2.0, "variant": "asymmetric")",
+       [](double, double, double, double) { return -2.0; }},
+      {R"("kind": "viscous_nonlinear", "c": 1.5, "p": 3)",
+       [](double, double, double v, double) { return 1.5 * v * v * v; }},
+      {R"("kind": "load_friction", "mu": 0.3)",
+       [](double, double, double, double a) { return 0.3 * std::abs(2.0 * a); }},
+      {R"("kind": "rotor_inertia", "Ia": 0.7)", [](double, double, double, double a) { return 0.7 * a; }},
+      {R"("kind": "spring", "k": 8.0, "q0": 0.1)",
+       [](double, double q, double, double) { return 8.0 * (q - 0.1); }},
+      {R"("kind": "ripple", "A": 0.5, "n": 30, "phase": 1.0)",
+       [](double, double q, double, double) { return 0.5 * std::sin(30.0 * q + 1.0); }},
+      {R"("kind": "hysteresis", "x0": 0.02)",
+       [](double, double q, double, double) { return -1.0 * std::exp(-q / 0.02); }},
+      {R"("kind": "friction_drift", "alpha_c": 0.5, "alpha_v": 2.0, "T": 0.3)",
+       [](double t, double, double v, double) { return std::exp(-t / 0.3) * (0.5 * 1.0 + 2.0 * 0.4 * v); }}};
+  for (const Case& one : cases) {
+    const std::string json = R"({"robot": "slider", "duration": 0.1, "torque": {"offset": 12},
+        "initial": {"position": 0, "velocity": 0.3}, "friction": {"coulomb": 1.0, "viscous": 0.4},
+        "effects": [{"joint": 1, )" +
+                             std::string(one.keys) + "}]}";
+    const data::Log log = run_scenario(parse_scenario(json, "arm.json", load_robot));
+    double largest = 0.0;
+    for (Eigen::Index k = 0; k < log.time.size(); ++k) {
+      const double q = log.q(k, 0), v = log.qd(k, 0), a = log.qdd(k, 0);
+      ASSERT_GT(v, 0.0);
+      const double expected = one.torque(log.time[k], q, v, a);
+      EXPECT_NEAR(log.tau(k, 0) - 2.0 * a - 1.0 - 0.4 * v, expected, 1e-7) << one.keys << " " << log.time[k];
+      largest = std::max(largest, std::abs(expected));
+    }
+    EXPECT_GT(largest, 0.01) << one.keys;
+  }
+}
+
+TEST(Scenario, EffectsScaleTheFrictionThatIsSimulated) {
+  // F_c of the first joint is 5 by the robot, 2 by the scenario, or nothing.
+  const auto drift = [](const std::string& friction) {
+    const std::string json =
+        R"({"robot": "ur5e", "duration": 1, "initial": {"position": 0}, )" + friction +
+        R"("effects": [{"kind": "friction_drift", "joint": 1, "alpha_c": 0.5, "T": 1}]})";
+    const Scenario scenario = parse_scenario(json, "arm.json", load_robot);
+    return scenario.settings.loads[0].effects.back()->torque({0.0, 0.0, 1.0, 1.0}, nullptr);
+  };
+  EXPECT_EQ(drift(""), 2.5);
+  EXPECT_EQ(drift(R"("friction": {"coulomb": 2}, )"), 1.0);
+  EXPECT_EQ(drift(R"("friction": "none", )"), 0.0);
+  EXPECT_EQ(drift(R"("friction": {"model": "none"}, )"), 0.0);
+}
+
+TEST(Scenario, MessagesOfEffectsNamePathFoundAndExpected) {
+  const BadScenario cases[] = {
+      {R"("effects": {})", "/effects", "{}", "an array of objects"},
+      {R"("effects": [{"kind": "stribek", "joint": 1}])", "/effects/0/kind", "\"stribek\"",
+       "\"base_tilt\", \"contact\", \"delay\", \"elasticity\", \"friction_drift\", \"hysteresis\", "
+       "\"load_friction\", \"offset\", \"payload_change\", \"ripple\", \"rotor_inertia\", \"spring\", "
+       "\"stribeck\", \"viscous_nonlinear\", \"wrist_coupling\""},
+      {R"("effects": [{"kind": "stribeck", "joint": 2, "Fs": 1, "vs": 1}])", "/effects/0/joint", "2",
+       "from 1 to 1"},
+      {R"("effects": [{"kind": "stribeck", "joint": 1, "Fs": 1}])", "/effects/0/vs", "nothing",
+       "greater than 0"},
+      {R"("effects": [{"kind": "stribeck", "joint": 1, "Fs": -1, "vs": 1}])", "/effects/0/Fs", "-1",
+       "at least 0"},
+      {R"("effects": [{"kind": "stribeck", "joint": 1, "Fs": 1, "vs": 1, "vz": 1}])", "/effects/0/vz",
+       "unknown key", "did you mean \"vs\"?"},
+      {R"("effects": [{"kind": "load_friction", "joint": 1, "mu": 1.5}])", "/effects/0/mu", "1.5", "below 1"},
+      {R"("effects": [{"kind": "offset", "joint": 1, "tau0": 1, "variant": "odd"}])", "/effects/0/variant",
+       "\"odd\"", "\"asymmetric\""},
+      {R"("effects": [{"kind": "elasticity", "joint": 1, "stiffness": 0, "motor_inertia": 1}])",
+       "/effects/0/stiffness", "0", "greater than 0"},
+      {R"("effects": [{"kind": "elasticity", "joint": 1, "stiffness": 1, "motor_inertia": 1},
+                      {"kind": "elasticity", "joint": 1, "stiffness": 1, "motor_inertia": 1}])",
+       "/effects/1/joint", "1", "once"},
+      {R"("effects": [{"kind": "delay", "delay": -1}])", "/effects/0/delay", "-1", "at least 0"},
+      {R"("effects": [{"kind": "delay", "delay": 0}, {"kind": "delay", "delay": 0}])", "/effects/1/kind",
+       "a second time", "once"},
+      {R"("effects": [{"kind": "wrist_coupling", "Fc": 1}])", "/effects/0/kind", "an arm of 1 joints",
+       "5 and 6"},
+      {R"("base_tilt": {"tilt_deg": 1}, "effects": [{"kind": "base_tilt", "tilt_deg": 1}])",
+       "/effects/0/kind", "beside the key \"base_tilt\"", "one of the two"},
+      {R"("payload": [], "effects": [{"kind": "payload_change", "event": "dropped", "time": 1, "mass": 1}])",
+       "/effects/0/kind", "beside the key \"payload\"", "one of the two"},
+      {R"("effects": [{"kind": "payload_change", "event": "lost", "time": 1, "mass": 1}])",
+       "/effects/0/event", "\"lost\"", "\"dropped\""},
+      {R"("effects": [{"kind": "contact", "events": [{"t0": 1, "duration": 0, "force": [1, 0, 0]}]}])",
+       "/effects/0/events/0/duration", "0", "greater than 0"}};
+  for (const BadScenario& bad : cases) {
+    EXPECT_THAT(message_of(slider_scenario(bad.keys)),
+                AllOf(HasSubstr(std::string("arm.json: ") + bad.path + ": found "), HasSubstr(bad.found),
+                      HasSubstr(bad.expected), HasSubstr("; ")))
+        << bad.keys;
+  }
+}
 
 TEST(Scenario, MessagesNameFilePathFoundAndExpected) {
   const BadScenario cases[] = {

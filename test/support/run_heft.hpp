@@ -19,13 +19,21 @@ struct Outcome {
   std::string err;
 };
 
+/// A word as the shell takes it literally.
+inline std::string shell_quote(const std::string& word) {
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
 /// @param from  folder to run in; empty: the present one
 inline Outcome run_heft(const std::vector<std::string>& arguments, const std::string& from = "") {
   const TemporaryFolder streams;
-  std::string command = from.empty() ? "" : "cd '" + from + "' && ";
-  command += std::string("'") + HEFT_COMMAND + "'";
-  for (const std::string& argument : arguments) command += " '" + argument + "'";
-  command += " >'" + streams.path("out") + "' 2>'" + streams.path("err") + "' </dev/null";
+  std::string command = from.empty() ? "" : "cd " + shell_quote(from) + " && ";
+  command += shell_quote(HEFT_COMMAND);
+  for (const std::string& argument : arguments) command += " " + shell_quote(argument);
+  command +=
+      " >" + shell_quote(streams.path("out")) + " 2>" + shell_quote(streams.path("err")) + " </dev/null";
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),
           host::read_file(streams.path("err"), "output")};

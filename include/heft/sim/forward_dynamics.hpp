@@ -55,6 +55,10 @@ class ForwardDynamics {
   void set_gravity(const Eigen::Vector3d& gravity);
   Eigen::Vector3d gravity() const;
 
+  /// Inertia of a joint's rotor on the joint's side [kg·m², kg], in place of the robot's.
+  void set_rotor_inertia(int joint, double inertia);
+  double rotor_inertia(int joint) const;
+
   /// Fixes a body to the last link, in place of the one before.
   void attach(const Body& body);
   /// Takes the body off.

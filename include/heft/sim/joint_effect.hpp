@@ -5,6 +5,8 @@
 #include <memory>
 #include <vector>
 
+#include "heft/core/effects/effects.hpp"
+
 namespace heft::sim {
 
 /// Where a joint is, as an effect sees it.
@@ -15,6 +17,9 @@ struct JointPoint {
   /// Sign of the velocity: −1 or 1 while the joint slips, 0 while it sticks. With the smooth sign any
   /// value between. Effects take the sign from here, never from `velocity`.
   double direction;
+  /// Torque that a joint at rest passes on to the rigid bodies [N·m, N], for the break-away level of
+  /// effects with a load_share(); zero for a joint in motion.
+  double load{0.0};
 };
 
 /// A torque that the motor has to bring up on top of the rigid-body torque: motor torque = rigid body +
@@ -35,6 +40,11 @@ class JointEffect {
   /// (−1 or 1), counted along `direction` [N·m, N]. The default is the step of torque() from rest to slipping.
   /// A joint's level is the sum over its effects, and not below zero.
   virtual double breakaway(const JointPoint& at_rest, int direction, const double* state) const;
+
+  /// μ of a friction μ |load| · direction, at least 0 and below 1; zero for an effect that does not see the
+  /// load. The load depends on this friction in turn, so the simulator solves for it: torque() leaves it
+  /// out in motion, where JointPoint::load is zero, and counts it at rest.
+  virtual double load_share() const { return 0.0; }
 
   virtual int num_states() const { return 0; }
   /// Start values of the states.
@@ -71,6 +81,27 @@ class ViscousFriction : public JointEffect {
   double viscous_;
   double offset_;
 };
+
+/// Coulomb levels that differ between the two directions: tau0 |direction|, so that the level is Fc + tau0
+/// forward and Fc − tau0 backward. Unlike an offset it does not act on a joint at rest.
+class AsymmetricFriction : public JointEffect {
+ public:
+  explicit AsymmetricFriction(double tau0) : tau0_(tau0) {}
+  double torque(const JointPoint& point, const double*) const override {
+    return tau0_ * (point.direction < 0.0 ? -point.direction : point.direction);
+  }
+
+ private:
+  double tau0_;
+};
+
+/// One of heft's joint effects (core/effects) as it acts in a simulation. What the effect remembers is a
+/// state.
+/// @param actuation  the joint's declared friction, which some effects scale or replace
+/// @throws ModelError for an effect that does not exist and for `rotor_inertia`, which belongs to the
+///         robot: the simulator takes it from there.
+std::shared_ptr<const JointEffect> make_joint_effect(const heft::JointEffect<double>& effect,
+                                                     const JointActuation<double>& actuation);
 
 /// How the sign of the velocity is taken near standstill.
 enum class SignModel {

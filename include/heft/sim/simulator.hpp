@@ -96,27 +96,42 @@ struct SolverCounts {
 
 /// A simulation's settings. Everything but robot, duration and initial position has a working default.
 struct SimulationSettings {
-  model::Robot robot;                      ///< the true arm; its friction values are not used, `loads` are
+  /// The true arm. Its friction values and joint effects are not used, `loads` are (loads_of makes them
+  /// from the robot); rotor inertias, also those among the effects, couplings, elasticities and torque
+  /// delay are.
+  model::Robot robot;
   double duration{1.0};                    ///< [s]
   double sample_rate{1000.0};              ///< of controller and sensors [Hz]
   double log_rate{0.0};                    ///< rows a second, sample_rate / log_rate whole; 0: every sample
   Eigen::VectorXd initial_position;        ///< n
   Eigen::VectorXd initial_velocity;        ///< n, or size 0 for rest
   std::optional<Eigen::Vector3d> gravity;  ///< in the base frame, in place of the robot's [m/s²]
-  std::vector<JointLoad> loads;            ///< n, or size 0 for none
-  Eigen::VectorXd torque_limit;            ///< n [N·m, N], or size 0 for none
+  /// The same over time, for instance of a base that shakes: gravity minus the base's acceleration. Null
+  /// for a constant one.
+  std::function<Eigen::Vector3d(double t)> gravity_of_time;
+  std::vector<JointLoad> loads;                ///< n, or size 0 for none
+  double coupling_smooth_speed{1e-3};          ///< the sign of gear couplings is tanh(v / this) [rad/s]
+  Eigen::VectorXd torque_limit;                ///< n [N·m, N], or size 0 for none
   std::shared_ptr<const Reference> reference;  ///< null: none, no reference columns in the log
   std::shared_ptr<Controller> controller;      ///< null: `torque` acts
   /// Without a controller: torque as a function of time [N·m, N], taken continuously; null is zero torque.
   std::function<void(double t, Eigen::Ref<Eigen::VectorXd> torque)> torque;
   /// Force on the tool in the base frame over time; must be continuous. Null for none.
   std::function<Wrench(double t)> tool_wrench;
+  /// A torque that the motors have to bring up besides all else [N·m, N]; must be continuous. Null for none.
+  /// @param q,qd    n, motor side
+  /// @param torque  out, n, zero when called
+  std::function<void(double t, const Eigen::Ref<const Eigen::VectorXd>& q,
+                     const Eigen::Ref<const Eigen::VectorXd>& qd, Eigen::Ref<Eigen::VectorXd> torque)>
+      disturbance;
   std::vector<PayloadEvent> payload_events;  ///< in the order in which they happen
   SensorSettings sensors;
   std::uint64_t seed{0};
   SolverSettings solver;
   /// Adds extras to the log: q_true1.., qd_true1.., qdd_true1.., tau_true1.. (motor torque), friction_true1..
-  /// (torque of all joint effects, what holds a stuck joint included), kinetic_energy, potential_energy.
+  /// (torque of everything that acts at a joint besides the rigid bodies and rotors, what holds a stuck joint
+  /// included), kinetic_energy, potential_energy. With elastic joints also qlink1.., qdlink1.., qddlink1..,
+  /// the link's motion (q_true is the motor's); energies count motors and springs in.
   bool log_truth{false};
 };
 
@@ -129,8 +144,15 @@ struct SimulationResult {
   SolverCounts counts;
 };
 
-/// Friction as the robot's joints state it: Coulomb, viscous and offset, sticking at the Coulomb level.
+/// What the robot states: Coulomb, viscous and offset, sticking at the Coulomb level, and its joint effects
+/// but for rotor inertias. The smooth sign gets its usual speed, 1e-3 rad/s or 5e-4 m/s.
+/// @throws ModelError for an effect on a joint that does not exist.
 std::vector<JointLoad> loads_of(const model::Robot& robot, SignModel sign = SignModel::kStickSlip);
+
+/// Adds the robot's joint effects, but for rotor inertias, to n loads. Its joints' actuation gives the
+/// friction that some of them scale.
+/// @throws ModelError for an effect on a joint that does not exist.
+void add_joint_effects(const model::Robot& robot, std::vector<JointLoad>& loads);
 
 /// Effort limits of the robot's joints as torque limits.
 Eigen::VectorXd effort_limits_of(const model::Robot& robot);
