@@ -9,8 +9,8 @@
 #include <random>
 
 #include <fmt/format.h>
-#include <Eigen/QR>
 
+#include "decompositions.hpp"
 #include "heft/identify/triangular_factor.hpp"
 
 namespace heft::identify {
@@ -133,10 +133,11 @@ BaseParameters find_base_parameters(const RegressionColumns& columns, const Base
   for (Eigen::Index k = 0; k < b; ++k) K.col(k) = R.col(kept[static_cast<std::size_t>(k)]);
   base.regrouping = Eigen::MatrixXd::Zero(b, p);
   for (Eigen::Index k = 0; k < b; ++k) base.regrouping(k, kept[static_cast<std::size_t>(k)]) = 1.0;
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(K);
-  for (const int i : dropped) {
+  const Eigen::MatrixXd shares = least_squares(K, R(Eigen::all, dropped));
+  for (std::size_t at = 0; at < dropped.size(); ++at) {
+    const int i = dropped[at];
     // Column i = Σ c_k column k (scaled): x_i adds c_k norm_k⁻¹ norm_i x_i to β_k.
-    const Eigen::VectorXd share = qr.solve(R.col(i));
+    const Eigen::VectorXd share = shares.col(static_cast<Eigen::Index>(at));
     for (Eigen::Index k = 0; k < b; ++k) {
       const double factor = share[k] * norm[i] / norm[kept[static_cast<std::size_t>(k)]];
       // Rounding leaves dust; a share that moves the torque less than that is none.

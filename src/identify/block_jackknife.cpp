@@ -4,7 +4,7 @@
 #include <limits>
 #include <numeric>
 
-#include <Eigen/Cholesky>
+#include "decompositions.hpp"
 
 namespace heft::identify {
 
@@ -81,16 +81,19 @@ BlockJackknife::Result BlockJackknife::solve(const std::vector<int>& members, in
     sums.back().A += full;
     sums.back().r += block.r;
   }
-  const Eigen::LDLT<Eigen::MatrixXd> factors(A);
   Result result;
-  result.estimate = factors.solve(r);
-  result.information_inverse = factors.solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
+  // One decomposition for both.
+  Eigen::MatrixXd right(A.rows(), A.cols() + 1);
+  right << r, Eigen::MatrixXd::Identity(A.rows(), A.cols());
+  const Eigen::MatrixXd solved = solve_symmetric(A, right);
+  result.estimate = solved.col(0);
+  result.information_inverse = solved.rightCols(A.cols());
   result.covariance = Eigen::MatrixXd::Zero(A.rows(), A.cols());
   result.blocks = static_cast<int>(sums.size());
   result.interval_factor = identify::interval_factor(result.blocks - 1);
   if (result.blocks < 2) return result;
   for (const Sum& sum : sums) {
-    const Eigen::VectorXd d = (A - sum.A).ldlt().solve(r - sum.r) - result.estimate;
+    const Eigen::VectorXd d = solve_symmetric(A - sum.A, r - sum.r) - result.estimate;
     result.covariance.noalias() += d * d.transpose();
   }
   result.covariance *= static_cast<double>(result.blocks - 1) / static_cast<double>(result.blocks);
@@ -112,7 +115,7 @@ Eigen::MatrixXd BlockJackknife::dependence(const std::vector<int>& members) cons
     }
   }
   if (H.size() == 0) return H;
-  return -A.ldlt().solve(H);
+  return -solve_symmetric(A, H);
 }
 
 }  // namespace heft::identify

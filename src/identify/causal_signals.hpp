@@ -45,18 +45,18 @@ inline constexpr double kFastPole = 5.0;
 /// quarter.
 inline constexpr double kFastest = 0.1;
 
+/// What became of a sample.
+enum class Taken {
+  kRefused,   ///< implausible: nothing changed
+  kSettling,  ///< taken, but the filters have not settled
+  kReady      ///< regressor() and tau() hold the answer
+};
+
 template <int N>
 class CausalSignals {
  public:
   using Vector = JointVector<double, N>;
   using Regressor = Eigen::Matrix<double, N, 14 * N>;
-
-  /// What became of a sample.
-  enum class Taken {
-    kRefused,   ///< implausible: nothing changed
-    kSettling,  ///< taken, but the filters have not settled
-    kReady      ///< regressor() and tau() hold the answer
-  };
 
   /// @param dynamics     of the robot whose limits say what is plausible; must outlive this
   /// @param cutoff       of the slow filter [Hz]

@@ -8,11 +8,9 @@
 #include <random>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 
+#include "decompositions.hpp"
 #include "excitation_impl.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/base_parameters.hpp"
@@ -369,15 +367,12 @@ ExcitationDesign::Impl::Impl(const model::Robot& robot, MotionLimits given_limit
   const FourierBasis ends = basis_at(Eigen::Vector2d(0.0, options.duration));
   MatrixXd C(4, 2 * K);
   C << ends.qd, ends.qdd / (omega() * K);
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(C.transpose());
-  qr.setThreshold(1e-9);
-  const MatrixXd Q = qr.householderQ() * MatrixXd::Identity(2 * K, 2 * K);
-  at_rest = Q.rightCols(2 * K - qr.rank());
+  at_rest = complement_of(C.transpose(), 1e-9);
   if (at_rest.cols() == 0) {
     throw ModelError(
         fmt::format("robot \"{}\": harmonics: found {} over {:.4g} periods, expected more: start and "
                     "end at rest take {} coefficients a joint and leave no motion",
-                    robot.name, K, periods, qr.rank()));
+                    robot.name, K, periods, 2 * K - at_rest.cols()));
   }
 
   const auto even = [](double length, Index count, bool with_ends) {
@@ -470,23 +465,24 @@ bool ExcitationDesign::Impl::objective(const MatrixXd& F, double& value, MatrixX
   const VectorXd d = F.diagonal().cwiseSqrt().cwiseInverse();
   const MatrixXd C = d.asDiagonal() * F * d.asDiagonal();
   if (options.cost == ExcitationCost::kDOptimal) {
-    const Eigen::LLT<MatrixXd> llt(C);
-    if (llt.info() != Eigen::Success) return false;
-    const double log_det = 2.0 * llt.matrixLLT().diagonal().array().log().sum() - 2.0 * d.array().log().sum();
+    MatrixXd L;
+    if (!cholesky(C, L)) return false;
+    const double log_det = 2.0 * L.diagonal().array().log().sum() - 2.0 * d.array().log().sum();
     if (!std::isfinite(log_det)) return false;
     value = -log_det / (2.0 * static_cast<double>(size));
     if (S != nullptr) {
       // ∂ log det F / ∂F = F⁻¹
-      *S = llt.solve(MatrixXd::Identity(size, size));
+      *S = MatrixXd::Identity(size, size);
+      if (!solve_positive(C, *S)) return false;
       *S = d.asDiagonal() * *S * d.asDiagonal() * (-1.0 / (2.0 * static_cast<double>(size)));
     }
     return true;
   }
   // log κ = ½ (log λ_max − log λ_min) of C, smooth: log λ_max ≈ log tr(C^p) / p, log λ_min ≈ −log tr(C^−p) / p.
   constexpr double kPower = 8.0;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(C);
-  const VectorXd& lambda = eigen.eigenvalues();
-  if (eigen.info() != Eigen::Success || !(lambda[0] > 1e-14)) return false;
+  const Eigensystem eigen = eigensystem_of(C);
+  const VectorXd& lambda = eigen.values;
+  if (!eigen.converged || !(lambda[0] > 1e-14)) return false;
   // Powers relative to the extreme eigenvalues, so that nothing overflows.
   const double largest = lambda[size - 1], smallest = lambda[0];
   const VectorXd up_power = (lambda / largest).array().pow(kPower),
@@ -498,7 +494,7 @@ bool ExcitationDesign::Impl::objective(const MatrixXd& F, double& value, MatrixX
     // A = ∂value/∂C = ½ (C^(p−1) / tr C^p − C^(−p−1) / tr C^−p)
     const VectorXd f =
         0.5 * (up_power.cwiseQuotient(lambda) / up_sum - down_power.cwiseQuotient(lambda) / down_sum);
-    const MatrixXd A = eigen.eigenvectors() * f.asDiagonal() * eigen.eigenvectors().transpose();
+    const MatrixXd A = eigen.vectors * f.asDiagonal() * eigen.vectors.transpose();
     // dC_ij = d_i d_j dF_ij − ½ C_ij (dF_ii / F_ii + dF_jj / F_jj)
     *S = d.asDiagonal() * A * d.asDiagonal();
     S->diagonal() -= (A * C).diagonal().cwiseQuotient(F.diagonal());
@@ -754,9 +750,9 @@ namespace {
 VectorXd scaled_eigenvalues(const MatrixXd& F, MatrixXd* vectors = nullptr) {
   if (!(F.diagonal().minCoeff() > 0.0)) return {};
   const VectorXd d = F.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(d.asDiagonal() * F * d.asDiagonal());
-  if (vectors != nullptr) *vectors = eigen.eigenvectors();
-  return eigen.eigenvalues();
+  Eigensystem eigen = eigensystem_of(d.asDiagonal() * F * d.asDiagonal());
+  if (vectors != nullptr) *vectors = std::move(eigen.vectors);
+  return eigen.values;
 }
 
 double condition_of(const VectorXd& lambda) {

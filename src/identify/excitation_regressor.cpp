@@ -28,17 +28,38 @@ ArmModel<Scalar, N> converted(const ArmModel<double, N>& arm) {
   return result;
 }
 
+/// Instances take long to compile, so there are few. A smaller arm gets massless joints at its tip that stand still:
+/// they change neither the torques of the others nor their columns.
+constexpr std::array<int, 3> kSizes{6, 7, model::kMaxJoints};
+
+/// The robot with N joints.
+template <int N>
+ArmModel<double, N> padded_arm(model::Robot robot) {
+  robot.joints.resize(static_cast<std::size_t>(N));
+  return model::to_arm_model<N>(robot);
+}
+
+/// Vectors of n entries with zeros up to N.
+template <int N>
+JointVector<double, N> padded(const Eigen::VectorXd& v) {
+  JointVector<double, N> result = JointVector<double, N>::Zero();
+  result.head(v.size()) = v;
+  return result;
+}
+
+/// For arms of up to N joints.
 template <int N>
 class Sized final : public DifferentiableRegressor {
  public:
   using Jet = ceres::Jet<double, 3 * N>;
 
   Sized(const RegressionColumns& columns, const std::vector<int>& chosen, const Eigen::VectorXd& sign_width)
-      : fitted_(columns.robot().couplings),
+      : n_(columns.num_joints()),
+        fitted_(columns.robot().couplings),
         couplings_(columns.structure().couplings),
         sign_width_(sign_width) {
     for (const int c : chosen) columns_.push_back(columns[c]);
-    const ArmModel<double, N> model = model::to_arm_model<N>(columns.robot());
+    const ArmModel<double, N> model = padded_arm<N>(columns.robot());
     arm_ = DynamicArm<double, N>(model);
     jet_arm_ = DynamicArm<Jet, N>(converted<Jet, N>(model));
     for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
@@ -49,12 +70,13 @@ class Sized final : public DifferentiableRegressor {
 
   void evaluate(const Eigen::VectorXd& q, const Eigen::VectorXd& qd, const Eigen::VectorXd& qdd,
                 Eigen::Ref<Eigen::MatrixXd> Y, Eigen::Ref<Eigen::VectorXd> tau) const override {
-    const JointVector<double, N> position = q, velocity = qd, acceleration = qdd;
+    const JointVector<double, N> position = padded<N>(q), velocity = padded<N>(qd),
+                                 acceleration = padded<N>(qdd);
     LinkRegressor<double, N> links;
     link_regressor(arm_, joint_trigonometry<DynamicArm<double, N>>(position), position, velocity,
                    acceleration, links);
-    tau = links * links_;
-    for (int i = 0; i < N; ++i) {
+    tau = (links * links_).head(n_);
+    for (int i = 0; i < n_; ++i) {
       const auto& a = actuation_[static_cast<std::size_t>(i)];
       tau[i] += a.rotor_inertia * qdd[i] + a.viscous_friction * qd[i] + a.friction_offset;
     }
@@ -71,7 +93,7 @@ class Sized final : public DifferentiableRegressor {
       const Column& column = columns_[c];
       const int j = column.joint;
       switch (column.kind) {
-        case ColumnKind::kLink: Y.col(at) = links.col(10 * j + column.entry); break;
+        case ColumnKind::kLink: Y.col(at) = links.col(10 * j + column.entry).head(n_); break;
         case ColumnKind::kRotorInertia: Y(j, at) = qdd[j]; break;
         case ColumnKind::kCoulomb: Y(j, at) = std::tanh(qd[j] / sign_width_[j]); break;
         case ColumnKind::kViscous: Y(j, at) = qd[j]; break;
@@ -93,10 +115,10 @@ class Sized final : public DifferentiableRegressor {
                 const Eigen::Ref<const Eigen::MatrixXd>& G, const Eigen::VectorXd& h, Eigen::VectorXd& by_q,
                 Eigen::VectorXd& by_qd, Eigen::VectorXd& by_qdd) const override {
     // Weight of every entry of the links' regressor: h xᵀ for the torque, G where the column is chosen.
-    Eigen::Matrix<double, N, 10 * N> H = JointVector<double, N>(h) * links_.transpose();
-    by_qd.setZero(N);
-    by_qdd.setZero(N);
-    for (int i = 0; i < N; ++i) {
+    Eigen::Matrix<double, N, 10 * N> H = padded<N>(h) * links_.transpose();
+    by_qd.setZero(n_);
+    by_qdd.setZero(n_);
+    for (int i = 0; i < n_; ++i) {
       const auto& a = actuation_[static_cast<std::size_t>(i)];
       by_qdd[i] = h[i] * a.rotor_inertia;
       by_qd[i] = h[i] * a.viscous_friction;
@@ -113,7 +135,7 @@ class Sized final : public DifferentiableRegressor {
       const Column& column = columns_[c];
       const int j = column.joint;
       switch (column.kind) {
-        case ColumnKind::kLink: H.col(10 * j + column.entry) += G.col(at); break;
+        case ColumnKind::kLink: H.col(10 * j + column.entry).head(n_) += G.col(at); break;
         case ColumnKind::kRotorInertia: by_qdd[j] += G(j, at); break;
         case ColumnKind::kCoulomb: by_qd[j] += G(j, at) * sign_slope(qd[j], sign_width_[j]); break;
         case ColumnKind::kViscous: by_qd[j] += G(j, at); break;
@@ -138,22 +160,22 @@ class Sized final : public DifferentiableRegressor {
     JointVector<Jet, N> position, velocity, acceleration;
     JointTrigonometry<DynamicArm<Jet, N>> trig;
     for (int i = 0; i < N; ++i) {
-      position[i] = Jet(q[i], i);
-      velocity[i] = Jet(qd[i], N + i);
-      acceleration[i] = Jet(qdd[i], 2 * N + i);
+      position[i] = i < n_ ? Jet(q[i], i) : Jet(0.0);
+      velocity[i] = i < n_ ? Jet(qd[i], N + i) : Jet(0.0);
+      acceleration[i] = i < n_ ? Jet(qdd[i], 2 * N + i) : Jet(0.0);
       trig.joint[static_cast<std::size_t>(i)] = {sin(position[i]), cos(position[i])};
     }
     Table Y;
     link_regressor(jet_arm_, trig, position, velocity, acceleration, Y);
     Eigen::Matrix<double, 3 * N, 1> sum = Eigen::Matrix<double, 3 * N, 1>::Zero();
-    for (int c = 0; c < 10 * N; ++c) {
+    for (int c = 0; c < 10 * n_; ++c) {
       for (int i = 0; i <= c / 10; ++i) {
         if (H(i, c) != 0.0) sum += H(i, c) * Y(i, c).v;
       }
     }
-    by_q = sum.template head<N>();
-    by_qd += sum.template segment<N>(N);
-    by_qdd += sum.template tail<N>();
+    by_q = sum.head(n_);
+    by_qd += sum.segment(N, n_);
+    by_qdd += sum.segment(2 * N, n_);
   }
 
  private:
@@ -175,6 +197,7 @@ class Sized final : public DifferentiableRegressor {
     return (1.0 - s * s) / width;
   }
 
+  int n_;
   DynamicArm<double, N> arm_;
   DynamicArm<Jet, N> jet_arm_;
   Eigen::Matrix<double, 10 * N, 1> links_;
@@ -185,15 +208,16 @@ class Sized final : public DifferentiableRegressor {
   Eigen::VectorXd sign_width_;
 };
 
-template <int N>
+template <std::size_t K>
 std::unique_ptr<DifferentiableRegressor> make_sized(const RegressionColumns& columns,
                                                     const std::vector<int>& chosen,
                                                     const Eigen::VectorXd& sign_width) {
-  if constexpr (N > model::kMaxJoints) {
+  if constexpr (K == kSizes.size()) {
     throw ModelError("more joints than heft handles");  // RegressionColumns has refused before
   } else {
-    if (columns.num_joints() == N) return std::make_unique<Sized<N>>(columns, chosen, sign_width);
-    return make_sized<N + 1>(columns, chosen, sign_width);
+    if (columns.num_joints() <= kSizes[K])
+      return std::make_unique<Sized<kSizes[K]>>(columns, chosen, sign_width);
+    return make_sized<K + 1>(columns, chosen, sign_width);
   }
 }
 
@@ -202,7 +226,7 @@ std::unique_ptr<DifferentiableRegressor> make_sized(const RegressionColumns& col
 std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(const RegressionColumns& columns,
                                                                        const std::vector<int>& chosen,
                                                                        const Eigen::VectorXd& sign_width) {
-  return make_sized<1>(columns, chosen, sign_width);
+  return make_sized<0>(columns, chosen, sign_width);
 }
 
 }  // namespace heft::identify

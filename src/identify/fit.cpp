@@ -7,10 +7,8 @@
 #include <set>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 
+#include "decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/block_jackknife.hpp"
 #include "heft/identify/instrumental.hpp"
@@ -89,15 +87,15 @@ Solution solve(const TriangularFactor& data, const Eigen::VectorXd& prior, doubl
     if (!(s.scale[i] > 0.0)) s.scale[i] = 1.0;
   }
   const Eigen::MatrixXd scaled = data.R() * s.scale.cwiseInverse().asDiagonal();
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  s.singular = svd.singularValues();
-  s.right = svd.matrixV();
+  Svd svd = svd_of(scaled);
+  s.singular = std::move(svd.values);
+  s.right = std::move(svd.V);
   const double largest = s.singular[0];
   const double smallest = s.singular[s.singular.size() - 1];
   s.condition = smallest > 0.0 ? largest / smallest : std::numeric_limits<double>::infinity();
   if (ridge_from > 0.0 && s.condition > ridge_from) s.ridge = std::pow(largest / ridge_from, 2);
   // In y = S β: z − R β₀ = U Σ Vᵀ (y − y₀).
-  const Eigen::VectorXd right_side = svd.matrixU().transpose() * (data.z() - data.R() * prior);
+  const Eigen::VectorXd right_side = svd.U.transpose() * (data.z() - data.R() * prior);
   Eigen::VectorXd step = Eigen::VectorXd::Zero(s.singular.size());
   Eigen::VectorXd told = step;
   for (Eigen::Index i = 0; i < step.size(); ++i) {
@@ -174,7 +172,7 @@ Jackknife jackknife(const BlockFactors& factors, const Eigen::VectorXd& weights,
   for (const auto& [key, group] : groups) {
     if (group.A.trace() <= 0.0) continue;
     // Without this block: (A − A_b) d = −g_b, since the whole gradient vanishes at the estimate.
-    const Eigen::VectorXd d = (A - group.A).ldlt().solve(-group.g);
+    const Eigen::VectorXd d = solve_symmetric(A - group.A, -group.g);
     if (!d.allFinite()) continue;
     out.covariance.noalias() += d * d.transpose();
     ++out.blocks;
@@ -286,7 +284,7 @@ Eigen::VectorXd with_base(const BaseParameters& base, const Eigen::VectorXd& x, 
   // G is [I, D] up to order: always of full row rank.
   const Eigen::MatrixXd scaled = base.regrouping * size.asDiagonal();
   const Eigen::VectorXd step =
-      scaled.transpose() * (scaled * scaled.transpose()).ldlt().solve(beta - base.regrouping * x);
+      scaled.transpose() * solve_symmetric(scaled * scaled.transpose(), beta - base.regrouping * x);
   Eigen::VectorXd moved = x + size.cwiseProduct(step);
   // One refinement: the step above is exact to rounding of the scaled system only. The kept columns are the
   // identity, so what is left goes there.
@@ -429,6 +427,7 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
       (options.test_bias && (options.method == Method::kWls || options.method == Method::kOls))) {
     InstrumentOptions instruments;
     instruments.kind = options.instruments;
+    if (options.instruments == Instruments::kReference) instruments.reference = options.reference;
     if (!instrumental) instruments.max_iterations = 1;
     const InstrumentalFit iv =
         fit_instrumental(columns, base, logs, options.observation, solution.beta, result.noise_std,
@@ -444,7 +443,7 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
       result.blocks = estimate.groups;
       result.noise_std = iv.noise_std;
       result.notes.insert(result.notes.end(), iv.notes.begin(), iv.notes.end());
-      if (!iv.converged && options.instruments == Instruments::kSimulated) {
+      if (!iv.converged && options.instruments != Instruments::kDelayed) {
         result.notes.push_back("the instruments did not come to rest; the last iteration stands");
       }
     }
@@ -453,7 +452,7 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
   result.half_width = interval_factor(result.blocks - 1) * result.std;
   result.condition = solution.condition;
   result.ridge = solution.ridge > 0.0;
-  const Eigen::VectorXd raw = factors.weighted(weights).R().bdcSvd().singularValues();
+  const Eigen::VectorXd raw = singular_values(factors.weighted(weights).R());
   result.condition_unscaled =
       raw[raw.size() - 1] > 0.0 ? raw[0] / raw[raw.size() - 1] : std::numeric_limits<double>::infinity();
   result.cutoff =

@@ -7,13 +7,10 @@
 #include <numeric>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <unsupported/Eigen/SpecialFunctions>
 
 #include "block_groups.hpp"
+#include "decompositions.hpp"
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
@@ -87,9 +84,9 @@ bool friction_rates(const SimulatedArm& arm, const Eigen::MatrixXd& poses, Eigen
   constexpr Eigen::Index kPoses = 20;
   for (Eigen::Index k = 0; k < kPoses; ++k) {
     const Eigen::VectorXd q = poses.row(k * (poses.rows() - 1) / (kPoses - 1)).transpose();
-    const Eigen::LLT<Eigen::MatrixXd> llt(arm.inertia(q));
-    if (llt.info() != Eigen::Success) return false;
-    const Eigen::VectorXd inverse = llt.solve(Eigen::MatrixXd::Identity(n, n)).diagonal();
+    Eigen::MatrixXd whole = Eigen::MatrixXd::Identity(n, n);
+    if (!solve_positive(arm.inertia(q), whole)) return false;
+    const Eigen::VectorXd inverse = whole.diagonal();
     for (Eigen::Index j = 0; j < n; ++j) {
       const JointActuation<double>& a = arm.robot().joints[static_cast<std::size_t>(j)].actuation;
       viscous[j] = std::max(viscous[j], std::abs(a.viscous_friction) * inverse[j]);
@@ -140,9 +137,9 @@ bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Moti
   const auto acceleration = [&](const Target& t, const Eigen::VectorXd& q,
                                 const Eigen::VectorXd& qd) -> Eigen::VectorXd {
     const Eigen::VectorXd tau = t.feed + t.H * (2.0 * omega * (t.qd - qd) + omega * omega * (t.q - q));
-    const Eigen::LLT<Eigen::MatrixXd> llt(arm.inertia(q));
-    if (llt.info() != Eigen::Success) sound = false;
-    return llt.solve(tau - arm.bias(q, qd) - arm.friction(qd));
+    Eigen::MatrixXd result = tau - arm.bias(q, qd) - arm.friction(qd);
+    if (!solve_positive(arm.inertia(q), result)) sound = false;
+    return result;
   };
 
   Target begin = target_at(0);
@@ -211,18 +208,16 @@ Frame frame_of(const TriangularFactor& data, const Eigen::VectorXd& start, doubl
   const Eigen::MatrixXd R = data.R();
   Eigen::VectorXd scale = R.colwise().norm();
   scale = (scale.array() > 0.0).select(scale, 1.0);
-  const Eigen::JacobiSVD<Eigen::MatrixXd, Eigen::NoQRPreconditioner> svd(
-      R * scale.cwiseInverse().asDiagonal(), Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::VectorXd& s = svd.singularValues();
+  const Svd svd = svd_of(R * scale.cwiseInverse().asDiagonal());
+  const Eigen::VectorXd& s = svd.values;
   const double limit = condition_limit > 0.0 ? std::min(condition_limit, 1e10) : 1e10;
   const Eigen::Index k = s[0] > 0.0 ? (s.array() * limit >= s[0]).count() : 0;
   Frame frame;
   frame.left_out = static_cast<int>(s.size() - k);
   // W D⁻¹ = U S Vᵀ, T = D⁻¹ V S⁻¹: W T = U.
-  frame.T =
-      scale.cwiseInverse().asDiagonal() * svd.matrixV().leftCols(k) * s.head(k).cwiseInverse().asDiagonal();
-  frame.from = svd.matrixU().leftCols(k).transpose() * R;
-  frame.u_plain = svd.matrixU().leftCols(k).transpose() * (data.z() - R * start);
+  frame.T = scale.cwiseInverse().asDiagonal() * svd.V.leftCols(k) * s.head(k).cwiseInverse().asDiagonal();
+  frame.from = svd.U.leftCols(k).transpose() * R;
+  frame.u_plain = svd.U.leftCols(k).transpose() * (data.z() - R * start);
   frame.residual = data.squared_error(start + frame.T * frame.u_plain);
   return frame;
 }
@@ -246,14 +241,14 @@ Comparison compare(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
   const Eigen::Index k = T.cols();
   const InstrumentSums::Moments all = sums.weighted(weights);
   c.K = T.transpose() * all.A * T;
-  c.u = c.K.partialPivLu().solve(T.transpose() * (all.r - all.A * start));
+  c.u = least_squares(c.K, T.transpose() * (all.r - all.A * start));
   const Eigen::VectorXd beta = start + T * c.u;
   const Eigen::VectorXd plain_beta = start + T * c.frame.u_plain;
 
   // Smallest singular value s = lᵀ K v, by way of KᵀK: good to 1e-8.
   Eigen::VectorXd v = Eigen::VectorXd::Zero(k), l = v;
   if (k > 0) {
-    v = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(c.K.transpose() * c.K).eigenvectors().col(0);
+    v = eigensystem_of(c.K.transpose() * c.K).vectors.col(0);
     l = (c.K * v).normalized();
     c.relevance = (c.K * v).norm();
   }
@@ -283,11 +278,10 @@ Comparison compare(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
     const Eigen::VectorXd direction = T * v;
     const double beyond = (T * l).dot(A * direction) - c.relevance * direction.dot(plain_A * direction);
     relevance_squares += beyond * beyond;
-    moved.emplace_back((c.K - T.transpose() * A * T).partialPivLu().solve(T.transpose() * (A * beta - r)));
+    moved.push_back(least_squares(c.K - T.transpose() * A * T, T.transpose() * (A * beta - r)));
     if (with_plain) {
-      plain_moved.emplace_back((Eigen::MatrixXd::Identity(k, k) - T.transpose() * plain_A * T)
-                                   .partialPivLu()
-                                   .solve(-(T.transpose() * gradient)));
+      plain_moved.push_back(least_squares(Eigen::MatrixXd::Identity(k, k) - T.transpose() * plain_A * T,
+                                          -(T.transpose() * gradient)));
     }
   }
   c.relevance_ratio = relevance_squares > 0.0 ? c.relevance / std::sqrt(relevance_squares) : 0.0;
@@ -324,6 +318,12 @@ InstrumentMotion simulated_motion(const RegressionColumns& columns, const BasePa
     const bool has_reference = options.reference >= 0 &&
                                options.reference < static_cast<int>(chunk.extra.size()) &&
                                chunk.extra[static_cast<std::size_t>(options.reference)].cols() == n;
+    if (options.kind == Instruments::kReference && !has_reference) {
+      throw DataError(
+          fmt::format("{}: no commanded positions qref1 to qref{}; instruments from the reference need the "
+                      "column of every joint: log them, or use simulated instruments",
+                      summary.path, n));
+    }
     const double smoothing = smoothing_for(summary, chunk, options);
     // A reference has no measurement noise; its low-pass only has to make it differentiable.
     const double cutoff = has_reference ? summary.cutoff : smoothing;
@@ -498,7 +498,7 @@ InstrumentalFit fit_instrumental(const RegressionColumns& columns, const BasePar
   }
   const double floor = std::max(1e-9 * start_noise.maxCoeff(), 1e-12);
   const Eigen::VectorXd weights = start_noise.cwiseMax(floor).cwiseAbs2().cwiseInverse();
-  const bool simulated = options.kind == Instruments::kSimulated;
+  const bool simulated = options.kind != Instruments::kDelayed;
   const int limit = simulated ? std::max(1, options.max_iterations) : 1;
   const auto fresh = [&] {
     return InstrumentSums(columns.num_joints(), base.count(), options.block, options.max_blocks);
@@ -582,17 +582,15 @@ BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
 
   // Noise in the rows, W = W₀ + E: WᵀW − ZᵀW ≈ EᵀE, here I − K. It moves least squares by −EᵀE β. The
   // directions where that is most are tested.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> noise(Eigen::MatrixXd::Identity(k, k) -
-                                                             0.5 * (c.K + c.K.transpose()));
+  const Eigensystem noise = eigensystem_of(Eigen::MatrixXd::Identity(k, k) - 0.5 * (c.K + c.K.transpose()));
   const Eigen::VectorXd whole = c.frame.from * start + c.u;
-  const Eigen::VectorXd expected =
-      noise.eigenvalues().cwiseProduct(noise.eigenvectors().transpose() * whole).cwiseAbs();
+  const Eigen::VectorXd expected = noise.values.cwiseProduct(noise.vectors.transpose() * whole).cwiseAbs();
   std::vector<Eigen::Index> order(static_cast<std::size_t>(k));
   std::iota(order.begin(), order.end(), Eigen::Index{0});
   std::sort(order.begin(), order.end(),
             [&](Eigen::Index a, Eigen::Index b) { return expected[a] > expected[b]; });
   order.resize(static_cast<std::size_t>(std::max(1, std::min(k, B / kGroupsPerDirection))));
-  const Eigen::MatrixXd P = noise.eigenvectors()(Eigen::all, order);
+  const Eigen::MatrixXd P = noise.vectors(Eigen::all, order);
   const Eigen::VectorXd part = P.transpose() * d;
   const Eigen::MatrixXd V = jackknife_covariance(P.transpose() * (c.without - c.plain_without), edge_factor);
 
@@ -600,12 +598,12 @@ BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
   // own instrument) has no variance either.
   const Eigen::VectorXd scale =
       V.diagonal().cwiseSqrt().cwiseMax(1e-12 * std::sqrt(c.frame.residual) + 1e-300);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.cwiseInverse().asDiagonal() * V *
-                                                             scale.cwiseInverse().asDiagonal());
-  const Eigen::VectorXd along = eigen.eigenvectors().transpose() * part.cwiseQuotient(scale);
+  const Eigensystem eigen =
+      eigensystem_of(scale.cwiseInverse().asDiagonal() * V * scale.cwiseInverse().asDiagonal());
+  const Eigen::VectorXd along = eigen.vectors.transpose() * part.cwiseQuotient(scale);
   for (Eigen::Index i = 0; i < along.size(); ++i) {
-    if (eigen.eigenvalues()[i] < 1e-8) continue;
-    test.statistic += along[i] * along[i] / eigen.eigenvalues()[i];
+    if (eigen.values[i] < 1e-8) continue;
+    test.statistic += along[i] * along[i] / eigen.values[i];
     ++test.degrees_of_freedom;
   }
   if (test.degrees_of_freedom > 0) {

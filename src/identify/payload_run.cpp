@@ -7,11 +7,10 @@
 #include <random>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 
 #include "causal_signals.hpp"
 #include "change_detector.hpp"
+#include "decompositions.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/inertia.hpp"
 #include "heft/host/error.hpp"
@@ -87,16 +86,108 @@ bool mass_is_visible(const model::Dynamics& dynamics, int first) {
     y.segment(k * rows, rows) = Y.col(0).tail(rows);
     W.middleRows(k * rows, rows) = Y.rightCols(9).bottomRows(rows);
   }
-  const Eigen::VectorXd rest = y - W * W.completeOrthogonalDecomposition().solve(y);
+  const Eigen::VectorXd rest = y - W * least_squares(W, y);
   return rest.norm() > 1e-8 * std::sqrt(static_cast<double>(y.size()));
 }
 
-template <int N>
-class Run {
-  using Estimator = PayloadEstimator<double, N, N>;
-  using Vector = JointVector<double, N>;
-  static constexpr int kP = Estimator::kParameters;
+struct RecursionSettings {
+  int first_row{0};
+  Eigen::VectorXd noise_std;
+  double correlated_samples{1.0};
+  double gate{0.0}, standstill_speed{0.0}, friction_prior{1.0};
+  bool estimate_friction{true};
+};
 
+/// What one sample said, n each.
+struct Innovation {
+  Eigen::VectorXd residual;  ///< torque that the model does not explain, before the load
+  Eigen::VectorXd value;
+  Eigen::VectorXd variance;  ///< 0 where the row was left out
+  std::vector<bool> used;
+};
+
+/// Filters and recursive estimator, whose sizes are fixed, behind sizes of run time.
+class Recursion {
+ public:
+  virtual ~Recursion() = default;
+  virtual Status configure(const RecursionSettings& settings) = 0;
+  virtual void restart() = 0;
+  /// Row k of the log through the filters.
+  virtual Taken take(const data::Log& log, Eigen::Index k) = 0;
+  /// Lets the estimator have the sample taken. @param x  parameters of the arm alone, 14n
+  virtual Status update(const Eigen::VectorXd& x, Innovation& out) = 0;
+  /// The sample's row of joint i for the estimator's parameters, and for those of the arm.
+  virtual Eigen::VectorXd row(int i) const = 0;
+  virtual Eigen::VectorXd arm_row(int i) const = 0;
+  virtual double prior_variance(int i) const = 0;
+  virtual double mass() const = 0;
+  virtual double mass_std() const = 0;
+};
+
+template <int N>
+class SizedRecursion final : public Recursion {
+  using Estimator = PayloadEstimator<double, N, N>;
+
+ public:
+  SizedRecursion(const model::Dynamics& dynamics, double cutoff, double sample_rate)
+      : signals_(dynamics, cutoff, sample_rate) {}
+
+  Status configure(const RecursionSettings& settings) override {
+    typename Estimator::Config config;
+    config.first_row = settings.first_row;
+    config.noise_std = settings.noise_std;
+    config.correlated_samples = settings.correlated_samples;
+    config.gate = settings.gate;
+    config.standstill_speed = settings.standstill_speed;
+    config.estimate_friction = settings.estimate_friction;
+    config.friction_prior = settings.friction_prior;
+    return estimator_.configure(config);
+  }
+  void restart() override { estimator_.restart(); }
+  Taken take(const data::Log& log, Eigen::Index k) override { return signals_.take(log, k); }
+  Status update(const Eigen::VectorXd& x, Innovation& out) override {
+    const auto Y = signals_.regressor();
+    links_ = Y.template leftCols<10 * N>();
+    const JointVector<double, N> residual = signals_.tau() - Y * x;
+    for (int i = 0; i < N; ++i) {
+      qd_[i] = signals_.velocity(i);
+      sign_[i] = signals_.sign(i);
+    }
+    typename Estimator::Record record;
+    const Status status = estimator_.update(links_, qd_, sign_, residual, record);
+    out.residual = residual;
+    out.value = Eigen::Map<const JointVector<double, N>>(record.innovation.data());
+    out.variance = Eigen::Map<const JointVector<double, N>>(record.innovation_variance.data());
+    out.used.assign(record.used.begin(), record.used.end());
+    return status;
+  }
+  Eigen::VectorXd row(int i) const override {
+    const auto row = estimator_.row(links_, qd_, sign_, i);
+    return Eigen::Map<const Eigen::VectorXd>(row.data(), Estimator::kParameters);
+  }
+  Eigen::VectorXd arm_row(int i) const override { return signals_.regressor().row(i).transpose(); }
+  double prior_variance(int i) const override { return estimator_.estimator().variance(i); }
+  double mass() const override { return estimator_.payload()[0]; }
+  double mass_std() const override { return estimator_.standard_deviation(0); }
+
+ private:
+  CausalSignals<N> signals_;
+  Estimator estimator_;
+  LinkRegressor<double, N> links_;
+  JointVector<double, N> qd_, sign_;
+};
+
+template <int N>
+std::unique_ptr<Recursion> make_recursion(const model::Dynamics& dynamics, double cutoff, double rate) {
+  if constexpr (N > model::kMaxJoints) {
+    throw ModelError("more joints than heft handles");  // model::Dynamics has refused before
+  } else {
+    if (dynamics.num_joints() == N) return std::make_unique<SizedRecursion<N>>(dynamics, cutoff, rate);
+    return make_recursion<N + 1>(dynamics, cutoff, rate);
+  }
+}
+
+class Run {
   /// Stretch of the log under one load.
   struct Segment {
     double begin;
@@ -106,7 +197,7 @@ class Run {
  public:
   Run(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options)
       : dynamics_(robot), log_(log), options_(options), x_(dynamics_.parameters()), T_(to_flange(robot)) {
-    if (options_.torque_at_joint) x_.segment(10 * N, 3 * N).setZero();
+    if (options_.torque_at_joint) x_.segment(10 * n_, 3 * n_).setZero();
   }
 
   PayloadRun run() {
@@ -138,12 +229,12 @@ class Run {
   /// Without statistics of the model: run once with the noise guessed, and take the scatter of the
   /// innovations.
   void learn_residual() {
-    residual_.std.resize(N);
-    residual_.correlation_time = Eigen::VectorXd::Constant(N, 0.5);
-    for (int i = 0; i < N; ++i) residual_.std[i] = 0.05 * log_.tau.col(i).cwiseAbs().maxCoeff() + 1e-6;
+    residual_.std.resize(n_);
+    residual_.correlation_time = Eigen::VectorXd::Constant(n_, 0.5);
+    for (int i = 0; i < n_; ++i) residual_.std[i] = 0.05 * log_.tau.col(i).cwiseAbs().maxCoeff() + 1e-6;
     PayloadRun scratch;
     pass(scratch, 0.5);
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < n_; ++i) {
       double squares = 0.0;
       long count = 0;
       for (const double e : innovations_.col(i)) {
@@ -159,7 +250,7 @@ class Run {
   /// The recursion over the log.
   void pass(PayloadRun& result, double progress_share) {
     const double together = residual_.correlated_samples(period_);
-    typename Estimator::Config config;
+    RecursionSettings config;
     config.first_row = options_.first_joint - 1;
     config.noise_std = residual_.std;
     config.correlated_samples = together;
@@ -167,31 +258,31 @@ class Run {
     config.standstill_speed = options_.standstill_speed;
     config.estimate_friction = !options_.torque_at_joint;
     config.friction_prior = 1.0;
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < n_; ++i) {
       // Friction may change by as much as there is, or by what the joint's scatter suggests.
       const auto& drive = dynamics_.robot().joints[static_cast<std::size_t>(i)].actuation;
       config.friction_prior = std::max({config.friction_prior, std::abs(drive.coulomb_friction),
                                         std::abs(drive.viscous_friction), 3.0 * residual_.std[i]});
     }
-    auto estimator = std::make_unique<Estimator>();
-    if (estimator->configure(config) != Status::kOk) {
+    const std::unique_ptr<Recursion> recursion = make_recursion<1>(dynamics_, cutoff_, 1.0 / period_);
+    if (recursion->configure(config) != Status::kOk) {
       throw Error("payload: the estimator refused its settings; the gate must not be negative");
     }
-    prior_variance_ = Eigen::VectorXd::Constant(kP, 0.0);
-    for (int i = 0; i < kP; ++i) prior_variance_[i] = estimator->estimator().variance(i);
-    jackknife_ = std::make_unique<BlockJackknife>(Eigen::VectorXd::Zero(kP), prior_variance_);
+    prior_variance_ = Eigen::VectorXd::Constant(parameters_, 0.0);
+    for (int i = 0; i < parameters_; ++i) prior_variance_[i] = recursion->prior_variance(i);
+    jackknife_ = std::make_unique<BlockJackknife>(Eigen::VectorXd::Zero(parameters_), prior_variance_);
     segments_ = {{log_.time[0], {}}};
-    innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), N, kNaN);
+    innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), n_, kNaN);
     for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest})
-      count->setZero(N);
+      count->setZero(n_);
     const Eigen::Index samples = log_.num_samples();
     result.time = log_.time;
     result.mass_history = Eigen::VectorXd::Constant(samples, kNaN);
     result.mass_std_history = Eigen::VectorXd::Constant(samples, kNaN);
     result.left_out = 0;
 
-    CausalSignals<N> signals(dynamics_, cutoff_, 1.0 / period_);
-    ChangeDetector<N> detector;
+    ChangeDetector<model::kMaxJoints> detector;
+    Innovation innovation;
     double spread = 1.0;  // robust standard deviation of the mass over the recursion's own
     int last_block = -1;
     double previous = log_.time[0];
@@ -203,19 +294,10 @@ class Run {
       const double time = log_.time[k];
       const double step = time - previous;
       previous = time;
-      const auto taken = signals.take(log_, k);
-      if (taken == CausalSignals<N>::Taken::kRefused) ++result.left_out;
-      if (taken != CausalSignals<N>::Taken::kReady) continue;
-      const auto Y = signals.regressor();
-      const LinkRegressor<double, N> links = Y.template leftCols<10 * N>();
-      const Vector residual = signals.tau() - Y * x_;
-      Vector qd, sign;
-      for (int i = 0; i < N; ++i) {
-        qd[i] = signals.velocity(i);
-        sign[i] = signals.sign(i);
-      }
-      typename Estimator::Record record;
-      if (estimator->update(links, qd, sign, residual, record) != Status::kOk) {
+      const Taken taken = recursion->take(log_, k);
+      if (taken == Taken::kRefused) ++result.left_out;
+      if (taken != Taken::kReady) continue;
+      if (recursion->update(x_, innovation) != Status::kOk) {
         ++result.left_out;
         continue;
       }
@@ -223,31 +305,30 @@ class Run {
       const int block = static_cast<int>((time - log_.time[0]) / kFineBlock);
       bool alarm = false;
       double since = time;
-      for (int i = 0; i < N; ++i) {
+      for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
         if (!is_used(i)) continue;
-        if (!(record.innovation_variance[at] > 0)) {
+        if (!(innovation.variance[i] > 0)) {
           ++result.rows_at_rest[i];
           detector.rest(i);
           continue;
         }
-        ++(record.used[at] ? result.rows_used : result.rows_rejected)[i];
-        if (record.used[at]) innovations_(k, i) = record.innovation[at];
-        if (detector.take(i, record.innovation[at] / std::sqrt(record.innovation_variance[at]), time, step)) {
+        ++(innovation.used[at] ? result.rows_used : result.rows_rejected)[i];
+        if (innovation.used[at]) innovations_(k, i) = innovation.value[i];
+        if (detector.take(i, innovation.value[i] / std::sqrt(innovation.variance[i]), time, step)) {
           alarm = true;
           since = std::min(since, detector.since());
         }
-        if (!record.used[at]) continue;
+        if (!innovation.used[at]) continue;
         const double noise = residual_.std[i] * residual_.std[i] * together;
-        const auto row = estimator->row(links, qd, sign, i);
-        const Eigen::VectorXd w = Eigen::Map<const Eigen::VectorXd>(row.data(), kP);
-        jackknife_->add(block, w, residual[i], noise);
-        if (options_.model_covariance) jackknife_->add_dependence(block, w, Y.row(i).transpose(), noise);
+        const Eigen::VectorXd w = recursion->row(i);
+        jackknife_->add(block, w, innovation.residual[i], noise);
+        if (options_.model_covariance) jackknife_->add_dependence(block, w, recursion->arm_row(i), noise);
       }
       if (block != last_block) {
         segments_.back().blocks.push_back(block);
         last_block = block;
-        spread = running_spread(*estimator);
+        spread = running_spread(recursion->mass_std());
       }
       if (alarm) {
         // Blocks in which the old load and the new one may be mixed belong to neither.
@@ -255,20 +336,20 @@ class Run {
         std::erase_if(segments_.back().blocks, [&](int b) { return b >= mixed; });
         segments_.push_back({since, {}});
         skip_until_ = block;
-        estimator->restart();
+        recursion->restart();
         detector.reset();
       }
       if (!segments_.back().blocks.empty() && segments_.back().blocks.back() <= skip_until_)
         segments_.back().blocks.clear();
-      result.mass_history[k] = estimator->payload()[0];
-      const double own = estimator->standard_deviation(0);
+      result.mass_history[k] = recursion->mass();
+      const double own = recursion->mass_std();
       if (own < kIdentified * std::sqrt(prior_variance_[0])) result.mass_std_history[k] = spread * own;
     }
   }
 
   /// How much wider the mass scatters than the recursion believes, from the blocks so far; at least 1.
-  double running_spread(const Estimator& estimator) const {
-    const double own = estimator.standard_deviation(0);
+  /// @param own  what it believes
+  double running_spread(double own) const {
     if (!(own < kIdentified * std::sqrt(prior_variance_[0]))) return 1.0;
     const int neighbours = merge(segments_.back());
     const auto solution = jackknife_->solve(segments_.back().blocks, neighbours);
@@ -296,7 +377,7 @@ class Run {
     solved.jackknife = jackknife_->solve(segment.blocks, merge(segment));
     solved.jackknife.covariance *= residual_.edge_factor(merge(segment) * kFineBlock);
     solved.covariance = solved.jackknife.covariance;
-    solved.model_part = Eigen::MatrixXd::Zero(kP, kP);
+    solved.model_part = Eigen::MatrixXd::Zero(parameters_, parameters_);
     if (options_.model_covariance) {
       const Eigen::MatrixXd G = jackknife_->dependence(segment.blocks);
       if (G.size() > 0) solved.model_part = G * *options_.model_covariance * G.transpose();
@@ -304,7 +385,7 @@ class Run {
     solved.covariance += solved.model_part;
     solved.mass = solved.jackknife.estimate[0];
     solved.std = std::sqrt(solved.covariance(0, 0) + options_.zero_mass_std * options_.zero_mass_std);
-    solved.has_mass = identified(solved, Eigen::VectorXd::Unit(kP, 0));
+    solved.has_mass = identified(solved, Eigen::VectorXd::Unit(parameters_, 0));
     return solved;
   }
 
@@ -322,7 +403,7 @@ class Run {
   bool differ(const Solved& before, const Solved& after) const {
     bool comparable = false;
     for (Eigen::Index i = 0; i < 4; ++i) {
-      const Eigen::VectorXd unit = Eigen::VectorXd::Unit(kP, i);
+      const Eigen::VectorXd unit = Eigen::VectorXd::Unit(parameters_, i);
       if (!identified(before, unit) || !identified(after, unit)) continue;
       comparable = true;
       const double scatter = std::sqrt(before.covariance(i, i) + after.covariance(i, i));
@@ -334,7 +415,7 @@ class Run {
 
   bool tells_something(const Solved& solved) const {
     for (Eigen::Index i = 0; i < 4; ++i) {
-      if (identified(solved, Eigen::VectorXd::Unit(kP, i))) return true;
+      if (identified(solved, Eigen::VectorXd::Unit(parameters_, i))) return true;
     }
     return false;
   }
@@ -375,7 +456,7 @@ class Run {
     const Eigen::VectorXd& x = solved.jackknife.estimate;
     const double factor = solved.jackknife.interval_factor;
     for (std::size_t i = 0; i < 10; ++i) result.on_last_link[i] = x[static_cast<Eigen::Index>(i)];
-    Eigen::MatrixXd F = Eigen::MatrixXd::Zero(10, kP);
+    Eigen::MatrixXd F = Eigen::MatrixXd::Zero(10, parameters_);
     F.leftCols(10) = T_;
     Eigen::MatrixXd covariance = solved.covariance;
     covariance(0, 0) += options_.zero_mass_std * options_.zero_mass_std;
@@ -396,8 +477,8 @@ class Run {
     fill(result.mass, F.topRows(1));
     fill(result.first_moment, F.middleRows(1, 3));
     fill(result.inertia, F.bottomRows(6));
-    Eigen::MatrixXd coulomb = Eigen::MatrixXd::Zero(N, kP), viscous = coulomb;
-    for (int i = 0; i < N; ++i) {
+    Eigen::MatrixXd coulomb = Eigen::MatrixXd::Zero(n_, parameters_), viscous = coulomb;
+    for (int i = 0; i < n_; ++i) {
       coulomb(i, 10 + 2 * i) = 1.0;
       viscous(i, 11 + 2 * i) = 1.0;
     }
@@ -449,12 +530,12 @@ class Run {
       result.missing = fmt::format(
           "the torque of {} does not depend on the mass of the load, whatever the motion, only on its first "
           "moment and inertia; use more rows (--rows with a smaller K)",
-          joints(k, N));
+          joints(k, n_));
       if (has_moment) return;
       result.missing += "; and ";
     }
     std::string still, moving;
-    for (int i = k - 1; i < N; ++i) {
+    for (int i = k - 1; i < n_; ++i) {
       std::string& list = result.rows_used[i] * period_ < 2.0 ? still : moving;
       list += fmt::format("{}{}", list.empty() ? "" : ", ", i + 1);
     }
@@ -463,7 +544,7 @@ class Run {
           "the arm stands still ({} not faster than {:g} rad/s for 2 s), and at rest friction hides "
           "the load; record a motion in which the joints turn both ways and the load changes its attitude "
           "to gravity",
-          joints(k, N), options_.standstill_speed);
+          joints(k, n_), options_.standstill_speed);
     } else if (!still.empty()) {
       result.missing += fmt::format(
           "{} at rest; {} moving alone does not tell the mass from the load's first moment; "
@@ -485,6 +566,8 @@ class Run {
   }
 
   model::Dynamics dynamics_;
+  const int n_{dynamics_.num_joints()};
+  const int parameters_{10 + 2 * n_};  ///< of the load, and the change of friction of each joint
   const data::Log& log_;
   PayloadRunOptions options_;
   Eigen::VectorXd x_;
@@ -498,22 +581,11 @@ class Run {
   Eigen::MatrixXd innovations_;
 };
 
-template <int N>
-PayloadRun run_sized(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
-  if constexpr (N > model::kMaxJoints) {
-    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name,
-                                 robot.num_joints(), model::kMaxJoints));
-  } else {
-    if (robot.num_joints() == N) return Run<N>(robot, log, options).run();
-    return run_sized<N + 1>(robot, log, options);
-  }
-}
-
 }  // namespace
 
 PayloadRun run_payload(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
   check(robot, log, options);
-  return run_sized<1>(robot, log, options);
+  return Run(robot, log, options).run();
 }
 
 }  // namespace heft::identify

@@ -11,8 +11,10 @@
 #include <ceres/gradient_problem.h>
 #include <ceres/gradient_problem_solver.h>
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 
+#include "decompositions.hpp"
 #include "heft/core/inertia.hpp"
 #include "heft/host/error.hpp"
 
@@ -134,11 +136,10 @@ std::vector<Matrix4d> usable_priors(const RegressionColumns& columns, const Vect
     const auto lower = root.triangularView<Eigen::Lower>();
     const Matrix4d half = lower.solve(to_matrix(links[i]));
     const Matrix4d relative = lower.solve(half.transpose());
-    const Eigen::SelfAdjointEigenSolver<Matrix4d> eigen(0.5 * (relative + relative.transpose()));
-    const Matrix4d lifted = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.01).asDiagonal() *
-                            eigen.eigenvectors().transpose();
-    priors[i] =
-        eigen.eigenvalues()[0] < 0.01 ? Matrix4d(root * lifted * root.transpose()) : to_matrix(links[i]);
+    const Eigensystem eigen = eigensystem_of(0.5 * (relative + relative.transpose()));
+    const Matrix4d lifted =
+        eigen.vectors * eigen.values.cwiseMax(0.01).asDiagonal() * eigen.vectors.transpose();
+    priors[i] = eigen.values[0] < 0.01 ? Matrix4d(root * lifted * root.transpose()) : to_matrix(links[i]);
   }
   return priors;
 }
@@ -291,14 +292,11 @@ class Objective : public ceres::FirstOrderFunction {
   /// M = E − Q Qᵀ + Q C⁻ᵀ Qᵀ. Directions that the data do not see stay exact however small μ is.
   static MatrixXd preconditioner(const MatrixXd& B) {
     const Eigen::Index b = B.rows(), p = B.cols(), k = std::min(b, p);
-    const Eigen::HouseholderQR<MatrixXd> rows(B.transpose());
-    const MatrixXd Q = rows.householderQ() * MatrixXd::Identity(p, k);
-    const MatrixXd R = rows.matrixQR().topRows(k).triangularView<Eigen::Upper>();
+    const auto [Q, R] = qr_of(B.transpose());
     // C Cᵀ = E + R Rᵀ by QR of [Rᵀ; E], without squaring R.
     MatrixXd stacked(b + k, k);
     stacked << R.transpose(), MatrixXd::Identity(k, k);
-    const Eigen::HouseholderQR<MatrixXd> factor(stacked);
-    const MatrixXd Ct = factor.matrixQR().topRows(k).triangularView<Eigen::Upper>();
+    const MatrixXd Ct = triangle_of(stacked);
     const MatrixXd inverse = Ct.triangularView<Eigen::Upper>().solve(MatrixXd::Identity(k, k));
     return MatrixXd::Identity(p, p) + Q * ((inverse - MatrixXd::Identity(k, k)) * Q.transpose());
   }
@@ -347,9 +345,7 @@ VectorXd smallest_eigenvalues(const Problem& problem, const VectorXd& s) {
   std::vector<double> values;
   for (const Block& block : problem.blocks) {
     if (block.kind == Kind::kLink) {
-      values.push_back(Eigen::SelfAdjointEigenSolver<Matrix4d>(to_symmetric(s.segment<10>(block.first)),
-                                                               Eigen::EigenvaluesOnly)
-                           .eigenvalues()[0]);
+      values.push_back(eigenvalues_of(to_symmetric(s.segment<10>(block.first)))[0]);
     } else if (block.kind == Kind::kPositive) {
       values.push_back(s[block.first]);
     }
@@ -375,9 +371,8 @@ double duality_gap(const Problem& problem, const VectorXd& s) {
   double gap = gradient.dot(s);
   for (const Block& block : problem.blocks) {
     if (block.kind == Kind::kLink) {
-      const Eigen::SelfAdjointEigenSolver<Matrix4d> eigen(to_symmetric(gradient.segment<10>(block.first)),
-                                                          Eigen::EigenvaluesOnly);
-      gap += std::max(0.0, -eigen.eigenvalues()[0]) * s.segment<4>(block.first).sum();
+      const double least = eigenvalues_of(to_symmetric(gradient.segment<10>(block.first)))[0];
+      gap += std::max(0.0, -least) * s.segment<4>(block.first).sum();
     } else if (block.kind == Kind::kPositive) {
       gap += std::max(0.0, -gradient[block.first]) * s[block.first];
     } else {
@@ -500,8 +495,7 @@ PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters&
   };
 
   const MatrixXd R = data.R();
-  fit.unconstrained_squared_error =
-      data.squared_error(Eigen::CompleteOrthogonalDecomposition<MatrixXd>(R).solve(data.z()));
+  fit.unconstrained_squared_error = data.squared_error(least_squares(R, data.z()));
 
   // Least error worth going for, also of data without noise: a millionth of the torque.
   const double floor = 1e-12 * data.full().col(base.count()).squaredNorm();
@@ -522,6 +516,7 @@ PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters&
       fit.converged = true;
       break;
     }
+    bool complete = false;
     while (true) {
       const bool reached = solve_stage(problem, weight, 1e-4, options.max_iterations, state, fit.iterations);
       path.emplace_back(weight, state);
@@ -530,7 +525,8 @@ PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters&
       edge = smallest_eigenvalues(problem, limit);
       // On this path f exceeds its least value by weight · (degree + trace) at most.
       const double cost = weight * (problem.degree + trace(problem, limit));
-      if (!reached || (path.size() > 2 && cost <= kLimitShare * std::max(squared_error(limit), floor))) break;
+      complete = reached && path.size() > 2 && cost <= kLimitShare * std::max(squared_error(limit), floor);
+      if (!reached || complete) break;
       weight *= factor;
     }
     solve_stage(problem, weight, 1e-9, options.max_iterations, path.back().second, fit.iterations);
@@ -540,7 +536,8 @@ PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters&
     fit.gap = std::min(duality_gap(problem, limit),
                        std::max(fit.limit_squared_error - fit.unconstrained_squared_error, 0.0));
     fit.converged = fit.gap <= 2.0 * kLimitShare * std::max(fit.limit_squared_error, floor);
-    if (fit.converged) break;
+    // The gap knows of solutions no larger than this one only; the path, followed to its end, of all.
+    if (fit.converged && complete) break;
   }
 
   // Back up to the weight that was asked for. With f/σ² for −2 log-likelihood and f/rows for σ², a weight of
@@ -601,18 +598,16 @@ bool is_physical(const InertialParameters<double>& link) {
   // Scaled to a diagonal of ones the answer does not depend on the unit of length.
   const Eigen::Vector4d scale = P.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix4d scaled = scale.asDiagonal() * P * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Matrix4d> eigen(scaled, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues()[0] > 1e-13;
+  return eigenvalues_of(scaled)[0] > 1e-13;
 }
 
 InertialParameters<double> nearest_physical(const InertialParameters<double>& link, double margin) {
   const Matrix4d P = to_matrix(link);
   if (!P.allFinite()) throw ModelError("nearest physical link: the parameters are not finite numbers");
-  const Eigen::SelfAdjointEigenSolver<Matrix4d> eigen(P);
+  const Eigensystem eigen = eigensystem_of(P);
   const double least = margin * std::max(P.trace(), 1.0);
-  if (eigen.eigenvalues()[0] >= least) return link;
-  return to_link(eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() *
-                 eigen.eigenvectors().transpose());
+  if (eigen.values[0] >= least) return link;
+  return to_link(eigen.vectors * eigen.values.cwiseMax(least).asDiagonal() * eigen.vectors.transpose());
 }
 
 MassMatrixCheck check_mass_matrix(const model::Robot& robot, int poses, std::uint64_t seed) {
@@ -635,9 +630,7 @@ MassMatrixCheck check_mass_matrix(const model::Robot& robot, int poses, std::uin
   check.poses = poses;
   check.smallest_eigenvalue = std::numeric_limits<double>::infinity();
   VectorXd q(n);
-  const auto smallest = [](const MatrixXd& M) {
-    return Eigen::SelfAdjointEigenSolver<MatrixXd>(M, Eigen::EigenvaluesOnly).eigenvalues()[0];
-  };
+  const auto smallest = [](const MatrixXd& M) { return eigenvalues_of(M)[0]; };
   for (int pose = 0; pose < poses; ++pose) {
     for (Eigen::Index i = 0; i < n; ++i) {
       const auto& joint = robot.joints[static_cast<std::size_t>(i)];

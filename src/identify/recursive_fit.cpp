@@ -2,14 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <random>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 
 #include "causal_signals.hpp"
+#include "decompositions.hpp"
 #include "heft/core/estimate/recursive_least_squares.hpp"
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
@@ -102,21 +103,97 @@ int count_determinable(const model::Dynamics& dynamics, bool torque_at_joint) {
   const double least = 1e-20 * gram.diagonal().maxCoeff();
   const Eigen::VectorXd scale =
       gram.diagonal().unaryExpr([least](double d) { return d > least ? 1.0 / std::sqrt(d) : 0.0; });
-  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
-                                     scale.asDiagonal() * gram * scale.asDiagonal(), Eigen::EigenvaluesOnly)
-                                     .eigenvalues();
+  const Eigen::VectorXd values = eigenvalues_of(scale.asDiagonal() * gram * scale.asDiagonal());
   return static_cast<int>((values.array() > 1e-11 * values.maxCoeff()).count());
 }
 
+void check_ok(Status status) {
+  if (status != Status::kOk) throw Error(fmt::format("recursive fit: {}", to_string(status)));
+}
+
+/// A sample behind the filters, valid until the next one.
+class Sample {
+ public:
+  virtual ~Sample() = default;
+  virtual Taken take(const data::Log& log, Eigen::Index k) = 0;
+  virtual double velocity(int i) const = 0;
+  virtual double tau(int i) const = 0;
+  virtual Eigen::VectorXd row(int i) const = 0;  ///< of the regressor, 14n
+};
+
+/// Filters and recursive least squares, whose sizes are fixed, behind sizes of run time.
+class Recursion {
+ public:
+  virtual ~Recursion() = default;
+  virtual std::unique_ptr<Sample> make_sample(const model::Dynamics& dynamics, double cutoff,
+                                              double sample_rate) const = 0;
+  virtual void start(const Eigen::VectorXd& prior, const Eigen::VectorXd& variance) = 0;
+  virtual void update(const Eigen::VectorXd& w, double tau, double noise_variance) = 0;
+  virtual Eigen::VectorXd solution() const = 0;
+  virtual double variance(int i) const = 0;
+};
+
 template <int N>
-class Fit {
+class SizedSample final : public Sample {
+ public:
+  SizedSample(const model::Dynamics& dynamics, double cutoff, double sample_rate)
+      : signals_(dynamics, cutoff, sample_rate) {}
+  Taken take(const data::Log& log, Eigen::Index k) override { return signals_.take(log, k); }
+  double velocity(int i) const override { return signals_.velocity(i); }
+  double tau(int i) const override { return signals_.tau()[i]; }
+  Eigen::VectorXd row(int i) const override { return signals_.regressor().row(i).transpose(); }
+
+ private:
+  CausalSignals<N> signals_;
+};
+
+template <int N>
+class SizedRecursion final : public Recursion {
   static constexpr int kP = 14 * N;
   using Estimator = RecursiveLeastSquares<double, kP>;
   using Row = typename Estimator::Row;
 
  public:
+  std::unique_ptr<Sample> make_sample(const model::Dynamics& dynamics, double cutoff,
+                                      double sample_rate) const override {
+    return std::make_unique<SizedSample<N>>(dynamics, cutoff, sample_rate);
+  }
+  void start(const Eigen::VectorXd& prior, const Eigen::VectorXd& variance) override {
+    check_ok(estimator_.configure({}, to_row(prior), to_row(variance)));
+  }
+  void update(const Eigen::VectorXd& w, double tau, double noise_variance) override {
+    typename Estimator::Record record;
+    check_ok(estimator_.update(to_row(w), tau, noise_variance, record));
+  }
+  Eigen::VectorXd solution() const override {
+    return Eigen::Map<const Eigen::VectorXd>(estimator_.solution().data(), kP);
+  }
+  double variance(int i) const override { return estimator_.variance(i); }
+
+ private:
+  static Row to_row(const Eigen::VectorXd& v) {
+    Row row;
+    std::copy_n(v.data(), kP, row.begin());
+    return row;
+  }
+
+  Estimator estimator_;
+};
+
+template <int N>
+std::unique_ptr<Recursion> make_recursion(int joints) {
+  if constexpr (N > model::kMaxJoints) {
+    throw ModelError("more joints than heft handles");  // model::Dynamics has refused before
+  } else {
+    if (joints == N) return std::make_unique<SizedRecursion<N>>();
+    return make_recursion<N + 1>(joints);
+  }
+}
+
+class Fit {
+ public:
   Fit(const model::Robot& robot, const std::vector<data::Log>& logs, const RecursiveFitOptions& options)
-      : dynamics_(robot), logs_(logs), options_(options), estimator_(std::make_unique<Estimator>()) {}
+      : dynamics_(robot), logs_(logs), options_(options), recursion_(make_recursion<1>(n_)) {}
 
   RecursiveFit run() {
     RecursiveFit fit;
@@ -128,12 +205,12 @@ class Fit {
     cutoff_ = fit.residual.cutoff;
     const model::Robot& robot = dynamics_.robot();
     prior_ = dynamics_.parameters();
-    if (options_.torque_at_joint) prior_.segment(10 * N, 3 * N).setZero();
+    if (options_.torque_at_joint) prior_.segment(10 * n_, 3 * n_).setZero();
     const Eigen::VectorXd variance = prior_deviations(robot, logs_, options_.torque_at_joint).cwiseAbs2();
 
     // 1. A first fit with one twentieth of the torque as the noise.
-    Eigen::VectorXd noise(N);
-    for (int i = 0; i < N; ++i) {
+    Eigen::VectorXd noise(n_);
+    for (int i = 0; i < n_; ++i) {
       double squares = 0.0;
       Eigen::Index count = 0;
       for (const data::Log& log : logs_) {
@@ -155,26 +232,27 @@ class Fit {
     BlockJackknife jackknife(prior_, variance);
     const double block = fit.residual.block_length(duration());
     for_each_sample(
-        [&](std::size_t log, Eigen::Index k, const CausalSignals<N>& signals) {
+        [&](std::size_t log, Eigen::Index k, const Sample& sample) {
           const int b = first_block_of(log, block) +
                         static_cast<int>((logs_[log].time[k] - logs_[log].time[0]) / block);
-          for (int i = 0; i < N; ++i) {
-            if (!moves(signals, i)) continue;
-            jackknife.add(b, signals.regressor().row(i), signals.tau()[i], noise[i] * noise[i] * together);
+          for (int i = 0; i < n_; ++i) {
+            if (!moves(sample, i)) continue;
+            jackknife.add(b, sample.row(i), sample.tau(i), noise[i] * noise[i] * together);
           }
         },
         0.8);
     const BlockJackknife::Result spread = jackknife.solve();
 
     fit.model = model::make_model(robot);
-    const Row& x = estimator_->solution();
-    for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
-      std::copy_n(x.begin() + static_cast<std::ptrdiff_t>(10 * i), 10, fit.model.links[i].begin());
-      fit.model.actuation[i] = {x[10 * N + i], x[11 * N + i], x[12 * N + i], x[13 * N + i]};
+    const Eigen::VectorXd x = recursion_->solution();
+    for (int i = 0; i < n_; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      std::copy_n(x.data() + 10 * i, 10, fit.model.links[at].begin());
+      fit.model.actuation[at] = {x[10 * n_ + i], x[11 * n_ + i], x[12 * n_ + i], x[13 * n_ + i]};
     }
     Eigen::VectorXd deviation = (fit.residual.edge_factor(block) * spread.covariance.diagonal()).cwiseSqrt();
-    for (int i = 0; i < kP; ++i) {
-      if (!(estimator_->variance(i) < kDetermined * variance[i]) || spread.blocks < 2) {
+    for (int i = 0; i < 14 * n_; ++i) {
+      if (!(recursion_->variance(i) < kDetermined * variance[i]) || spread.blocks < 2) {
         deviation[i] = std::numeric_limits<double>::quiet_NaN();
       }
     }
@@ -187,8 +265,7 @@ class Fit {
     const Eigen::VectorXd root = variance.cwiseSqrt();
     const Eigen::MatrixXd posterior =
         root.cwiseInverse().asDiagonal() * spread.information_inverse * root.cwiseInverse().asDiagonal();
-    const Eigen::VectorXd shares =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(posterior, Eigen::EigenvaluesOnly).eigenvalues();
+    const Eigen::VectorXd shares = eigenvalues_of(posterior);
     fit.determined = static_cast<int>((shares.array() < kDetermined).count());
     fit.determinable = count_determinable(dynamics_, options_.torque_at_joint);
     find_missing(fit);
@@ -201,45 +278,39 @@ class Fit {
   }
 
  private:
-  /// Calls f(log, k, signals) for every sample after the filters have settled.
-  template <typename F>
-  void for_each_sample(F f, double progress_from) {
+  /// Calls f(log, k, sample) for every sample after the filters have settled.
+  void for_each_sample(const std::function<void(std::size_t, Eigen::Index, const Sample&)>& f,
+                       double progress_from) {
     left_out_ = 0;
     Eigen::Index done = 0;
     for (std::size_t l = 0; l < logs_.size(); ++l) {
       const data::Log& log = logs_[l];
-      CausalSignals<N> signals(dynamics_, cutoff_, data::median_sample_rate(log.time));
+      const std::unique_ptr<Sample> sample =
+          recursion_->make_sample(dynamics_, cutoff_, data::median_sample_rate(log.time));
       for (Eigen::Index k = 0; k < log.num_samples(); ++k, ++done) {
         if (options_.progress && done % 256 == 0) {
           options_.progress(progress_from +
                             (progress_from < 0.8 ? 0.4 : 0.2) * static_cast<double>(done) / num_samples());
         }
-        const auto taken = signals.take(log, k);
-        if (taken == CausalSignals<N>::Taken::kRefused) ++left_out_;
-        if (taken == CausalSignals<N>::Taken::kReady) f(l, k, signals);
+        const Taken taken = sample->take(log, k);
+        if (taken == Taken::kRefused) ++left_out_;
+        if (taken == Taken::kReady) f(l, k, *sample);
       }
     }
   }
 
-  bool moves(const CausalSignals<N>& signals, int i) const {
-    return std::abs(signals.velocity(i)) >= options_.standstill_speed;
+  bool moves(const Sample& sample, int i) const {
+    return std::abs(sample.velocity(i)) >= options_.standstill_speed;
   }
 
   void recurse(const Eigen::VectorXd& variance, const Eigen::VectorXd& noise, double together,
                double progress_from) {
-    Row x0, v0;
-    std::copy_n(prior_.data(), kP, x0.begin());
-    std::copy_n(variance.data(), kP, v0.begin());
-    check_ok(estimator_->configure({}, x0, v0));
+    recursion_->start(prior_, variance);
     for_each_sample(
-        [&](std::size_t, Eigen::Index, const CausalSignals<N>& signals) {
-          const auto Y = signals.regressor();
-          Row w;
-          for (int i = 0; i < N; ++i) {
-            if (!moves(signals, i)) continue;
-            for (int c = 0; c < kP; ++c) w[static_cast<std::size_t>(c)] = Y(i, c);
-            typename Estimator::Record record;
-            check_ok(estimator_->update(w, signals.tau()[i], noise[i] * noise[i] * together, record));
+        [&](std::size_t, Eigen::Index, const Sample& sample) {
+          for (int i = 0; i < n_; ++i) {
+            if (moves(sample, i))
+              recursion_->update(sample.row(i), sample.tau(i), noise[i] * noise[i] * together);
           }
         },
         progress_from);
@@ -247,19 +318,19 @@ class Fit {
 
   /// Residual of the present estimate over all samples: scatter, correlation time, rows, time in motion.
   void measure_residual(RecursiveFit& fit) {
-    const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(estimator_->solution().data(), kP);
+    const Eigen::VectorXd x = recursion_->solution();
     std::vector<Eigen::MatrixXd> residual;
     for (const data::Log& log : logs_) {
       residual.push_back(
-          Eigen::MatrixXd::Constant(log.num_samples(), N, std::numeric_limits<double>::quiet_NaN()));
+          Eigen::MatrixXd::Constant(log.num_samples(), n_, std::numeric_limits<double>::quiet_NaN()));
     }
-    fit.rows = Eigen::VectorXi::Zero(N);
-    fit.moving = Eigen::VectorXd::Zero(N);
+    fit.rows = Eigen::VectorXi::Zero(n_);
+    fit.moving = Eigen::VectorXd::Zero(n_);
     for_each_sample(
-        [&](std::size_t l, Eigen::Index k, const CausalSignals<N>& signals) {
-          for (int i = 0; i < N; ++i) {
-            if (!moves(signals, i)) continue;
-            residual[l](k, i) = signals.tau()[i] - signals.regressor().row(i).dot(x);
+        [&](std::size_t l, Eigen::Index k, const Sample& sample) {
+          for (int i = 0; i < n_; ++i) {
+            if (!moves(sample, i)) continue;
+            residual[l](k, i) = sample.tau(i) - sample.row(i).dot(x);
             ++fit.rows[i];
             if (k > 0) fit.moving[i] += logs_[l].time[k] - logs_[l].time[k - 1];
           }
@@ -267,9 +338,9 @@ class Fit {
         0.4);
     fit.samples = static_cast<int>(num_samples());
     fit.left_out = left_out_;
-    fit.residual.std.resize(N);
-    fit.residual.correlation_time.setZero(N);
-    for (int i = 0; i < N; ++i) {
+    fit.residual.std.resize(n_);
+    fit.residual.correlation_time.setZero(n_);
+    for (int i = 0; i < n_; ++i) {
       double squares = 0.0;
       for (std::size_t l = 0; l < logs_.size(); ++l) {
         for (const double e : residual[l].col(i)) squares += std::isfinite(e) ? e * e : 0.0;
@@ -286,7 +357,7 @@ class Fit {
 
   void find_missing(RecursiveFit& fit) const {
     std::string still;
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < n_; ++i) {
       if (fit.moving[i] < kLeastMoving) still += fmt::format("{}{}", still.empty() ? "" : ", ", i + 1);
     }
     if (!still.empty()) {
@@ -295,10 +366,6 @@ class Fit {
           "unknown; record a motion in which every joint turns both ways, faster than {:g} rad/s",
           still, kLeastMoving, options_.standstill_speed));
     }
-  }
-
-  static void check_ok(Status status) {
-    if (status != Status::kOk) throw Error(fmt::format("recursive fit: {}", to_string(status)));
   }
 
   Eigen::Index num_samples() const {
@@ -324,25 +391,14 @@ class Fit {
   }
 
   model::Dynamics dynamics_;
+  const int n_{dynamics_.num_joints()};
   const std::vector<data::Log>& logs_;
   RecursiveFitOptions options_;
-  std::unique_ptr<Estimator> estimator_;
+  std::unique_ptr<Recursion> recursion_;
   Eigen::VectorXd prior_;
   double cutoff_{0.0};
   int left_out_{0};
 };
-
-template <int N>
-RecursiveFit fit_sized(const model::Robot& robot, const std::vector<data::Log>& logs,
-                       const RecursiveFitOptions& options) {
-  if constexpr (N > model::kMaxJoints) {
-    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name,
-                                 robot.num_joints(), model::kMaxJoints));
-  } else {
-    if (robot.num_joints() == N) return Fit<N>(robot, logs, options).run();
-    return fit_sized<N + 1>(robot, logs, options);
-  }
-}
 
 }  // namespace
 
@@ -360,7 +416,7 @@ double choose_cutoff(const data::Log& log) {
 RecursiveFit fit_recursively(const model::Robot& robot, const std::vector<data::Log>& logs,
                              const RecursiveFitOptions& options) {
   check(robot, logs);
-  return fit_sized<1>(robot, logs, options);
+  return Fit(robot, logs, options).run();
 }
 
 }  // namespace heft::identify

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <Eigen/SVD>
 
+#include "decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::identify {
@@ -104,10 +104,10 @@ Eigen::VectorXd solve_from(const TriangularFactor& data, const Eigen::VectorXd& 
   const Eigen::MatrixXd R = data.R();
   Eigen::VectorXd scale = R.colwise().norm();
   scale = (scale.array() > 0.0).select(scale, 1.0);
-  Eigen::JacobiSVD<Eigen::MatrixXd, Eigen::NoQRPreconditioner> svd(R * scale.cwiseInverse().asDiagonal(),
-                                                                   Eigen::ComputeFullU | Eigen::ComputeFullV);
-  svd.setThreshold(1e-10);
-  return start + svd.solve(data.z() - R * start).cwiseQuotient(scale);
+  const Svd svd = svd_of(R * scale.cwiseInverse().asDiagonal());
+  const Eigen::Index rank = (svd.values.array() > 1e-10 * svd.values[0]).count();
+  const Eigen::VectorXd along = svd.U.leftCols(rank).transpose() * (data.z() - R * start);
+  return start + (svd.V.leftCols(rank) * along.cwiseQuotient(svd.values.head(rank))).cwiseQuotient(scale);
 }
 
 /// What one look at all rows gives.

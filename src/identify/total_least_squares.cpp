@@ -4,19 +4,12 @@
 #include <limits>
 
 #include <fmt/format.h>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 
 #include "block_groups.hpp"
+#include "decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::identify {
-namespace {
-
-using SquareSvd = Eigen::JacobiSVD<Eigen::MatrixXd, Eigen::NoQRPreconditioner>;
-
-}  // namespace
-
 TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
                                          const TotalLeastSquaresOptions& options) {
   const Eigen::Index b = data.columns();
@@ -58,22 +51,22 @@ TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
 
   // [exact noisy y] = Q [R11 R12 r1; 0 R22 r2].
   Eigen::MatrixXd ordered(b + 1, b + 1);
-  ordered.leftCols(e) = data.full()(Eigen::all, exact);
-  ordered.middleCols(e, k) = data.full()(Eigen::all, noisy);
+  for (Eigen::Index i = 0; i < e; ++i) ordered.col(i) = data.full().col(exact[static_cast<std::size_t>(i)]);
+  for (Eigen::Index i = 0; i < k; ++i)
+    ordered.col(e + i) = data.full().col(noisy[static_cast<std::size_t>(i)]);
   ordered.col(b) = data.full().col(b);
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(ordered);
-  const Eigen::MatrixXd R = qr.matrixQR().triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd R = triangle_of(ordered);
   const Eigen::MatrixXd C = R.bottomRightCorner(k + 1, k + 1) * scale.cwiseInverse().asDiagonal();
 
   TotalLeastSquaresFit fit;
-  const SquareSvd svd(C, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  fit.singular_values = svd.singularValues();
+  const Svd svd = svd_of(C);
+  fit.singular_values = svd.values;
   const double smallest = fit.singular_values[k];
   fit.noise = smallest / std::sqrt(std::max(1.0, rows - static_cast<double>(b)));
   Eigen::Index kept = k;
   fit.separation = std::numeric_limits<double>::infinity();
   if (k > 0) {
-    const Eigen::VectorXd alone = SquareSvd(C.topLeftCorner(k, k)).singularValues();
+    const Eigen::VectorXd alone = singular_values(C.topLeftCorner(k, k));
     // Below rounding everything is noise, also where there is none.
     const double rounding = 1e-12 * fit.singular_values[0];
     if (smallest > rounding) fit.separation = alone[k - 1] / smallest;
@@ -84,7 +77,7 @@ TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
   fit.separated = fit.left_out == 0;
 
   // [x; −1] ∈ span of the right vectors that belong to the smallest singular values; of these the shortest.
-  const Eigen::MatrixXd V = svd.matrixV().rightCols(k + 1 - kept);
+  const Eigen::MatrixXd V = svd.V.rightCols(k + 1 - kept);
   const Eigen::VectorXd last = V.row(k).transpose();
   const double size = last.squaredNorm();
   if (size < 1e-20) fit.separated = false;
@@ -93,11 +86,11 @@ TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
   x = x.cwiseQuotient(scale.head(k)) * scale[k];
 
   fit.beta.resize(b);
-  fit.beta(noisy) = x;
+  for (Eigen::Index i = 0; i < k; ++i) fit.beta[noisy[static_cast<std::size_t>(i)]] = x[i];
   if (e > 0) {
     const Eigen::VectorXd right = R.col(b).head(e) - R.block(0, e, e, k) * x;
-    const Eigen::VectorXd exact_beta = R.topLeftCorner(e, e).colPivHouseholderQr().solve(right);
-    fit.beta(exact) = exact_beta;
+    const Eigen::VectorXd exact_beta = least_squares(R.topLeftCorner(e, e), right);
+    for (Eigen::Index i = 0; i < e; ++i) fit.beta[exact[static_cast<std::size_t>(i)]] = exact_beta[i];
   }
   return fit;
 }

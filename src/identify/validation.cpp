@@ -13,7 +13,7 @@
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
-#include "heft/model/dynamics.hpp"
+#include "heft/model/motion_torque.hpp"
 
 namespace heft::identify {
 namespace {
@@ -140,6 +140,7 @@ struct TorqueScorer::Impl {
         filtered(given.band > 0 && given.band < 0.5 * given.sample_rate) {
     const Eigen::VectorXd zero = Eigen::VectorXd::Zero(n);
     squares = sum = torque_sum = torque_squares = band_squares = shift = zero;
+    moving_squares = moving_band_squares = zero;
     // Rows that exceed the quantile, and some to spare for rows whose number is not known beforehand.
     const auto above = static_cast<std::size_t>(static_cast<double>(std::max(0L, setup.samples)) / 1000.0);
     largest.assign(static_cast<std::size_t>(n), LargestValues(above + 2));
@@ -159,6 +160,7 @@ struct TorqueScorer::Impl {
     return !ends ||
            (time >= setup.begin + kScoreEnd - kRounding && time <= setup.end - kScoreEnd + kRounding);
   }
+  bool moves(double time) const { return time >= setup.moving_from && time <= setup.moving_to; }
   bool in_gap(double time) const {
     return std::any_of(setup.gaps.begin(), setup.gaps.end(),
                        [time](const data::TimeGap& gap) { return time > gap.begin && time < gap.end; });
@@ -174,6 +176,9 @@ struct TorqueScorer::Impl {
       if (!counts(buffer_time[k]) || in_gap(buffer_time[k])) continue;
       band_squares += low.row(k).transpose().cwiseAbs2();
       ++band_count;
+      if (!moves(buffer_time[k])) continue;
+      moving_band_squares += low.row(k).transpose().cwiseAbs2();
+      ++moving_band_count;
     }
     const Index from = std::max<Index>(0, stop - margin);
     buffer = buffer.bottomRows(rows - from).eval();
@@ -224,8 +229,9 @@ struct TorqueScorer::Impl {
   Index n;
   bool filtered;
   bool ends{true};
-  long count{0}, band_count{0};
+  long count{0}, band_count{0}, moving_count{0}, moving_band_count{0};
   Eigen::VectorXd squares, sum, torque_sum, torque_squares, band_squares, shift;
+  Eigen::VectorXd moving_squares, moving_band_squares;
   std::vector<LargestValues> largest;
   std::vector<Spectrum> spectra;
   Index segment{0}, margin{0}, fresh{0};
@@ -248,8 +254,11 @@ void TorqueScorer::add_rows(const Eigen::Ref<const Eigen::VectorXd>& time,
     // Sums about the first torque, so that a large mean does not drown a small variance.
     if (s.count == 0) s.shift = measured.row(k);
     ++s.count;
+    const bool moves = s.moves(time[k]);
+    if (moves) ++s.moving_count;
     for (Index j = 0; j < s.n; ++j) {
       const double residual = measured(k, j) - predicted(k, j);
+      if (moves) s.moving_squares[j] += residual * residual;
       const double torque = measured(k, j) - s.shift[j];
       s.squares[j] += residual * residual;
       s.sum[j] += residual;
@@ -302,6 +311,13 @@ Score TorqueScorer::finish() {
   score.torque_variance = (s.torque_squares / rows - (s.torque_sum / rows).cwiseAbs2()).cwiseMax(0.0);
   score.rmse_in_band = Eigen::VectorXd::Constant(s.n, kNaN);
   if (score.band > 0) score.rmse_in_band = (s.band_squares / static_cast<double>(s.band_count)).cwiseSqrt();
+  score.samples_moving = s.moving_count;
+  const auto moving_rmse = [&](const Eigen::VectorXd& squares, long rows_moving) -> Eigen::VectorXd {
+    if (rows_moving == 0) return Eigen::VectorXd::Constant(s.n, kNaN);
+    return (squares / static_cast<double>(rows_moving)).cwiseSqrt();
+  };
+  score.rmse_moving = moving_rmse(s.moving_squares, s.moving_count);
+  score.rmse_in_band_moving = moving_rmse(s.moving_band_squares, s.moving_band_count);
   const auto percent = [&](const Eigen::VectorXd& error) {
     return Eigen::VectorXd::NullaryExpr(
                s.n,
@@ -327,8 +343,7 @@ double default_band(double motion_bandwidth) { return std::max(1.0, 5.0 * motion
 
 Score score(const model::Robot& robot, const data::MotionStream& log, const ScoreOptions& options) {
   const data::StreamSummary& summary = log.summary();
-  const model::Dynamics dynamics(robot);
-  const Index n = dynamics.num_joints();
+  const Index n = robot.num_joints();
   if (summary.num_joints != n) {
     throw DataError(
         fmt::format("{}: {} joints; expected {}, as robot \"{}\" has; use the model of the robot that "
@@ -344,28 +359,26 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
                       : summary.bandwidth == 0 && summary.cutoff > 0 ? summary.cutoff
                                                                      : default_band(summary.bandwidth);
   TorqueScorer scorer({summary.path, summary.begin, summary.end, summary.samples, summary.max_torque,
-                       summary.sample_rate, band, summary.gaps});
-  const auto predict = [&](const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
-                           Index first, Index count) {
-    Eigen::MatrixXd torque(count, n);
-    for (Index k = 0; k < count; ++k) {
-      torque.row(k) =
-          dynamics.joint_torque(q.row(first + k), qd.row(first + k), qdd.row(first + k), options.sign_width);
-    }
-    return torque;
+                       summary.sample_rate, band, summary.gaps, summary.moving_from, summary.moving_to});
+  // One for the log's rows, one for the grid: both carry friction's memory and deflections from piece to piece.
+  model::MotionTorque on_rows(robot), on_grid(robot);
+  const auto predict = [&](model::MotionTorque& motion, const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
+                           const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, Index first, Index count) {
+    return motion.torque(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
+                         qd.middleRows(first, count), qdd.middleRows(first, count), options.sign_width);
   };
   log.for_each(
       [&](const data::MotionChunk& piece) {
-        const Eigen::MatrixXd predicted =
-            predict(piece.row_q, piece.row_qd, piece.row_qdd, 0, piece.row_time.size());
+        const Eigen::MatrixXd predicted = predict(on_rows, piece.row_time, piece.row_q, piece.row_qd,
+                                                  piece.row_qdd, 0, piece.row_time.size());
         scorer.add_rows(piece.row_time, piece.row_tau, predicted);
         if (options.rows) options.rows(piece.row_time, piece.row_tau, predicted);
         const Index begin = piece.begin, count = piece.count;
         // On a log with even time stamps the grid is the log's own.
         const bool same = !summary.resampled && count == piece.row_time.size();
-        const Eigen::MatrixXd on_grid =
-            same ? predicted : predict(piece.q, piece.qd, piece.qdd, begin, count);
-        scorer.add_grid(piece.time.segment(begin, count), piece.tau.middleRows(begin, count) - on_grid);
+        const Eigen::MatrixXd even =
+            same ? predicted : predict(on_grid, piece.time, piece.q, piece.qd, piece.qdd, begin, count);
+        scorer.add_grid(piece.time.segment(begin, count), piece.tau.middleRows(begin, count) - even);
       },
       options.progress);
   return scorer.finish();
@@ -400,6 +413,9 @@ model::FitRecord fit_record(const Fit& fit, const std::string& torque_at, const 
 model::Robot at_sensor(model::Robot robot) {
   for (model::RobotJoint& joint : robot.joints) joint.actuation = {};
   robot.couplings.clear();
+  robot.effects.clear();
+  for (Elasticity<double>& elasticity : robot.elasticities) elasticity.motor_inertia = 0.0;
+  robot.torque_delay = 0.0;
   return robot;
 }
 
@@ -410,11 +426,11 @@ std::string describe_residual(const Score& score, int joint) {
     return fmt::format("white: {:.0f} % of the variance is correlated in time, the rest is noise",
                        100.0 * share);
   }
+  const double below = score.correlated_below[joint];
   return fmt::format(
-      "{:.0f} % of the variance is correlated in time, nine tenths of that below {:.2g} Hz: what the model "
-      "misses, "
-      "not noise",
-      100.0 * share, score.correlated_below[joint]);
+      "{:.0f} % of the variance is correlated in time, nine tenths of that below {:.{}f} Hz: what the model "
+      "misses, not noise",
+      100.0 * share, below, below < 10.0 ? 1 : 0);
 }
 
 Score pool(const std::vector<Score>& scores) {
@@ -425,14 +441,20 @@ Score pool(const std::vector<Score>& scores) {
   all.log.clear();
   const Index n = all.rmse.size();
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(n), band_squares = squares, bias = squares, mean = squares,
-                  torque_squares = squares;
-  all.samples = 0;
+                  torque_squares = squares, moving_squares = squares, moving_band_squares = squares;
+  all.samples = all.samples_moving = 0;
   for (const Score& part : scores) {
     const auto weight = static_cast<double>(part.samples);
     all.samples += part.samples;
     all.ends_left_out = all.ends_left_out && part.ends_left_out;
     squares += weight * part.rmse.cwiseAbs2();
     band_squares += weight * part.rmse_in_band.cwiseAbs2();
+    if (part.samples_moving > 0) {
+      const auto moving = static_cast<double>(part.samples_moving);
+      all.samples_moving += part.samples_moving;
+      moving_squares += moving * part.rmse_moving.cwiseAbs2();
+      moving_band_squares += moving * part.rmse_in_band_moving.cwiseAbs2();
+    }
     bias += weight * part.bias;
     mean += weight * part.torque_mean;
     torque_squares += weight * (part.torque_variance + part.torque_mean.cwiseAbs2());
@@ -442,6 +464,9 @@ Score pool(const std::vector<Score>& scores) {
   const auto rows = static_cast<double>(all.samples);
   all.rmse = (squares / rows).cwiseSqrt();
   all.rmse_in_band = (band_squares / rows).cwiseSqrt();
+  const double moving = all.samples_moving > 0 ? static_cast<double>(all.samples_moving) : kNaN;
+  all.rmse_moving = (moving_squares / moving).cwiseSqrt();
+  all.rmse_in_band_moving = (moving_band_squares / moving).cwiseSqrt();
   all.bias = bias / rows;
   all.torque_mean = mean / rows;
   all.torque_variance = (torque_squares / rows - all.torque_mean.cwiseAbs2()).cwiseMax(0.0);

@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heft/data/log_part.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "support/temporary_folder.hpp"
@@ -353,6 +354,31 @@ TEST(Log, DoesNotWriteChannelsOfUnequalLength) {
   log.time = Eigen::Vector3d(0, 1, 2);
   log.q = Eigen::MatrixXd::Zero(2, 1);
   EXPECT_THAT(message_of<Error>([&] { to_csv(log); }), HasSubstr("q has 2 rows, time has 3"));
+}
+
+TEST(PartOf, HoldsEveryColumnOfTheRowsBetween) {
+  Log log;
+  log.path = "run.csv";
+  log.time = Eigen::VectorXd::LinSpaced(11, 0.0, 1.0);
+  log.q = Eigen::MatrixXd::Random(11, 2);
+  log.tau = Eigen::MatrixXd::Random(11, 2);
+  log.qref = Eigen::MatrixXd::Random(11, 2);
+  log.extra.emplace_back("qlink2", Eigen::VectorXd::LinSpaced(11, 5.0, 6.0));
+  const Log part = part_of(log, 0.25, 0.6);
+  EXPECT_EQ(part.path, "run.csv [0.2 s, 0.6 s]");
+  EXPECT_EQ(part.time, Eigen::VectorXd(log.time.segment(3, part.time.size())));
+  EXPECT_GE(part.time[0], 0.25);
+  EXPECT_LT(part.time[part.time.size() - 1], 0.6);
+  EXPECT_EQ(part.q, Eigen::MatrixXd(log.q.middleRows(3, part.time.size())));
+  EXPECT_EQ(part.tau, Eigen::MatrixXd(log.tau.middleRows(3, part.time.size())));
+  EXPECT_EQ(part.qref, Eigen::MatrixXd(log.qref.middleRows(3, part.time.size())));
+  EXPECT_EQ(part.qd.size(), 0);
+  ASSERT_EQ(part.extra.size(), 1U);
+  EXPECT_EQ(part.extra[0].first, "qlink2");
+  EXPECT_EQ(part.extra[0].second, Eigen::VectorXd(log.extra[0].second.segment(3, part.time.size())));
+  EXPECT_EQ(part_of(log, -1.0, 9.0).q, log.q);
+  EXPECT_EQ(part_of(log, 2.0, 9.0).num_samples(), 0);
+  EXPECT_EQ(part_of(log, 0.6, 0.2).num_samples(), 0);
 }
 
 TEST(Log, ReadsTheMeasuredLogs) {

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/data/log.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/identify/fit.hpp"
 #include "heft/identify/validation.hpp"
@@ -22,20 +23,6 @@ data::Log read(const std::string& path) {
   data::LogRequirements needs;
   needs.torque = true;
   return data::read_log(path, needs);
-}
-
-/// Rows of a log between two times.
-data::Log part_of(const data::Log& log, double from, double to) {
-  std::vector<Eigen::Index> rows;
-  for (Eigen::Index i = 0; i < log.time.size(); ++i) {
-    if (log.time[i] >= from && log.time[i] < to) rows.push_back(i);
-  }
-  data::Log part;
-  part.path = log.path;
-  part.time = log.time(rows);
-  part.q = log.q(rows, Eigen::all);
-  part.tau = log.tau(rows, Eigen::all);
-  return part;
 }
 
 #define NEEDS_DATA(path) \
@@ -59,7 +46,7 @@ TEST(MeasuredIdentification, OfAUr10eMeetsTheErrorOfPlainLeastSquaresOnARunNotSe
   const data::MotionStream whole(log, streaming);
   // What the drives hold at rest before and after the motion is their friction's choice: judged is the motion.
   const data::MotionStream moving(
-      part_of(log, whole.summary().moving_from - 0.5, whole.summary().moving_to + 0.5), streaming);
+      data::part_of(log, whole.summary().moving_from - 0.5, whole.summary().moving_to + 0.5), streaming);
   ScoreOptions scoring;
   scoring.band = 8.0;
   const Score score = identify::score(fit.robot, moving, scoring);
@@ -90,8 +77,8 @@ TEST_P(MeasuredRobots, HavePhysicalModelsThatPredictAsWellAsFreeOnes) {
     judged = read(data_path(c.judge));
   } else {
     const double cut = log.time[0] + 0.7 * (log.time[log.time.size() - 1] - log.time[0]);
-    judged = part_of(log, cut, 1e9);
-    log = part_of(log, -1e9, cut);
+    judged = data::part_of(log, cut, 1e9);
+    log = data::part_of(log, -1e9, cut);
   }
   const data::MotionStream train(std::move(log)), hold_out(std::move(*judged));
   FitOptions options;

@@ -13,6 +13,7 @@
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
+#include "heft/model/motion_torque.hpp"
 #include "support/arms.hpp"
 #include "support/temporary_folder.hpp"
 #include "synthetic_log.hpp"
@@ -216,6 +217,67 @@ TEST(Score, OfTheTrueModelIsTheNoise) {
   }
 }
 
+TEST(Score, OverTheMotionAloneLeavesStandstillAtTheEndsOut) {
+  // 40 s of motion between 10 s and 20 s of standstill, in which the torque is met exactly.
+  const data::Log moving = log_of(arm());
+  const Index lead = 1000, tail = 2000, rows = moving.time.size();
+  const double step = moving.time[1] - moving.time[0];
+  data::Log log;
+  log.time =
+      Eigen::VectorXd::LinSpaced(lead + rows + tail, 0.0, step * static_cast<double>(lead + rows + tail - 1));
+  log.q.resize(lead + rows + tail, 2);
+  log.q << moving.q.row(0).replicate(lead, 1), moving.q, moving.q.row(rows - 1).replicate(tail, 1);
+  TorqueScorer::Setup setup;
+  setup.begin = log.time[0], setup.end = log.time[log.time.size() - 1];
+  setup.samples = log.time.size();
+  setup.max_torque = Eigen::Vector2d(10.0, 10.0);
+  setup.sample_rate = 1.0 / step;
+  setup.band = 5.0;
+  setup.moving_from = log.time[lead], setup.moving_to = log.time[lead + rows - 1];
+  Eigen::MatrixXd error = Eigen::MatrixXd::Zero(log.time.size(), 2);
+  error.middleRows(lead, rows).col(0).setConstant(2.0);
+  error.middleRows(lead, rows).col(1).setConstant(-3.0);
+  const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(log.time.size(), 2);
+  TorqueScorer scorer(setup);
+  scorer.add_rows(log.time, error, none);
+  scorer.add_grid(log.time, error);
+  const Score score = scorer.finish();
+  EXPECT_EQ(score.samples_moving, rows);
+  EXPECT_NEAR(score.rmse_moving[0], 2.0, 1e-12);
+  EXPECT_NEAR(score.rmse_moving[1], 3.0, 1e-12);
+  EXPECT_NEAR(score.rmse_in_band_moving[1], 3.0, 0.05);
+  const double share = static_cast<double>(rows) / static_cast<double>(score.samples);
+  EXPECT_NEAR(score.rmse[0], 2.0 * std::sqrt(share), 1e-9);
+  // Together with a log without standstill: all its samples count.
+  Score other = score;
+  other.samples = other.samples_moving = 1000;
+  other.rmse = other.rmse_moving = other.rmse_in_band = other.rmse_in_band_moving = Eigen::Vector2d(1.0, 1.0);
+  const Score both = pool({score, other});
+  EXPECT_EQ(both.samples_moving, rows + 1000);
+  EXPECT_NEAR(both.rmse_moving[0], std::sqrt((4.0 * rows + 1000.0) / (rows + 1000.0)), 1e-9);
+}
+
+TEST(Score, KnowsFromTheLogWhereItMoves) {
+  const data::Log moving = log_of(arm());
+  const Index lead = 1500, rows = moving.time.size();
+  const double step = moving.time[1] - moving.time[0];
+  // The torque at rest is off by more than anything in motion; the arm creeps into it, so there is no step.
+  data::Log log;
+  log.path = "rest.csv";
+  log.time = Eigen::VectorXd::LinSpaced(lead + rows, 0.0, step * static_cast<double>(lead + rows - 1));
+  log.q.resize(lead + rows, 2);
+  log.q << moving.q.row(0).replicate(lead, 1), moving.q;
+  log.tau.resize(lead + rows, 2);
+  log.tau << (moving.tau.row(0).array() + 20.0).matrix().replicate(lead, 1), moving.tau;
+  const Score s = score(arm(), data::MotionStream(log));
+  for (Index j = 0; j < 2; ++j) {
+    EXPECT_GT(s.rmse[j], 5.0) << j;
+    EXPECT_LT(s.rmse_moving[j], 0.3 * s.rmse[j]) << j;
+    EXPECT_LT(s.rmse_in_band_moving[j], 0.5 * s.rmse_in_band[j]) << j;
+  }
+  EXPECT_NEAR(static_cast<double>(s.samples_moving), static_cast<double>(rows), 100.0);
+}
+
 TEST(Score, DoesNotDependOnThePiecesOfTheLog) {
   const data::Log log = log_of(arm());
   model::Robot wrong = arm();
@@ -242,6 +304,38 @@ TEST(Score, TakesGearCouplingsIntoThePrediction) {
   const Score without = score(arm(), data::MotionStream(log));
   EXPECT_LT(with.percent_of_max.maxCoeff(), 1.0);
   EXPECT_GT(without.percent_of_max.minCoeff(), 3.0);
+}
+
+TEST(Score, CarriesEffectsFromPieceToPiece) {
+  model::Robot robot = arm();
+  robot.effects = {{joint_effect_kind<Hysteresis>(), 0, {0.08}},
+                   {joint_effect_kind<FrictionDrift>(), 1, {0.8, 0.5, 6.0}}};
+  robot.elasticities = {{1, 400.0, 0.5, 0.1}};
+  robot.torque_delay = 0.0123;
+  data::Log log;
+  log.path = "along.csv";
+  log.time = even_time(2000, 100.0);
+  log.q.resize(2000, 2), log.qd.resize(2000, 2), log.qdd.resize(2000, 2);
+  for (Index j = 0; j < 2; ++j) {
+    const double w = 2.0 + static_cast<double>(j);
+    log.q.col(j) = (w * log.time.array()).sin();
+    log.qd.col(j) = w * (w * log.time.array()).cos();
+    log.qdd.col(j) = -w * w * log.q.col(j);
+  }
+  log.tau = model::MotionTorque(robot).torque(log.time, log.q, log.qd, log.qdd, ScoreOptions{}.sign_width);
+  log.time.array() += 40.0;  // a log need not begin at 0
+  data::StreamOptions fine;
+  fine.chunk_samples = 300;
+  const Score pieces = score(robot, data::MotionStream(log, fine));
+  EXPECT_LT(pieces.rmse.maxCoeff(), 1e-8);
+  EXPECT_LT(pieces.rmse_in_band.maxCoeff(), 1e-8);
+  for (int left_out = 0; left_out < 4; ++left_out) {
+    model::Robot without = robot;
+    if (left_out < 2) without.effects.erase(without.effects.begin() + left_out);
+    if (left_out == 2) without.elasticities.clear();
+    if (left_out == 3) without.torque_delay = 0.0;
+    EXPECT_GT(score(without, data::MotionStream(log, fine)).rmse.maxCoeff(), 1e-3) << left_out;
+  }
 }
 
 TEST(Score, RefusesALogOfAnotherArmOrWithoutTorque) {
@@ -274,7 +368,15 @@ TEST(Score, PooledIsThatOfAllSamplesTogether) {
 TEST(AtSensor, LeavesTheRigidBodiesAlone) {
   model::Robot robot = arm();
   robot.couplings.emplace_back();
+  robot.effects.emplace_back();
+  robot.elasticities = {{1, 400.0, 0.5, 0.1}};
+  robot.torque_delay = 0.01;
   const model::Robot seen = at_sensor(robot);
+  EXPECT_TRUE(seen.effects.empty());
+  EXPECT_EQ(seen.torque_delay, 0.0);
+  ASSERT_EQ(seen.elasticities.size(), 1U);
+  EXPECT_EQ(seen.elasticities[0].stiffness, 400.0);
+  EXPECT_EQ(seen.elasticities[0].motor_inertia, 0.0);
   EXPECT_TRUE(seen.couplings.empty());
   EXPECT_EQ(seen.joints[0].actuation.rotor_inertia, 0.0);
   EXPECT_EQ(seen.joints[1].actuation.coulomb_friction, 0.0);

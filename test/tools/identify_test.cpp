@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <random>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -88,6 +89,64 @@ TEST_F(IdentifyCommand, CutsASingleLogInTwoAndSaysSo) {
   ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
   EXPECT_THAT(fitted.out, AllOf(HasSubstr("fitted to the first 70 % of the motion, judged on the rest"),
                                 HasSubstr("Held out: ")));
+}
+
+TEST_F(IdentifyCommand, TakesTheLogsReferenceForInstruments) {
+  // The measured position has noise, the commanded one has none.
+  data::Log noisy = log_;
+  noisy.qref = log_.q;
+  noisy.qd.resize(0, 0), noisy.qdd.resize(0, 0);
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal(0.0, 1e-5);
+  for (double& q : noisy.q.reshaped()) q += normal(random);
+  write("noisy.csv", noisy);
+  const auto values = [&](const char* instruments) {
+    const Outcome done = identify({"--log", path("noisy.csv"), "--method", "iv", "--instruments", instruments,
+                                   "--json", path("r.json")});
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    const auto json = nlohmann::json::parse(host::read_file(path("r.json"), "result"));
+    std::vector<double> result;
+    for (const auto& parameter : json.at("base_parameters"))
+      result.push_back(parameter.at("value").get<double>());
+    return result;
+  };
+  const std::vector<double> reference = values("reference");
+  EXPECT_GT(reference.size(), 10U);
+  EXPECT_NE(reference, values("simulated"));
+}
+
+TEST_F(IdentifyCommand, NamesTheReferenceThatALogLacks) {
+  const Outcome refused = identify({"--log", path("a.csv"), "--method", "iv", "--instruments", "reference"});
+  EXPECT_EQ(refused.exit_code, 3);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("a.csv"), HasSubstr("no commanded positions qref1 to qref4"),
+                                 HasSubstr("use simulated instruments")));
+}
+
+TEST_F(IdentifyCommand, GivesTheErrorOverTheMotionAlone) {
+  // 10 s at rest before the motion, where the torque is another one.
+  constexpr Eigen::Index kRest = 1000;
+  const Eigen::Index rows = log_.time.size();
+  const double step = log_.time[1] - log_.time[0];
+  data::Log rested;
+  rested.time = Eigen::VectorXd::LinSpaced(kRest + rows, 0.0, step * static_cast<double>(kRest + rows - 1));
+  rested.q.resize(kRest + rows, 4), rested.tau.resize(kRest + rows, 4);
+  rested.q << log_.q.row(0).replicate(kRest, 1), log_.q;
+  rested.tau << (log_.tau.row(0).array() + 3.0).matrix().replicate(kRest, 1), log_.tau;
+  write("rested.csv", rested);
+  const Outcome done =
+      identify({"--log", path("a.csv"), "--validate", path("rested.csv"), "--json", path("r.json")});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const auto json = nlohmann::json::parse(host::read_file(path("r.json"), "result"));
+  for (std::size_t j = 0; j < 4; ++j) {
+    EXPECT_LT(json.at("rmse_moving").at(j).get<double>(), 0.5 * json.at("rmse").at(j).get<double>()) << j;
+    EXPECT_LT(json.at("rmse_in_band_moving").at(j).get<double>(), json.at("rmse_in_band").at(j).get<double>())
+        << j;
+  }
+  const std::size_t held_out = done.out.find("Held out");
+  ASSERT_NE(held_out, std::string::npos);
+  EXPECT_THAT(done.out.substr(held_out),
+              HasSubstr("Over the motion alone, standstill at the ends cut: RMSE "));
+  EXPECT_THAT(done.out.substr(0, held_out), Not(HasSubstr("Over the motion alone")));
 }
 
 TEST_F(IdentifyCommand, DoesNotJudgeAModelOnItsTrainingLog) {

@@ -1,13 +1,11 @@
 /// heft payload as a user runs it: results, files, messages, exit codes.
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
 #include "heft/data/log.hpp"
@@ -15,32 +13,23 @@
 #include "heft/urdf/urdf_import.hpp"
 #include "identify/synthetic_log.hpp"
 #include "support/arms.hpp"
+#include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft {
 namespace {
 
+using test::Outcome;
 using ::testing::AllOf;
 using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
 
-struct Outcome {
-  int exit_code{-1};
-  std::string out;
-  std::string err;
-};
-
 /// Runs `heft payload` with these arguments and no terminal.
-Outcome run_payload(const std::vector<std::string>& arguments) {
-  const test::TemporaryFolder streams;
-  std::string command = "'" HEFT_COMMAND "' payload";
-  for (const std::string& argument : arguments) command += " '" + argument + "'";
-  command += " >'" + streams.path("out") + "' 2>'" + streams.path("err") + "' </dev/null";
-  const int status = std::system(command.c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),
-          host::read_file(streams.path("err"), "output")};
+Outcome run_payload(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), "payload");
+  return test::run_heft(arguments);
 }
 
 /// Two links turning about y in the upright plane.

@@ -15,6 +15,7 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/data/log_checks.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/fit.hpp"
@@ -60,6 +61,12 @@ identify::Method method_of(const std::string& name) {
   return identify::Method::kWls;
 }
 
+identify::Instruments instruments_of(const std::string& name) {
+  if (name == "delayed") return identify::Instruments::kDelayed;
+  if (name == "reference") return identify::Instruments::kReference;
+  return identify::Instruments::kSimulated;
+}
+
 /// "5,6" or "5,6,0.7": joint 5 also turns the motor of joint 6.
 GearCoupling<double> coupling_of(const std::string& text) {
   std::vector<double> numbers;
@@ -97,40 +104,6 @@ identify::ModelStructure structure_of(const Options& options) {
   return structure;
 }
 
-data::JointLimits limits_of(const model::Robot& robot) {
-  const auto n = static_cast<Eigen::Index>(robot.joints.size());
-  data::JointLimits limits{
-      Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), {}};
-  for (Eigen::Index j = 0; j < n; ++j) {
-    const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
-    limits.lower[j] = joint.lower;
-    limits.upper[j] = joint.upper;
-    limits.velocity[j] = joint.velocity_limit;
-    limits.effort[j] = joint.effort_limit;
-    limits.prismatic.push_back(joint.joint.type == JointType::kPrismatic);
-  }
-  return limits;
-}
-
-/// Rows of a log between two times.
-data::Log part_of(const data::Log& log, double from, double to) {
-  std::vector<Eigen::Index> rows;
-  for (Eigen::Index i = 0; i < log.time.size(); ++i) {
-    if (log.time[i] >= from && log.time[i] < to) rows.push_back(i);
-  }
-  data::Log part;
-  part.path = fmt::format("{} [{:.1f} s, {:.1f} s]", log.path, from, to);
-  part.time = log.time(rows);
-  const auto take = [&rows](const Eigen::MatrixXd& all) {
-    return all.cols() == 0 ? Eigen::MatrixXd() : Eigen::MatrixXd(all(rows, Eigen::all));
-  };
-  part.q = take(log.q);
-  part.qd = take(log.qd);
-  part.qdd = take(log.qdd);
-  part.tau = take(log.tau);
-  return part;
-}
-
 /// Training and judging logs as streams.
 struct Logs {
   std::vector<data::MotionStream> train, judge;
@@ -145,6 +118,7 @@ Logs open_logs(const Options& options, const model::Robot& robot) {
   needs.torque_constant = options.log.torque_constant;
   data::StreamOptions streaming;
   streaming.motion.cutoff = options.log.band;
+  if (options.instruments == "reference") streaming.extra = {"qref"};
   const data::JointLimits limits = limits_of(robot);
   const auto checked = [&](data::MotionStream stream) {
     for (const std::string& text : stream.summary().notes) note(text);
@@ -183,7 +157,8 @@ Logs open_logs(const Options& options, const model::Robot& robot) {
   }
   const data::Log whole = data::read_log(options.log.logs.front(), needs);
   const double cut = summary.moving_from + split * (summary.moving_to - summary.moving_from);
-  data::Log first = part_of(whole, summary.begin, cut), second = part_of(whole, cut, summary.end + 1.0);
+  data::Log first = data::part_of(whole, summary.begin, cut),
+            second = data::part_of(whole, cut, summary.end + 1.0);
   // Too short a log has no part to spare; the fit says what is wrong with it.
   if (first.time.size() < 50 || second.time.size() < 50) {
     logs.how = "not judged: the log is too short to be cut in two";
@@ -227,14 +202,6 @@ Judged judge(const std::vector<data::MotionStream>& streams, const model::Robot&
     judged.scores.push_back(identify::score(robot, stream, scoring));
   }
   return judged;
-}
-
-std::vector<report::PlotSpec> small(std::vector<report::PlotSpec> plots) {
-  for (report::PlotSpec& plot : plots) {
-    plot.width = 460;
-    plot.height = 220;
-  }
-  return plots;
 }
 
 std::string physics_in_words(const identify::Fit& fit, const identify::MassMatrixCheck& mass) {
@@ -283,8 +250,7 @@ void run(const Options& options) {
   fitting.structure = structure_of(options);
   fitting.observation.cutoff = options.log.band;
   fitting.observation.standstill_speed = options.standstill;
-  fitting.instruments =
-      options.instruments == "delayed" ? identify::Instruments::kDelayed : identify::Instruments::kSimulated;
+  fitting.instruments = instruments_of(options.instruments);
   fitting.ridge_from_condition = options.ridge;
   identify::Fit fit;
   {
@@ -360,10 +326,9 @@ void run(const Options& options) {
   write_json(options.result.json, json);
 
   console.print("{}: {}.\n", robot.name, summary);
-  console.print("\nTraining\n{}", validation_table(trained).to_text(2));
+  console.print("\nTraining\n{}", validation_text(trained));
   for (const identify::Score& score : held_out.scores) {
-    console.print("\nHeld out: {}, {} samples\n{}", score.log, score.samples,
-                  validation_table(score).to_text(2));
+    console.print("\nHeld out: {}, {} samples\n{}", score.log, score.samples, validation_text(score));
   }
   console.print("{}; {}.\n\nBase parameters (* with others, see expression)\n{}", meaning, logs.how,
                 base_parameter_table(record).to_text(2));
@@ -394,9 +359,10 @@ void run(const Options& options) {
   page.paragraph(physics);
   if (fit.bias) page.note("Noise in the motion: " + fit.bias->verdict);
   page.heading("Torque");
-  page.table(validation_table(trained), "Training. " + meaning);
+  page.table(validation_table(trained), "Training. " + meaning + moving_line(trained));
   for (std::size_t k = 0; k < held_out.scores.size(); ++k) {
-    page.table(validation_table(held_out.scores[k]), "Held out: " + held_out.scores[k].log);
+    page.table(validation_table(held_out.scores[k]),
+               "Held out: " + held_out.scores[k].log + "." + moving_line(held_out.scores[k]));
     if (k < held_out.traces.size()) {
       page.plots("Torque on the held-out log", small(held_out.traces[k].torque_plots()));
       page.plots("What is left", small(held_out.traces[k].residual_plots()));
@@ -442,8 +408,10 @@ Action set_up_identify(CLI::App& app) {
                  "(links that can exist)")
       ->check(CLI::IsMember({"ols", "wls", "irls", "iv", "tls", "physical"}))
       ->capture_default_str();
-  app.add_option("--instruments", options->instruments, "for iv and the test for bias: simulated or delayed")
-      ->check(CLI::IsMember({"simulated", "delayed"}))
+  app.add_option("--instruments", options->instruments,
+                 "for iv and the test for bias: simulated along the smoothed motion, delayed, or reference "
+                 "(simulated along the commanded positions qref1.. of the log)")
+      ->check(CLI::IsMember({"simulated", "delayed", "reference"}))
       ->capture_default_str();
   app.add_option("--without", options->without, "leave columns out: rotor, coulomb, viscous, offset")
       ->type_name("WHAT,...")

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -48,6 +49,12 @@ std::string lines_of(const std::vector<identify::Criterion>& criteria) {
   return text;
 }
 
+void add_notes(report::Report& page, const std::vector<identify::Criterion>& criteria) {
+  for (const identify::Criterion& criterion : criteria) {
+    for (const std::string& line : criterion.notes) page.note(fmt::format("{}: {}", criterion.name, line));
+  }
+}
+
 report::Tone tone_of(const std::vector<identify::Criterion>& criteria) {
   const auto has = [&](identify::Verdict verdict) {
     return std::any_of(criteria.begin(), criteria.end(),
@@ -55,14 +62,6 @@ report::Tone tone_of(const std::vector<identify::Criterion>& criteria) {
   };
   if (has(identify::Verdict::kMissed)) return report::Tone::kBad;
   return has(identify::Verdict::kMet) ? report::Tone::kGood : report::Tone::kNeutral;
-}
-
-std::vector<report::PlotSpec> small(std::vector<report::PlotSpec> plots) {
-  for (report::PlotSpec& plot : plots) {
-    plot.width = 460;
-    plot.height = 220;
-  }
-  return plots;
 }
 
 void add_residual_words(report::Report& page, const identify::Score& score) {
@@ -184,11 +183,10 @@ void judge_logs(const Options& options) {
   const std::string meaning = score_meaning(all) + validation_meaning();
   console.print("{}\n", model_text);
   for (const identify::Score& score : scores) {
-    console.print("{}: {} samples\n{}", score.log, score.samples, validation_table(score).to_text(2));
+    console.print("{}: {} samples\n{}", score.log, score.samples, validation_text(score));
   }
   if (scores.size() > 1) {
-    console.print("All {} logs together, {} samples\n{}", scores.size(), all.samples,
-                  validation_table(all).to_text(2));
+    console.print("All {} logs together, {} samples\n{}", scores.size(), all.samples, validation_text(all));
   }
   console.print("{}\nResidual:\n", meaning);
   for (int j = 0; j < n; ++j) console.print("  joint {}: {}\n", j + 1, identify::describe_residual(all, j));
@@ -205,10 +203,10 @@ void judge_logs(const Options& options) {
       tone_of(criteria));
   page.paragraph(model_text);
   page.table(criteria_table(criteria), "Acceptance criteria");
-  page.preformatted(lines_of(criteria));
+  add_notes(page, criteria);
   for (std::size_t k = 0; k < scores.size(); ++k) {
     page.heading(scores[k].log);
-    page.table(validation_table(scores[k]), meaning);
+    page.table(validation_table(scores[k]), meaning + moving_line(scores[k]));
     if (k < traces.size()) {
       page.plots("Torque over time", small(traces[k].torque_plots()));
       page.plots("Torque error over time", small(traces[k].residual_plots()));
@@ -246,12 +244,16 @@ report::Table parameter_table(const CampaignResult& result) {
                        "torque share [%]", "counted"});
   for (int i = 0; i < result.fit.base.count(); ++i) {
     const auto at = static_cast<std::size_t>(i);
+    // Beside a truth of 0 there is nothing to be relative to.
+    const double share = result.beta_true[i] == 0.0 ? std::numeric_limits<double>::quiet_NaN() : 100.0;
+    const char* counted = result.counted.counted[at]  ? "yes"
+                          : result.fit.determined[at] ? "no"
+                                                      : "no: the log does not tell it";
     table.add_row({result.fit.base.name(*result.fit.columns, i), report::number(result.beta_true[i]),
                    report::number(result.fit.beta[i]), report::number(result.fit.half_width[i], 2),
                    (*result.fit.columns)[result.fit.base.kept[at]].unit,
-                   report::number(100.0 * result.errors[i], 3), report::number(100.0 * result.scatter[i], 3),
-                   report::number(100.0 * result.shares[i], 3),
-                   result.counted.counted[at] ? "yes" : "no: " + result.counted.reasons[at]});
+                   report::number(share * result.errors[i], 3), report::number(share * result.scatter[i], 3),
+                   report::number(100.0 * result.shares[i], 3), counted});
   }
   return table;
 }
@@ -398,7 +400,7 @@ void run_simulated(const Options& options) {
   console.print("{}\n{}{}{}\n", text, criteria_table(result.criteria).to_text(2), lines_of(result.criteria),
                 criteria_summary(result.criteria) + ".");
   console.print("{}\nTorque on the motion judged on, without load:\n{}{}\n", counted,
-                validation_table(result.holdout).to_text(2), meaning);
+                validation_text(result.holdout), meaning);
   console.print("Loads:\n{}", payload_table(result).to_text(2));
   console.print("{}\n{}", tracking, tracking_table(result).to_text(2));
 
@@ -406,7 +408,7 @@ void run_simulated(const Options& options) {
                       fmt::format("seed {}", settings.seed));
   page.verdict(criteria_summary(result.criteria) + ".", tone_of(result.criteria));
   page.table(criteria_table(result.criteria), "Acceptance criteria");
-  page.preformatted(lines_of(result.criteria));
+  add_notes(page, result.criteria);
   page.paragraph(text);
   page.paragraph(
       fmt::format("Condition number of the exciting motion's base regressor, unit columns: {:.3g}; of the "
@@ -415,7 +417,7 @@ void run_simulated(const Options& options) {
   page.heading("Parameters");
   page.table(parameter_table(result), counted);
   page.heading("Torque");
-  page.table(validation_table(result.holdout), meaning);
+  page.table(validation_table(result.holdout), meaning + moving_line(result.holdout));
   add_residual_words(page, result.holdout);
   page.table(
       payload_table(result),

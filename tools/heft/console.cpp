@@ -20,13 +20,16 @@ Progress::~Progress() {
   if (shown_) fmt::print(stderr, "\r\033[K");
 }
 
-void Progress::update(double done) {
+void Progress::update(double done, const std::string& what) {
   if (!terminal_) return;
   const int percent = static_cast<int>(100.0 * std::clamp(done, 0.0, 1.0));
-  if (percent == last_percent_ || std::chrono::steady_clock::now() - start_ < std::chrono::seconds(1)) return;
+  if ((percent == last_percent_ && what == last_what_) ||
+      std::chrono::steady_clock::now() - start_ < std::chrono::seconds(1))
+    return;
   last_percent_ = percent;
+  last_what_ = what;
   shown_ = true;
-  fmt::print(stderr, "\r{} {:3d} %", label_, percent);
+  fmt::print(stderr, "\r\033[K{}{}{} {:3d} %", label_, what.empty() ? "" : ": ", what, percent);
   std::fflush(stderr);
 }
 

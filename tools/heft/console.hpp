@@ -40,13 +40,15 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   /// @param done  0..1
-  void update(double done);
+  /// @param what  stands behind the label; may be empty
+  void update(double done, const std::string& what = {});
 
  private:
   std::string label_;
   bool terminal_;
   bool shown_{false};
   int last_percent_{-1};
+  std::string last_what_;
   std::chrono::steady_clock::time_point start_;
 };
 

@@ -84,7 +84,11 @@ LoadedRobot load_robot_and_fit(const RobotOptions& options) {
   if (!options.mount.empty()) urdf_options.mount_rotation = rotation_of(options.mount);
   std::vector<std::string> notes;
   loaded.robot = urdf::load_urdf(urdf::resolve_robot(options.urdf), urdf_options, &notes);
-  if (model) model::apply(*model, loaded.robot, &notes);
+  if (model) {
+    // How the base stands has just been said: that holds, not what the model was made with.
+    if (model->kinematics && !options.mount.empty()) model->kinematics->gravity = loaded.robot.gravity;
+    model::apply(*model, loaded.robot, &notes);
+  }
   for (const std::string& text : notes) note(text);
   return loaded;
 }
@@ -98,6 +102,21 @@ model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
     note("the model was fitted to torque behind the gears: rotor inertia and gear friction are not in it");
   }
   return loaded.robot;
+}
+
+data::JointLimits limits_of(const model::Robot& robot) {
+  const auto n = static_cast<Eigen::Index>(robot.joints.size());
+  data::JointLimits limits{
+      Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), {}};
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+    limits.lower[j] = joint.lower;
+    limits.upper[j] = joint.upper;
+    limits.velocity[j] = joint.velocity_limit;
+    limits.effort[j] = joint.effort_limit;
+    limits.prismatic.push_back(joint.joint.type == JointType::kPrismatic);
+  }
+  return limits;
 }
 
 void add_log_options(CLI::App& app, LogOptions& options) {

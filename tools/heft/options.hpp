@@ -8,6 +8,7 @@
 
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
+#include "heft/data/log_checks.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/report/report.hpp"
@@ -42,6 +43,9 @@ struct LoadedRobot {
   std::vector<std::string> fitted_to;  ///< logs
 };
 LoadedRobot load_robot_and_fit(const RobotOptions& options);
+
+/// Limits as the checks of a log take them.
+data::JointLimits limits_of(const model::Robot& robot);
 
 /// Where the torque of a log was measured.
 enum class TorqueAt {

@@ -223,7 +223,7 @@ LayoutVector<4> vector_of(const Estimator& estimator) {
 class ErrorMeasure {
  public:
   explicit ErrorMeasure(const std::vector<FilteredSample>& samples) {
-    const Eigen::Matrix<double, kBase, kBase> inverse = publication_map().inverse();
+    const Eigen::Matrix<double, kBase, kBase>& inverse = publication_map_inverse();
     Base squares = Base::Zero();
     for (const FilteredSample& s : samples) {
       squares += (as_matrix<4>(rows_of<4>(s, s.qdd)) * inverse).cwiseAbs2().colwise().sum().transpose();

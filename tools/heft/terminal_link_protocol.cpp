@@ -35,7 +35,7 @@ Rows rows_at(const Motion& m) { return terminal_link::rows_at<kFirst>(m.q, m.qd,
 
 Yardstick make_yardstick(const ProtocolSettings& settings) {
   // Rows in the publication's parameters: W_p = W T⁻¹.
-  const Eigen::Matrix<double, kBase, kBase> inverse = publication_map().inverse();
+  const Eigen::Matrix<double, kBase, kBase>& inverse = publication_map_inverse();
   Yardstick y;
   Base squares = Base::Zero();
   for (int j = 0; j < settings.sample_counts.back(); ++j) {
@@ -254,7 +254,7 @@ FourierTrajectory random_trajectory(std::mt19937_64& random) {
 }  // namespace
 
 double condition_number(const FourierTrajectory& trajectory) {
-  const Eigen::Matrix<double, kBase, kBase> inverse = publication_map().inverse();
+  const Eigen::Matrix<double, kBase, kBase>& inverse = publication_map_inverse();
   Eigen::Matrix<double, kBase, kBase> normal = Eigen::Matrix<double, kBase, kBase>::Zero();
   for (int j = 0; j < 1000; ++j) {
     const auto w = (as_matrix<kFirst>(rows_at(at(trajectory, j * 0.02))) * inverse).eval();

@@ -280,7 +280,7 @@ std::vector<RankCheck> check_ranks() {
         A.col(c).setZero();
       }
     }
-    const VectorXd sigma = Eigen::JacobiSVD<MatrixXd>(A).singularValues();
+    const VectorXd sigma = Eigen::JacobiSVD<MatrixXd, Eigen::HouseholderQRPreconditioner>(A).singularValues();
     RankCheck check;
     check.k = k;
     check.columns = 11 * links;

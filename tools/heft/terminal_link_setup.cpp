@@ -174,6 +174,11 @@ const Eigen::Matrix<double, kBase, kBase>& publication_map() {
   return map;
 }
 
+const Eigen::Matrix<double, kBase, kBase>& publication_map_inverse() {
+  static const Eigen::Matrix<double, kBase, kBase> inverse = publication_map().inverse();
+  return inverse;
+}
+
 Base base_with_payload() {
   return to_publication(
       layout_parameters<4>(parameters_with_payload(), model::KawasakiArmWithPayload::kModel));
@@ -184,7 +189,7 @@ Base base_without_payload() {
 }
 
 Base column_rms(const FourierTrajectory& trajectory, double period, int samples) {
-  const Eigen::Matrix<double, kBase, kBase> inverse = publication_map().inverse();
+  const Eigen::Matrix<double, kBase, kBase>& inverse = publication_map_inverse();
   Base squares = Base::Zero();
   for (int j = 0; j < samples; ++j) {
     const Motion m = at(trajectory, j * period);

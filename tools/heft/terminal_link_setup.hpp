@@ -141,6 +141,7 @@ using Base = Eigen::Matrix<double, kBase, 1>;
 /// From the k = 5 layout to the publication's 18 base parameters (section 7). Linear.
 Base to_publication(const LayoutVector<4>& x);
 const Eigen::Matrix<double, kBase, kBase>& publication_map();
+const Eigen::Matrix<double, kBase, kBase>& publication_map_inverse();
 /// True base parameters with and without payload.
 Base base_with_payload();
 Base base_without_payload();

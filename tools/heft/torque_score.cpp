@@ -106,8 +106,32 @@ std::string validation_meaning() {
          "time, nine tenths of it below the frequency given.";
 }
 
+std::string moving_line(const identify::Score& score) {
+  const auto differs = [](const Eigen::VectorXd& moving, const Eigen::VectorXd& all) {
+    constexpr double kWorthALine = 0.02;
+    return ((moving - all).cwiseAbs().array() > (kWorthALine * all).array()).any();
+  };
+  if (!differs(score.rmse_moving, score.rmse) && !differs(score.rmse_in_band_moving, score.rmse_in_band))
+    return "";
+  const auto list = [](const Eigen::VectorXd& values) {
+    std::string text;
+    for (const double value : values) text += (text.empty() ? "" : ", ") + report::number(value, 3);
+    return text;
+  };
+  std::string text = " Over the motion alone, standstill at the ends cut: RMSE " + list(score.rmse_moving);
+  if (score.band > 0) text += "; in band " + list(score.rmse_in_band_moving);
+  return text + " N·m.";
+}
+
+std::string validation_text(const identify::Score& score) {
+  const std::string line = moving_line(score);
+  return validation_table(score).to_text(2) + (line.empty() ? "" : " " + line + "\n");
+}
+
 nlohmann::ordered_json validation_json(const identify::Score& score) {
   nlohmann::ordered_json json = score_json(score);
+  json["rmse_moving"] = json_array(score.rmse_moving);
+  json["rmse_in_band_moving"] = json_array(score.rmse_in_band_moving);
   json["rmse_in_band_percent_of_max"] = json_array(score.in_band_percent_of_max);
   json["max_torque"] = json_array(score.max_torque);
   json["quantile_999"] = json_array(score.quantile_999);
@@ -251,6 +275,14 @@ std::vector<report::PlotSpec> TorqueTrace::plots(std::size_t first, std::size_t 
 std::vector<report::PlotSpec> TorqueTrace::torque_plots() const { return plots(0, 2, "torque [N·m]"); }
 std::vector<report::PlotSpec> TorqueTrace::residual_plots() const {
   return plots(2, 1, "torque error [N·m]");
+}
+
+std::vector<report::PlotSpec> small(std::vector<report::PlotSpec> plots) {
+  for (report::PlotSpec& plot : plots) {
+    plot.width = 460;
+    plot.height = 220;
+  }
+  return plots;
 }
 
 std::vector<report::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted) {

@@ -32,6 +32,11 @@ nlohmann::ordered_json score_json(const identify::Score& score);
 report::Table validation_table(const identify::Score& score);
 /// Says what the further columns are, to stand behind score_meaning().
 std::string validation_meaning();
+/// The errors over the motion alone, where standstill at the ends makes them differ by more than 2 %; else empty.
+/// Begins with a blank.
+std::string moving_line(const identify::Score& score);
+/// Table and line for the terminal.
+std::string validation_text(const identify::Score& score);
 nlohmann::ordered_json validation_json(const identify::Score& score);
 
 /// Criteria: name, value, limit, verdict; and what the values are.
@@ -72,6 +77,9 @@ class TorqueTrace {
 
 /// One plot a joint: predicted torque over time, with the measured one where the log has it.
 std::vector<report::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted);
+
+/// Plots of which two stand side by side.
+std::vector<report::PlotSpec> small(std::vector<report::PlotSpec> plots);
 
 /// Entries of a vector as JSON; NaN is null.
 nlohmann::ordered_json json_array(const Eigen::VectorXd& values);

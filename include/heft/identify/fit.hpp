@@ -35,7 +35,8 @@ const char* to_string(Method method);  ///< "ols", "wls", ...
 /// Where instruments come from.
 enum class Instruments {
   kSimulated,  ///< motion of the fitted model under control along the smoothed motion, iterated
-  kDelayed     ///< the measured motion some time earlier
+  kDelayed,    ///< the measured motion some time earlier
+  kReference   ///< simulated along the commanded positions of the log instead of the smoothed motion
 };
 
 struct FitOptions {
@@ -43,6 +44,8 @@ struct FitOptions {
   ModelStructure structure{};
   ObservationOptions observation{0.0, 4.0, 0.0};
   Instruments instruments{Instruments::kSimulated};
+  /// kReference: place of the commanded positions among MotionChunk::extra (StreamOptions::extra "qref").
+  int reference{0};
   /// Condition number of the weighted, column-scaled base regressor from which on a ridge towards the robot's
   /// own parameters steadies the fit; 0: never.
   double ridge_from_condition{1000.0};

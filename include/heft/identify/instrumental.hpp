@@ -30,8 +30,8 @@ struct InstrumentOptions {
   /// motion's bandwidth, at most half the motion's cut-off. Noise in the acceleration grows with the fifth
   /// power of the cut-off (variance), so at a quarter of it a thousandth is left.
   double smoothing{0.0};
-  /// kSimulated: place of the log's reference position among MotionChunk::extra; followed instead of the
-  /// measured position where the log has it. -1: there is none.
+  /// Place of the log's reference position among MotionChunk::extra, followed instead of the measured position.
+  /// kSimulated: where the log has it; kReference: a log without is refused. -1: there is none.
   int reference{-1};
   double control{0.0};    ///< kSimulated: natural frequency of the control [Hz]; 0: four times the smoothing
   double step{0.0};       ///< kSimulated: RK4 step [s]; 0: chosen from control and friction, 0.5 to 5 ms

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,6 +33,9 @@ struct Score {
   Eigen::VectorXd rmse;            ///< [N·m, N]
   Eigen::VectorXd rmse_in_band;    ///< [N·m, N]; NaN without a band
   Eigen::VectorXd percent_of_max;  ///< rmse against max_torque
+  /// The two errors over the samples between standstill at the begin and at the end alone; NaN without one.
+  Eigen::VectorXd rmse_moving, rmse_in_band_moving;
+  long samples_moving{0};  ///< counted in rmse_moving
   Eigen::VectorXd in_band_percent_of_max;
   Eigen::VectorXd r2;            ///< 1 − residual power / variance of the measured torque
   Eigen::VectorXd quantile_999;  ///< |residual| that 99.9 % of the samples stay below [N·m, N]
@@ -74,6 +78,9 @@ class TorqueScorer {
     double sample_rate{0.0};      ///< of the even grid [Hz]
     double band{0.0};             ///< low-pass for the figures in band [Hz]; not below half the rate: none
     std::vector<data::TimeGap> gaps;  ///< grid rows inside count nowhere
+    /// Standstill outside of it [s].
+    double moving_from{-std::numeric_limits<double>::infinity()};
+    double moving_to{std::numeric_limits<double>::infinity()};
   };
   explicit TorqueScorer(const Setup& setup);
   ~TorqueScorer();
@@ -109,7 +116,8 @@ struct ScoreOptions {
   std::function<void(double)> progress{};  ///< called with 0..1; may be empty
 };
 
-/// Judges a robot's joint torque, gear couplings included, on a log. One pass, memory of one piece.
+/// Judges a robot's joint torque, with everything that model::MotionTorque knows (gear couplings, effects, elastic
+/// joints, delay), on a log. One pass, memory of one piece.
 /// @param robot  what its drives add must be what the torque of the log holds: see at_sensor()
 /// @throws DataError when the log has another number of joints or no torque.
 Score score(const model::Robot& robot, const data::MotionStream& log, const ScoreOptions& options = {});
@@ -119,7 +127,8 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
 /// @param training   score of fit.robot on the logs of the fit; null: unknown
 model::FitRecord fit_record(const Fit& fit, const std::string& torque_at, const Score* training = nullptr);
 
-/// The robot as a sensor behind the gears sees it: without rotor inertia, friction and couplings.
+/// The robot as a sensor behind the gears sees it: without rotor inertia, friction, couplings, joint effects and
+/// the delay of the drives' channel; an elastic joint keeps its spring and loses the motor's inertia.
 model::Robot at_sensor(model::Robot robot);
 
 // Acceptance ---------------------------------------------------------------------------------------------------

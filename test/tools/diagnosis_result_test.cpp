@@ -1,0 +1,326 @@
+/// What is said about a diagnosis: sentence, tables, JSON, page. From results made by hand.
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "diagnosis_report.hpp"
+#include "diagnosis_result.hpp"
+
+namespace heft::tools {
+namespace {
+
+using diagnose::Diagnosis;
+using diagnose::Finding;
+using ::testing::AllOf;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+identify::Score score_of(double first, double second) {
+  identify::Score score;
+  score.samples = 1000;
+  score.band = 8.0;
+  const Eigen::Vector2d rmse{first, second};
+  score.rmse = rmse;
+  score.rmse_in_band = 0.5 * rmse;
+  score.percent_of_max = 10.0 * rmse;
+  score.in_band_percent_of_max = 5.0 * rmse;
+  score.r2 = Eigen::Vector2d{0.99, std::numeric_limits<double>::quiet_NaN()};
+  return score;
+}
+
+/// A turning and a sliding joint.
+Diagnosis empty_diagnosis() {
+  Diagnosis diagnosis;
+  diagnosis.after.name = "arm";
+  diagnosis.after.joints.resize(2);
+  diagnosis.after.joints[1].joint.type = JointType::kPrismatic;
+  diagnosis.before = diagnosis.after;
+  diagnosis.train_before = score_of(0.5, 0.6);
+  diagnosis.train_after = score_of(0.3, 0.6);
+  diagnosis.validate_before = score_of(0.43, 0.6);
+  diagnosis.validate_after = score_of(0.29, 0.6);
+  diagnosis.validate_each_before = {diagnosis.validate_before};
+  diagnosis.validate_each_after = {diagnosis.validate_after};
+  diagnosis.cutoff = 20.0;
+  diagnosis.candidates = 321;
+  diagnosis.seconds = 40.0;
+  return diagnosis;
+}
+
+Finding stribeck() {
+  Finding finding;
+  finding.kind = "stribeck";
+  finding.joint = finding.main_joint = 0;
+  finding.parameters = {{"Fs", 1.2}, {"vs", 0.05}};
+  finding.p_value = 3e-9;
+  finding.delta_bic = -812.4;
+  finding.cross_validated = 0.31;
+  finding.validate_before = 0.43;
+  finding.validate_after = 0.29;
+  finding.rivals = {{"viscous_nonlinear", 0, -640.0}};
+  return finding;
+}
+
+const DiagnosisContext kContext{
+    {"a.csv"}, {"b.csv"}, "motor", "heft diagnose --urdf arm --log a.csv --validate b.csv"};
+
+TEST(DiagnosisVerdict, NamesJointEffectAndWhatItIsWorth) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck()};
+  EXPECT_EQ(diagnosis_verdict(diagnosis),
+            "Joint 1 lacks Stribeck friction: adding it cuts its error on the validation log from 0.430 to "
+            "0.290 N·m "
+            "(−33 %).");
+}
+
+TEST(DiagnosisVerdict, SaysWhatTheMotionCannotTellApart) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck()};
+  diagnosis.findings[0].kind = "offset";
+  diagnosis.findings[0].equivalent = {{"spring", 0, 0.0}};
+  EXPECT_THAT(diagnosis_verdict(diagnosis),
+              EndsWith("In this motion it cannot be told from a spring in joint 1."));
+}
+
+TEST(DiagnosisVerdict, ListsSeveralEffects) {
+  Diagnosis diagnosis = empty_diagnosis();
+  Finding delay;
+  delay.kind = "delay";
+  delay.main_joint = 1;
+  diagnosis.findings = {stribeck(), delay};
+  diagnosis.validate_after = score_of(0.29, 0.3);
+  EXPECT_EQ(
+      diagnosis_verdict(diagnosis),
+      "Two effects are missing: Stribeck friction in joint 1 and a delay of the torque channel. With all "
+      "of them the error on the validation log falls most in joint 2 (0.600 → 0.300 N, −50 %) and joint 1 "
+      "(0.430 → 0.290 N·m, −33 %).");
+}
+
+TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck(), stribeck(), stribeck(), stribeck()};
+  diagnosis.unexplained = {{0, "this", {}}, {1, "that", {}}, {1, "more", {}}};
+  EXPECT_EQ(
+      diagnosis_verdict(diagnosis),
+      "Four effects are missing, the strongest Stribeck friction in joint 1, Stribeck friction in joint 1 "
+      "and Stribeck friction in joint 1. With all of them the error on the validation log falls most in "
+      "joint 1 (0.430 → 0.290 N·m, −33 %). Something else is left that heft does not know: in joints 1 "
+      "and 2.");
+}
+
+TEST(DiagnosisVerdict, NamesOtherJointsThatGainMuch) {
+  Diagnosis diagnosis = empty_diagnosis();
+  Finding coupling;
+  coupling.kind = "wrist_coupling";
+  coupling.joint = 4;
+  coupling.main_joint = 1;
+  coupling.validate_before = 0.6;
+  coupling.validate_after = 0.5;
+  diagnosis.findings = {coupling};
+  EXPECT_THAT(
+      diagnosis_verdict(diagnosis),
+      EndsWith("cuts joint 2's error on the validation log from 0.600 to 0.500 N (−17 %), and that of "
+               "joint 1 (0.430 → 0.290 N·m, −33 %)."));
+}
+
+TEST(DiagnosisVerdict, TellsNothingMissingFromSomethingUnknown) {
+  Diagnosis diagnosis = empty_diagnosis();
+  EXPECT_THAT(diagnosis_verdict(diagnosis), StartsWith("Nothing is missing: "));
+  diagnosis.unexplained = {{1, "a vibration at 11 Hz", {{"frequency", 11.0}}}};
+  EXPECT_EQ(diagnosis_verdict(diagnosis),
+            "Something is left that heft does not know: joint 2, a vibration at 11 Hz.");
+  diagnosis.findings = {stribeck()};
+  EXPECT_THAT(
+      diagnosis_verdict(diagnosis),
+      AllOf(StartsWith("Joint 1 lacks Stribeck friction"),
+            EndsWith("Something else is left that heft does not know: joint 2, a vibration at 11 Hz.")));
+}
+
+TEST(DiagnosisVerdict, DoesNotCallARiseACut) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck()};
+  diagnosis.findings[0].validate_after = 0.5;
+  EXPECT_THAT(diagnosis_verdict(diagnosis), HasSubstr("adding it raises its error"));
+  diagnosis.findings[0].validate_after = 0.43;
+  EXPECT_THAT(diagnosis_verdict(diagnosis), HasSubstr("stays at 0.430 N·m"));
+}
+
+TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
+  Diagnosis diagnosis = empty_diagnosis();
+  Finding load;
+  load.kind = "payload_change";
+  load.parameters = {{"mass", 0.5}, {"com_x", 0.01}, {"com_y", 0.02}, {"com_z", -0.1}, {"time", 14.2}};
+  load.words = {{"event", "picked_up"}};
+  load.main_joint = 1;
+  load.validate_before = 2.0;
+  load.validate_after = 1.0;
+  diagnosis.findings = {load};
+  diagnosis.validate_before = diagnosis.validate_after;
+  EXPECT_EQ(
+      diagnosis_verdict(diagnosis),
+      "A load of 0.5 kg was picked up 14.2 s into the training log: adding it cuts joint 2's error on the "
+      "validation log from 2.00 to 1.00 N (−50 %).");
+}
+
+TEST(DiagnosisJson, HasTheFieldsOfTheContract) {
+  Diagnosis diagnosis = empty_diagnosis();
+  Finding contact;
+  contact.kind = "contact";
+  contact.events = {{3.0, 0.5}, {9.0, 0.7}};
+  contact.forces = {{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}};
+  Finding load;
+  load.kind = "payload_change";
+  load.parameters = {{"mass", 0.5}, {"com_x", 0.01}, {"com_y", 0.02}, {"com_z", -0.1}, {"time", 14.2}};
+  load.words = {{"event", "dropped"}};
+  diagnosis.findings = {stribeck(), contact, load};
+  diagnosis.findings[0].equivalent = {{"spring", 1, 0.0}};
+  diagnosis.unexplained = {{-1, "something", {{"coherence", 0.7}}}};
+  diagnosis.refusals = {{"ripple", 0, "weak", 0.01}, {"spring", 1, "worse on day 2", 0.2}};
+  const auto json = diagnosis_json(diagnosis, kContext);
+  EXPECT_EQ(json.at("band_hz"), 8.0);
+  for (const char* log : {"train", "validate"}) {
+    for (const char* field : {"rmse_before", "rmse_after", "rmse_in_band_before", "rmse_in_band_after",
+                              "r2_before", "r2_after"}) {
+      EXPECT_EQ(json.at(log).at(field).size(), 2U) << log << ' ' << field;
+    }
+  }
+  EXPECT_EQ(json.at("validate").at("rmse_after").at(0), 0.29);
+  EXPECT_TRUE(json.at("validate").at("r2_after").at(1).is_null());
+  const auto& effects = json.at("effects");
+  ASSERT_EQ(effects.size(), 3U);
+  EXPECT_EQ(effects[0].at("kind"), "stribeck");
+  EXPECT_EQ(effects[0].at("joint"), 1);
+  EXPECT_EQ(effects[0].at("parameters").at("vs"), 0.05);
+  EXPECT_EQ(effects[0].at("p_value"), 3e-9);
+  EXPECT_EQ(effects[0].at("delta_bic"), -812.4);
+  EXPECT_EQ(effects[0].at("validate_rmse_before"), 0.43);
+  EXPECT_EQ(effects[0].at("validate_rmse_after"), 0.29);
+  EXPECT_EQ(effects[0].at("rivals").at(0).at("kind"), "viscous_nonlinear");
+  EXPECT_EQ(effects[0].at("rivals").at(0).at("joint"), 1);
+  EXPECT_EQ(effects[0].at("rivals").at(0).at("delta_bic"), -640.0);
+  EXPECT_EQ(effects[0].at("equivalent").at(0).at("joint"), 2);
+  EXPECT_TRUE(effects[1].at("joint").is_null());
+  const auto& event = effects[1].at("parameters").at("events").at(1);
+  EXPECT_EQ(event.at("t0"), 9.0);
+  EXPECT_EQ(event.at("duration"), 0.7);
+  EXPECT_EQ(event.at("force").at(2), 6.0);
+  EXPECT_EQ(effects[2].at("parameters").at("event"), "dropped");
+  EXPECT_EQ(effects[2].at("parameters").at("com").at(2), -0.1);
+  EXPECT_FALSE(effects[2].at("parameters").contains("com_x"));
+  EXPECT_TRUE(json.at("unexplained").at(0).at("joint").is_null());
+  EXPECT_EQ(json.at("unexplained").at(0).at("what"), "something");
+  EXPECT_EQ(json.at("unexplained").at(0).at("evidence").at("coherence"), 0.7);
+  EXPECT_EQ(json.at("refused").at(0).at("kind"), "spring") << "what would explain most stands first";
+}
+
+TEST(DiagnosisJson, NothingFoundIsAnEmptyList) {
+  const auto json = diagnosis_json(empty_diagnosis(), kContext);
+  EXPECT_TRUE(json.at("effects").is_array());
+  EXPECT_TRUE(json.at("effects").empty());
+  EXPECT_TRUE(json.at("unexplained").empty());
+}
+
+TEST(DiagnosisText, GivesParametersWithUnitsRivalsAndRefusals) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck()};
+  diagnosis.refusals = {{"ripple", 0, "leads the motion", 0.02}};
+  const std::string text = diagnosis_text(diagnosis, kContext);
+  EXPECT_THAT(text,
+              AllOf(StartsWith("Joint 1 lacks Stribeck friction"), HasSubstr("Fs 1.2 N·m, vs 0.05 rad/s"),
+                    HasSubstr("p 3e-09, ΔBIC −812, error on blocks not fitted −31 %"),
+                    HasSubstr("viscous friction that is not linear in speed in joint 1 (ΔBIC −640)"),
+                    HasSubstr("slow motion"), HasSubstr("leads the motion"), HasSubstr(kContext.command)));
+}
+
+TEST(DiagnosisText, CountsASlidingJointInNewtons) {
+  Diagnosis diagnosis = empty_diagnosis();
+  Finding finding = stribeck();
+  finding.joint = finding.main_joint = 1;
+  EXPECT_EQ(parameters_in_words(finding, diagnosis.after), "Fs 1.2 N, vs 0.05 m/s");
+}
+
+TEST(DiagnosisText, NamesTheLogThatGetsWorse) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.validate_each_before = {score_of(0.4, 0.6), score_of(0.4, 0.6)};
+  diagnosis.validate_each_after = {score_of(0.3, 0.603), score_of(0.3, 0.7)};
+  diagnosis.validate_each_after[1].log = diagnosis.validate_each_before[1].log = "monday.csv";
+  EXPECT_THAT(errors_that_rise(diagnosis),
+              ::testing::ElementsAre("monday.csv: the error of joint 2 rises from 0.600 to 0.700 N (+17 %)"));
+}
+
+TEST(DiagnosisText, StandsWithoutScoresAndTraces) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck()};
+  for (identify::Score* score : {&diagnosis.train_before, &diagnosis.train_after, &diagnosis.validate_before,
+                                 &diagnosis.validate_after}) {
+    *score = {};
+  }
+  diagnosis.validate_each_before = {{}};
+  EXPECT_THAT(diagnosis_text(diagnosis, kContext), HasSubstr("Stribeck"));
+  EXPECT_TRUE(diagnosis_json(diagnosis, kContext).at("band_hz").is_null());
+  EXPECT_THAT(diagnosis_page(diagnosis, kContext).html(), HasSubstr("Stribeck"));
+}
+
+TEST(DiagnosisPage, ShowsFourPlotsOfTheJointWithAnEffect) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck()};
+  diagnose::Traces traces;
+  traces.time = Eigen::VectorXd::LinSpaced(2000, 0.0, 19.99);
+  traces.q = traces.time.array().sin().matrix().replicate(1, 2);
+  traces.qd = traces.time.array().cos().matrix().replicate(1, 2);
+  traces.before = 0.4 * traces.qd.array().sign();
+  traces.after = 0.1 * (9.0 * traces.q.array()).sin();
+  diagnosis.validate = diagnosis.train = {traces};
+  const std::string html = diagnosis_page(diagnosis, kContext).html();
+  EXPECT_THAT(html, AllOf(HasSubstr("Joint 1: Stribeck friction (validation log)"), HasSubstr("Over time"),
+                          HasSubstr("Against velocity"), HasSubstr("Against position"), HasSubstr("Spectrum"),
+                          HasSubstr("cuts its error on the validation log"), Not(HasSubstr("http://"))));
+}
+
+TEST(AmplitudeDensity, MeetsTheClosedForms) {
+  // White noise of variance s² has s √(2 / rate); a sine of amplitude A has the power A²/2 under its peak.
+  constexpr double kRate = 250.0, kSigma = 0.3;
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal(0.0, kSigma);
+  Eigen::VectorXd noise(20000), sine(20000);
+  for (Eigen::Index i = 0; i < noise.size(); ++i) {
+    noise[i] = 5.0 + normal(random);
+    sine[i] = 2.0 * std::sin(2.0 * std::numbers::pi * 11.0 * static_cast<double>(i) / kRate);
+  }
+  const AmplitudeDensity white = amplitude_density(noise, kRate);
+  EXPECT_NEAR(std::sqrt(white.density.cwiseAbs2().mean()), kSigma * std::sqrt(2.0 / kRate),
+              0.1 * kSigma * 0.09);
+  const AmplitudeDensity line = amplitude_density(sine, kRate);
+  Eigen::Index peak = 0;
+  line.density.maxCoeff(&peak);
+  EXPECT_NEAR(line.frequency[peak], 11.0, 0.2);
+  double power = 0.0;
+  for (Eigen::Index k = 1; k + 1 < line.frequency.size(); ++k) {
+    power += line.density[k] * line.density[k] * 0.5 * (line.frequency[k + 1] - line.frequency[k - 1]);
+  }
+  EXPECT_NEAR(power, 2.0, 0.1);
+  EXPECT_EQ(amplitude_density(noise.head(20), kRate).frequency.size(), 0);
+}
+
+TEST(BinnedMeans, AverageWhatFallsTogether) {
+  const Eigen::VectorXd x = Eigen::VectorXd::LinSpaced(4801, -1.0, 1.0);
+  Eigen::MatrixXd values(x.size(), 2);
+  values.col(0) = 3.0 * x;
+  values.col(1).setConstant(2.0);
+  const BinnedMeans bins = binned_means(x, values);
+  ASSERT_GT(bins.x.size(), 100);
+  EXPECT_LT((bins.means.col(0) - 3.0 * bins.x).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_LT((bins.means.col(1).array() - 2.0).abs().maxCoeff(), 1e-12);
+  EXPECT_EQ(binned_means(Eigen::VectorXd::Constant(10, 1.0), Eigen::MatrixXd::Ones(10, 1)).x.size(), 0);
+}
+
+}  // namespace
+}  // namespace heft::tools
