@@ -33,6 +33,7 @@ Action set_up_simulate(CLI::App& app);
 Action set_up_excite(CLI::App& app);
 Action set_up_validate(CLI::App& app);
 Action set_up_identify(CLI::App& app);
+Action set_up_diagnose(CLI::App& app);
 Action set_up_payload(CLI::App& app);
 Action set_up_export(CLI::App& app);
 Action set_up_track(CLI::App& app);

@@ -9,7 +9,7 @@ const std::vector<Command>& commands() {
       {"excite", "design a motion that makes the parameters visible", set_up_excite},
       {"identify", "fit a model to one or more logs", set_up_identify},
       {"validate", "judge a model on logs it has not seen", set_up_validate},
-      {"diagnose", "find the effects that a fit's residual shows", nullptr},
+      {"diagnose", "find the effects that a fit's residual shows", set_up_diagnose},
       {"payload", "estimate the load at the flange sample by sample, as the controller would",
        set_up_payload},
       {"track", "closed-loop tracking in the simulator, several controllers side by side", set_up_track},

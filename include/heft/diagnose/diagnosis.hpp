@@ -1,0 +1,98 @@
+/// @file
+/// What a model lacks: fit rigid bodies and friction, trace the residual to effects, add them, judge on logs that
+/// the fit has not seen.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/data/log.hpp"
+#include "heft/identify/validation.hpp"
+#include "heft/model/robot.hpp"
+
+namespace heft::diagnose {
+
+/// Another effect that explains nearly as much, or the same.
+struct Rival {
+  std::string kind;
+  int joint{-1};          ///< counted from 0; -1: the whole arm
+  double delta_bic{0.0};  ///< as in Finding
+};
+
+/// An effect found.
+struct Finding {
+  std::string kind;                                        ///< id of the contract
+  int joint{-1};                                           ///< counted from 0; -1: the whole arm
+  std::vector<std::pair<std::string, double>> parameters;  ///< names as in the contract, SI
+  std::vector<std::pair<std::string, std::string>> words;  ///< parameters that are no numbers ("event")
+  std::vector<std::pair<double, double>> events;           ///< contact: begin and length [s]
+  std::vector<Eigen::Vector3d> forces;                     ///< contact: on the robot, world frame [N]
+  double p_value{1.0};          ///< robust to correlated residuals, times the number of candidates tried
+  double delta_bic{0.0};        ///< with effective samples and the candidates tried; negative: better with it
+  double cross_validated{0.0};  ///< fall of the rms error of its joint on blocks not fitted, as a share
+  double validate_before{0.0}, validate_after{0.0};  ///< rms error of its main joint on the validation logs
+  int main_joint{0};                                 ///< where it shows most
+  std::vector<Rival> rivals, equivalent;
+  std::string shown_by;  ///< the motion that would tell it from its rivals
+};
+
+/// An effect that was considered and not taken.
+struct Refusal {
+  std::string kind;
+  int joint{-1};
+  std::string why;
+  double gain{0.0};  ///< share of its joint's squared error that it would have explained
+};
+
+/// Structure that no known effect explains.
+struct Unexplained {
+  int joint{-1};
+  std::string what;
+  std::vector<std::pair<std::string, double>> evidence;
+};
+
+/// Residuals of one log for plots, on its even grid.
+struct Traces {
+  std::string log;
+  Eigen::VectorXd time;           ///< [s]
+  Eigen::MatrixXd q, qd;          ///< m × n
+  Eigen::MatrixXd before, after;  ///< measured minus predicted torque, m × n [N·m, N]
+};
+
+struct DiagnoseOptions {
+  double cutoff{0.0};  ///< of the low-pass on q [Hz]; 0: the one that leaves the smallest residual
+  double band{0.0};    ///< of the figures in band [Hz]; 0: identify::default_band
+  int most_effects{20};
+  bool joint_sensor{false};  ///< torque was measured behind the gear: no rotor inertia is looked for
+  std::function<void(const std::string& what, double done)> progress{};  ///< done within 0..1; may be empty
+  std::function<void(const std::string& line)>
+      trace{};  ///< gets what the search sees, for the curious; may be empty
+};
+
+/// Result of a diagnosis.
+struct Diagnosis {
+  model::Robot before, after;  ///< the fitted models; `after` has the effects
+  identify::Score train_before, train_after, validate_before, validate_after;  ///< pooled over logs
+  std::vector<identify::Score> validate_each_before, validate_each_after;
+  std::vector<Finding> findings;  ///< strongest first
+  std::vector<Refusal> refusals;
+  std::vector<Unexplained> unexplained;
+  std::vector<std::string> notes;
+  std::vector<Traces> train, validate;  ///< one a log
+  double cutoff{0.0};                   ///< of the low-pass on q [Hz]
+  int candidates{0};                    ///< tried, shapes counted
+  double seconds{0.0};                  ///< of training motion
+};
+
+/// Diagnoses.
+/// @param robot  kinematics; its inertial parameters serve where the logs say nothing
+/// @param train, validate  at least one log each, with torque
+/// @throws DataError, NotIdentifiableError as identify::fit
+Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
+                   const std::vector<data::Log>& validate, const DiagnoseOptions& options = {});
+
+}  // namespace heft::diagnose

@@ -1,0 +1,80 @@
+#include "base_model.hpp"
+
+#include <Eigen/Cholesky>
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using identify::ColumnKind;
+
+Motion rigid_motion(const MotionTable& table) {
+  return {table.q, table.qd, table.qdd, table.q, table.qd, table.qdd, table.direction};
+}
+
+BaseModel::BaseModel(const model::Robot& robot)
+    : columns_(robot,
+               {.rotor_inertia = false, .coulomb = true, .viscous = true, .offset = false, .couplings = {}}),
+      base_(identify::find_base_parameters(columns_)),
+      places_(static_cast<std::size_t>(columns_.num_joints())),
+      coulomb_(places_.size(), -1),
+      viscous_(places_.size(), -1) {
+  for (int c = 0; c < columns(); ++c) {
+    const identify::Column& column = columns_[base_.kept[static_cast<std::size_t>(c)]];
+    for (int j = 0; j < num_joints(); ++j) {
+      const bool reaches = column.kind == ColumnKind::kLink ? column.joint >= j : column.joint == j;
+      if (reaches) places_[static_cast<std::size_t>(j)].push_back(c);
+    }
+    if (column.kind == ColumnKind::kCoulomb) coulomb_[static_cast<std::size_t>(column.joint)] = c;
+    if (column.kind == ColumnKind::kViscous) viscous_[static_cast<std::size_t>(column.joint)] = c;
+  }
+}
+
+bool BaseModel::is_link(int column) const {
+  return column < columns() &&
+         columns_[base_.kept[static_cast<std::size_t>(column)]].kind == ColumnKind::kLink;
+}
+
+std::vector<MatrixXd> BaseModel::rows(const Motion& motion, const MatrixXd& keep) const {
+  std::vector<MatrixXd> rows;
+  const Index m = motion.q.rows();
+  for (const auto& list : places_) rows.emplace_back(m, static_cast<Index>(list.size()));
+  for (Index i = 0; i < m; ++i) {
+    const MatrixXd Y = columns_.regressor(motion.link_q.row(i).transpose(), motion.link_qd.row(i).transpose(),
+                                          motion.link_qdd.row(i).transpose());
+    for (std::size_t j = 0; j < places_.size(); ++j) {
+      const auto joint = static_cast<Index>(j);
+      for (std::size_t c = 0; c < places_[j].size(); ++c) {
+        const int place = places_[j][c];
+        double value = Y(joint, base_.kept[static_cast<std::size_t>(place)]);
+        if (place == coulomb_[j]) value = motion.direction(i, joint);
+        if (place == viscous_[j]) value = motion.qd(i, joint);
+        rows[j](i, static_cast<Index>(c)) = keep(i, joint) * value;
+      }
+    }
+  }
+  return rows;
+}
+
+model::Robot BaseModel::robot(const VectorXd& beta) const {
+  // Nearest in the norm of the parameters: x = x0 + Gᵀ (G Gᵀ)⁻¹ (β - G x0).
+  const MatrixXd& G = base_.regrouping;
+  const VectorXd x0 = columns_.values(columns_.robot());
+  const VectorXd x = x0 + G.transpose() * (G * G.transpose()).llt().solve(beta.head(columns()) - G * x0);
+  model::Robot robot = columns_.robot();
+  columns_.apply(x, robot);
+  return robot;
+}
+
+VectorXd BaseModel::prior() const {
+  VectorXd beta = base_.regrouping * columns_.values(columns_.robot());
+  for (int c = 0; c < columns(); ++c) {
+    if (!is_link(c)) beta[c] = 0.0;
+  }
+  return beta;
+}
+
+MatrixXd BaseModel::link_share(int link) const { return base_.regrouping.middleCols(10 * link, 10); }
+
+}  // namespace heft::diagnose

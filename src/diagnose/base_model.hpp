@@ -1,0 +1,54 @@
+/// @file
+/// Rigid bodies, Coulomb and viscous friction: the model that a diagnosis starts from.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/identify/base_parameters.hpp"
+#include "heft/identify/regression_columns.hpp"
+#include "heft/model/robot.hpp"
+#include "motion_table.hpp"
+
+namespace heft::diagnose {
+
+/// The motion that the base model is evaluated on; link side and motor side differ where a joint is elastic.
+struct Motion {
+  Eigen::MatrixXd q, qd, qdd;                 ///< m × n, motor side
+  Eigen::MatrixXd link_q, link_qd, link_qdd;  ///< m × n
+  Eigen::MatrixXd direction;                  ///< m × n, of the motor's velocity
+};
+
+/// The motion as logged.
+Motion rigid_motion(const MotionTable& table);
+
+/// Columns of the base model and what their coefficients mean.
+class BaseModel {
+ public:
+  explicit BaseModel(const model::Robot& robot);
+
+  int columns() const { return static_cast<int>(base_.kept.size()); }  ///< b
+  int num_joints() const { return columns_.num_joints(); }
+  /// For each joint the base columns that reach its rows.
+  const std::vector<std::vector<int>>& places() const { return places_; }
+  int coulomb(int joint) const { return coulomb_[static_cast<std::size_t>(joint)]; }
+  int viscous(int joint) const { return viscous_[static_cast<std::size_t>(joint)]; }
+  bool is_link(int column) const;
+  /// Rows for each joint, m × p_j, rows that do not count set to 0.
+  std::vector<Eigen::MatrixXd> rows(const Motion& motion, const Eigen::MatrixXd& keep) const;
+  /// The robot nearest to the given one that has these base parameters.
+  model::Robot robot(const Eigen::VectorXd& beta) const;
+  /// Base parameters of the given robot, b; friction 0.
+  Eigen::VectorXd prior() const;
+  /// What ten parameters of a link add to the base parameters, b × 10.
+  Eigen::MatrixXd link_share(int link) const;
+
+ private:
+  identify::RegressionColumns columns_;
+  identify::BaseParameters base_;
+  std::vector<std::vector<int>> places_;
+  std::vector<int> coulomb_, viscous_;
+};
+
+}  // namespace heft::diagnose

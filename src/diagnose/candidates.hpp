@@ -1,0 +1,74 @@
+/// @file
+/// What could be missing: candidate effects with the columns they add.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base_model.hpp"
+#include "problem.hpp"
+
+namespace heft::diagnose {
+
+/// Names and values of an effect's physical parameters.
+using ParameterList = std::vector<std::pair<std::string, double>>;
+
+/// One effect on one joint (or the whole arm) at its best shape.
+struct Candidate {
+  std::string kind;
+  int joint{-1};      ///< counted from 0; -1: the whole arm
+  int effect{-1};     ///< place in JointEffectTypes; -1: not a joint effect
+  double shape{0.0};  ///< the value that the torque is not linear in
+  int tried{1};       ///< shapes compared, for multiplicity
+  Columns columns;
+  FitTerms terms;
+  int replaces{-1};  ///< base column that its first column stands in for
+  Trial trial;
+  bool stale{false};         ///< judged before another effect was taken
+  Eigen::MatrixXd share;     ///< payload_change: b × k, what the coefficients add to the base parameters
+  std::vector<int> entries;  ///< payload_change: inertial parameters that the coefficients are
+  double second{0.0};        ///< another shape (damping, end of an event)
+  std::string refused;       ///< why it cannot be; empty: it can
+  std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
+  std::vector<Eigen::Vector3d> forces;            ///< contact [N]
+  std::vector<int> event_runs;
+};
+
+/// What candidates are made from.
+struct Workbench {
+  const Problem* problem;
+  const BaseModel* base;
+  const MotionTable* table;
+  const Motion* motion;
+  const model::Robot* robot;    ///< with the base parameters of the present fit
+  const Eigen::MatrixXd* load;  ///< m × n: rigid-body torque of the present fit
+  std::vector<bool> prismatic;
+};
+
+/// Best candidate of every kind of joint effect on a joint, judged.
+std::vector<Candidate> joint_candidates(const Workbench& bench, int joint);
+
+/// Column values of one joint effect, m × k; rows that do not count are not masked yet.
+Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape);
+
+/// Candidates of the whole arm, judged: delay, base tilt, payload change, couplings.
+std::vector<Candidate> arm_candidates(const Workbench& bench);
+
+/// Elastic joints, judged.
+/// @param joints  n: which to try
+std::vector<Candidate> elasticity_candidates(const Workbench& bench, const std::vector<bool>& joints);
+
+/// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.
+Columns tilt_columns(const Workbench& bench);
+
+/// Two horizontal directions in the base frame, square to gravity; x and y for gravity along -z.
+std::pair<Eigen::Vector3d, Eigen::Vector3d> horizontal_directions(const model::Robot& robot);
+
+/// Outer forces that come and go, found in the residual.
+Candidate contact_candidate(const Workbench& bench);
+
+}  // namespace heft::diagnose

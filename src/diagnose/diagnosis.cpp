@@ -1,0 +1,657 @@
+#include "heft/diagnose/diagnosis.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "engine.hpp"
+#include "heft/core/effects/effects.hpp"
+#include "heft/host/error.hpp"
+#include "heft/model/motion_torque.hpp"
+#include "residual_structure.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// What an effect must show to be taken ---------------------------------------------------------------------
+
+/// Chance that noise alone looks like this, all candidates together.
+constexpr double kLevel = 1e-3;
+/// Mean gain on left-out blocks against its standard error.
+constexpr double kSteadyGain = 2.5;
+/// Least fall of the rms error on left-out blocks in the joint where it shows most.
+constexpr double kSizeThatMatters = 0.02;
+/// Least part of what stands above the noise that it must explain there.
+constexpr double kShareThatNames = 0.2;
+/// The same when three or more runs all gain from it.
+constexpr double kShareInRuns = 0.05;
+/// Most that its coefficient may differ in a quarter of the time, in parts of it.
+constexpr double kHolds = 0.6;
+/// Shortest time constant of a joint that warms up [s].
+constexpr double kQuickestWarming = 3.0;
+/// A simpler effect on the same joint with this part of the gain goes before.
+constexpr double kSimpler = 0.95;
+/// A residual that stands this much above noise (squared errors) has structure.
+constexpr double kStructured = 0.1;
+/// Rivals within this part of an effect's gain are listed; within the second they explain the same.
+constexpr double kRival = 0.3, kEquivalent = 0.97;
+
+/// Fall of the rms error on left-out blocks, by joint.
+VectorXd fall(const Trial& trial) {
+  VectorXd result = VectorXd::Zero(trial.joint_before.size());
+  for (Index j = 0; j < result.size(); ++j) {
+    if (trial.joint_before[j] > 0.0) {
+      result[j] = 1.0 - std::sqrt(std::max(0.0, trial.joint_after[j]) / trial.joint_before[j]);
+    }
+  }
+  return result;
+}
+
+int parameters_of(const Candidate& c) {
+  return static_cast<int>(c.trial.coefficients.size()) + (c.tried > 1 ? 1 : 0);
+}
+
+/// Robust chi-square of the coefficients against what they cost.
+double bic_of(const Candidate& c, int candidates) {
+  return -c.trial.wald + parameters_of(c) * std::log(std::max(2.0, c.trial.effective_rows)) +
+         2.0 * std::log(std::max(1.0, static_cast<double>(candidates)));
+}
+
+int tried_of(const std::vector<Candidate>& candidates) {
+  int tried = 0;
+  for (const Candidate& c : candidates) tried += c.tried;
+  return tried;
+}
+
+std::string name_of(const Candidate& c) {
+  return c.joint >= 0 ? fmt::format("{} on joint {}", c.kind, c.joint + 1) : c.kind;
+}
+
+std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, double cutoff) {
+  std::vector<data::MotionStream> streams;
+  data::StreamOptions options;
+  options.motion.cutoff = cutoff;
+  options.motion.smooth_position = true;
+  options.prefer_logged = false;
+  for (const data::Log& log : logs) streams.emplace_back(log, options);
+  return streams;
+}
+
+MotionTable table_of(const model::Robot& robot, const std::vector<data::MotionStream>& streams) {
+  std::vector<const data::MotionStream*> list;
+  for (const auto& s : streams) list.push_back(&s);
+  std::vector<bool> prismatic;
+  for (const auto& joint : robot.joints) prismatic.push_back(joint.joint.type == JointType::kPrismatic);
+  TableOptions options;
+  double seconds = 0.0;
+  for (const data::MotionStream* log : list) seconds += log->summary().end - log->summary().begin;
+  // Long blocks hold what is correlated together; a short log needs enough of them.
+  options.block_seconds = std::clamp(seconds / 30.0, 0.15, 1.0);
+  return make_table(list, prismatic, options);
+}
+
+/// Scores of the logs of a table, and their residuals for plots.
+std::vector<identify::Score> score_table(const MotionTable& table,
+                                         const std::vector<data::MotionStream>& streams,
+                                         const MatrixXd& predicted, double band) {
+  std::vector<identify::Score> scores;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+    const Index begin = table.run_begin[r], count = table.run_begin[r + 1] - begin;
+    const data::StreamSummary& summary = streams[r].summary();
+    identify::TorqueScorer::Setup setup;
+    setup.log = summary.path;
+    setup.begin = table.time[begin];
+    setup.end = table.time[begin + count - 1];
+    setup.samples = count;
+    setup.max_torque = summary.max_torque;
+    setup.sample_rate = static_cast<double>(count - 1) / (setup.end - setup.begin);
+    setup.band = band;
+    identify::TorqueScorer scorer(setup);
+    scorer.add_rows(table.time.segment(begin, count), table.tau.middleRows(begin, count),
+                    predicted.middleRows(begin, count));
+    scorer.add_grid(table.time.segment(begin, count),
+                    table.tau.middleRows(begin, count) - predicted.middleRows(begin, count));
+    scores.push_back(scorer.finish());
+  }
+  return scores;
+}
+
+MatrixXd predicted_by(const MotionTable& table, const model::Robot& robot) {
+  model::MotionTorque torque(robot);
+  MatrixXd predicted(table.rows(), table.num_joints);
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+    const Index begin = table.run_begin[r], count = table.run_begin[r + 1] - begin;
+    torque.reset();
+    predicted.middleRows(begin, count) = torque.torque(
+        table.time.segment(begin, count), table.q.middleRows(begin, count), table.qd.middleRows(begin, count),
+        table.qdd.middleRows(begin, count), table.sign_width.maxCoeff());
+  }
+  return predicted;
+}
+
+/// Rms error of one log of a table over all rows but 0.5 s at the ends, n.
+VectorXd rms_error(const MotionTable& table, std::size_t run, const MatrixXd& predicted) {
+  VectorXd sum = VectorXd::Zero(table.num_joints);
+  double count = 0.0;
+  const Index last = table.run_begin[run + 1] - 1;
+  for (Index i = table.run_begin[run]; i <= last; ++i) {
+    if (table.time[i] < identify::kScoreEnd || table.time[last] - table.time[i] < identify::kScoreEnd)
+      continue;
+    sum += (table.tau.row(i) - predicted.row(i)).cwiseAbs2().transpose();
+    count += 1.0;
+  }
+  return (sum / std::max(1.0, count)).cwiseSqrt();
+}
+
+VectorXd rms_error(const MotionTable& table, const MatrixXd& predicted) {
+  VectorXd squares = VectorXd::Zero(table.num_joints);
+  const std::size_t runs = table.run_begin.size() - 1;
+  for (std::size_t r = 0; r < runs; ++r)
+    squares += rms_error(table, r, predicted).cwiseAbs2() / static_cast<double>(runs);
+  return squares.cwiseSqrt();
+}
+
+/// The whole diagnosis while it grows.
+class Session {
+ public:
+  Session(const model::Robot& robot, const std::vector<data::Log>& train,
+          const std::vector<data::Log>& validate, const DiagnoseOptions& options)
+      : robot_(robot), options_(options) {
+    choose_cutoff(train);
+    train_ = streams_of(train, cutoff_);
+    judged_ = streams_of(validate, cutoff_);
+    judged_table_ = table_of(robot, judged_);
+    train_table_ = table_of(robot, train_);
+    engine_ = std::make_unique<Engine>(robot, train_table_);
+    if (!(engine_->problem().counted().maxCoeff() > 0.0)) {
+      throw NotIdentifiableError(
+          "no joint moves in the training logs; expected a motion in which every joint moves; record one, "
+          "for "
+          "instance from heft excite");
+    }
+  }
+
+  Diagnosis run() {
+    Diagnosis result;
+    result.cutoff = cutoff_;
+    result.before = engine_->robot();
+    const MatrixXd train_before = engine_->predicted();
+    const MatrixXd judged_before = predicted_by(judged_table_, result.before);
+    trace("base", judged_before);
+
+    forward();
+    backward();
+    refuse_what_does_not_carry_over();
+    findings(result);
+
+    result.after = engine_->robot();
+    const MatrixXd train_after = engine_->predicted();
+    const MatrixXd judged_after = predicted_by(judged_table_, result.after);
+    const double band = options_.band > 0.0 ? options_.band : default_band();
+    const auto pooled = [&](const MotionTable& table, const std::vector<data::MotionStream>& streams,
+                            const MatrixXd& p, std::vector<identify::Score>* each) {
+      const std::vector<identify::Score> scores = score_table(table, streams, p, band);
+      if (each != nullptr) *each = scores;
+      return identify::pool(scores);
+    };
+    result.train_before = pooled(engine_->table(), train_, train_before, nullptr);
+    result.train_after = pooled(engine_->table(), train_, train_after, nullptr);
+    result.validate_before = pooled(judged_table_, judged_, judged_before, &result.validate_each_before);
+    result.validate_after = pooled(judged_table_, judged_, judged_after, &result.validate_each_after);
+    result.train = traces(engine_->table(), train_before, train_after);
+    result.validate = traces(judged_table_, judged_before, judged_after);
+    unexplained(result);
+    std::erase_if(refusals_, [&](const Refusal& r) {
+      return std::any_of(result.findings.begin(), result.findings.end(),
+                         [&](const Finding& f) { return f.kind == r.kind && f.joint == r.joint; });
+    });
+    std::stable_sort(refusals_.begin(), refusals_.end(),
+                     [](const Refusal& a, const Refusal& b) { return a.gain > b.gain; });
+    result.refusals = std::move(refusals_);
+    result.notes = std::move(notes_);
+    result.candidates = tried_;
+    for (const double s : engine_->table().run_seconds) result.seconds += s;
+    return result;
+  }
+
+ private:
+  void tell(const std::string& what, double done) const {
+    if (options_.progress) options_.progress(what, done);
+  }
+  void trace(const std::string& what, const MatrixXd& judged) const {
+    if (!options_.trace) return;
+    options_.trace(fmt::format("{}: training rms [{:.4f}], validation rms [{:.4f}]", what,
+                               fmt::join(rms_error(engine_->table(), engine_->predicted()), " "),
+                               fmt::join(rms_error(judged_table_, judged), " ")));
+  }
+
+  /// The cut-off that leaves the smallest residual: a low one loses motion, a high one lets encoder noise in.
+  void choose_cutoff(const std::vector<data::Log>& train) {
+    cutoff_ = options_.cutoff;
+    if (cutoff_ > 0.0) return;
+    double least = 0.0;
+    const double from_motion = streams_of({train.front()}, 0.0).front().summary().cutoff;
+    int step = 0;
+    for (const double hz : {from_motion, 6.0, 12.0, 20.0, 32.0}) {
+      tell("motion", step++ / 5.0);
+      const std::vector<data::MotionStream> streams = streams_of(train, hz > 0.0 ? hz : 5.0);
+      if (hz >= 0.4 * streams.front().summary().sample_rate) continue;
+      const Engine engine(robot_, table_of(robot_, streams));
+      double logs = 0.0;
+      const VectorXd rms = rms_error(engine.table(), engine.predicted());
+      for (Index j = 0; j < rms.size(); ++j) logs += std::log(std::max(1e-12, rms[j]));
+      if (cutoff_ == 0.0 || logs < least) least = logs, cutoff_ = hz;
+    }
+    if (!(cutoff_ > 0.0)) cutoff_ = from_motion;
+  }
+
+  double default_band() const {
+    double bandwidth = 0.0;
+    for (const auto& s : train_) bandwidth = std::max(bandwidth, s.summary().bandwidth);
+    return identify::default_band(bandwidth);
+  }
+
+  /// Why a candidate is not taken; empty: it can be.
+  std::string objection(const Candidate& c, int tried, const VectorXd& noise_floor,
+                        const std::vector<Candidate>& taken) const {
+    if (!c.refused.empty()) return c.refused;
+    for (const Candidate& e : taken) {
+      if (e.kind == c.kind && e.joint == c.joint) return "is in the model already";
+    }
+    if (!c.trial.valid) return "this motion cannot tell it from the rest of the model";
+    if (c.kind == "friction_drift" && c.shape < kQuickestWarming)
+      return "too quick for a joint that warms up";
+    if (c.kind == "spring") {
+      const auto q = engine_->table().q.col(c.joint);
+      const double slope = std::abs(c.trial.coefficients[0]) * 0.5 * (q.maxCoeff() - q.minCoeff());
+      const double middle =
+          c.trial.coefficients[0] * 0.5 * (q.maxCoeff() + q.minCoeff()) + c.trial.coefficients[1];
+      if (slope < 0.25 * std::abs(middle)) return "is an offset rather than a spring";
+    }
+    if (options_.joint_sensor && c.kind == "rotor_inertia")
+      return "a sensor behind the gear does not feel the rotor";
+    if (!(c.trial.p_value * tried < kLevel)) return "chance explains it";
+    if (c.kind == "contact") return {};
+    const bool in_time = c.kind == "payload_change" || c.kind == "friction_drift";
+    if (!in_time && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
+    if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";
+    Index main = 0;
+    const double size = fall(c.trial).maxCoeff(&main);
+    if (!(size > kSizeThatMatters)) return "too small to matter";
+    if (c.kind == "delay" && (fall(c.trial).array() > 0.5 * kSizeThatMatters).count() < 2) {
+      return "shows in one joint only: a late channel is late for all";
+    }
+    const double rows = engine_->problem().counted()[main];
+    const double floor = rows * noise_floor[main] * noise_floor[main];
+    const double above = std::max(1e-300, c.trial.joint_before[main] - floor);
+    // Several runs that agree say what one run leaves open.
+    const auto& runs = c.trial.run_gain;
+    const bool agreed = runs.size() >= 3 && *std::min_element(runs.begin(), runs.end()) > 0.0;
+    const double least = agreed ? kShareInRuns : kShareThatNames;
+    if ((c.trial.joint_before[main] - c.trial.joint_after[main]) / above < least) {
+      return "explains only a small part of what is left there";
+    }
+    return {};
+  }
+
+  /// Candidates of one joint and of the whole arm; joint -1: of all joints.
+  std::vector<Candidate> propose(const Engine& engine, int joint, double from, double to) const {
+    std::vector<bool> joints(static_cast<std::size_t>(robot_.num_joints()), joint < 0);
+    if (joint >= 0) joints[static_cast<std::size_t>(joint)] = true;
+    std::vector<Candidate> candidates =
+        engine.propose(joints, [&](double done) { tell("effects", from + (to - from) * done); });
+    sort(candidates);
+    return candidates;
+  }
+
+  static void sort(std::vector<Candidate>& candidates) {
+    std::stable_sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+      return a.trial.cv_gain > b.trial.cv_gain;
+    });
+  }
+
+  /// Takes the best candidate as long as there is one that nothing speaks against.
+  void forward() {
+    std::vector<Candidate> pool;
+    int again = -1;  // joint whose candidates have to be found anew; -1: all
+    bool fresh = false;
+    for (int round = 0; round < options_.most_effects;) {
+      fresh = again < 0;
+      if (again < 0) {
+        pool.clear();
+      } else {
+        std::erase_if(pool, [&](const Candidate& c) { return c.joint == again || c.joint < 0; });
+        for (Candidate& c : pool) c.stale = true;
+      }
+      for (Candidate& c : propose(*engine_, again, round / (round + 2.0), (round + 1.0) / (round + 3.0))) {
+        pool.push_back(std::move(c));
+      }
+      sort(pool);
+      const int tried = tried_of(pool);
+      tried_ = std::max(tried_, tried);
+      const VectorXd noise = white_noise(engine_->table(), engine_->problem().residual());
+      const Candidate* best = nullptr;
+      for (std::size_t k = 0; k < pool.size() && best == nullptr;) {
+        if (pool[k].stale && objection(pool[k], tried, noise, engine_->accepted).empty()) {
+          engine_->judge_again(pool[k]);
+          sort(pool);  // its place may be another one now
+          continue;
+        }
+        if (objection(pool[k], tried, noise, engine_->accepted).empty()) best = &pool[k];
+        ++k;
+      }
+      if (fresh) {
+        refusals_.clear();  // those of the last full round stand: with everything else in place
+        for (const Candidate& c : pool) refuse(c, objection(c, tried, noise, engine_->accepted));
+      }
+      if (options_.trace) trace_pool(pool, tried, noise);
+      if (best == nullptr) {
+        if (fresh) return;
+        again = -1;  // one last look at everything
+        continue;
+      }
+      best = simplest(pool, best, tried, noise, engine_->accepted);
+      const Candidate taken = *best;
+      engine_->accepted.push_back(taken);
+      engine_->build();
+      if (taken.kind == "elasticity" || taken.kind == "delay") engine_->tune();
+      trace("with " + name_of(taken), predicted_by(judged_table_, engine_->robot()));
+      again = taken.effect >= 0 ? taken.joint : -1;
+      ++round;
+    }
+    notes_.push_back(fmt::format("stopped at {} effects; what is left may hold more", options_.most_effects));
+  }
+
+  void refuse(const Candidate& c, const std::string& why) {
+    if (why.empty() || !c.trial.valid || c.trial.joint_before.size() == 0) return;
+    const double size = fall(c.trial).maxCoeff();
+    if (size > 0.5 * kSizeThatMatters)
+      refusals_.push_back({c.kind, c.joint, why, 1.0 - std::pow(1.0 - size, 2)});
+  }
+
+  void trace_pool(const std::vector<Candidate>& pool, int tried, const VectorXd& noise) const {
+    int shown = 0;
+    for (const Candidate& c : pool) {
+      if (!c.trial.valid || shown++ > 14) continue;
+      options_.trace(
+          fmt::format("  {:18s} j{} shape {:.4g} c [{:.4g}] gain {:.0f} t {:.1f} wald {:.0f} p {:.1e} fall "
+                      "{:.3f} dBIC {:.0f} drift {:.2f} {}",
+                      c.kind, c.joint + 1, c.shape, fmt::join(c.trial.coefficients, " "), c.trial.cv_gain,
+                      c.trial.cv_t, c.trial.wald, c.trial.p_value * tried,
+                      c.trial.joint_before.size() > 0 ? fall(c.trial).maxCoeff() : 0.0, bic_of(c, tried),
+                      c.trial.drift, objection(c, tried, noise, engine_->accepted)));
+    }
+  }
+
+  /// A simpler effect that explains as good as the same stands first: what the motion cannot tell apart, and
+  /// kinds that contain another one.
+  const Candidate* simplest(const std::vector<Candidate>& candidates, const Candidate* best, int tried,
+                            const VectorXd& noise, const std::vector<Candidate>& taken) const {
+    const Candidate* simple = best;
+    for (const Candidate& c : candidates) {
+      if (c.joint != best->joint || c.kind == "contact" || best->kind == "contact") continue;
+      if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < kSimpler * best->trial.cv_gain)
+        continue;
+      if (objection(c, tried, noise, taken).empty()) simple = &c;
+    }
+    return simple;
+  }
+
+  /// Takes each effect out again: one that another has made needless goes, one that another does better is
+  /// exchanged.
+  void backward() {
+    evidence_.clear();
+    for (std::size_t e = 0; e < engine_->accepted.size() && engine_->accepted.size() > 1;) {
+      const std::unique_ptr<Engine> rest = rebuilt_without(e);
+      const Engine& without = *rest;
+      const Candidate& own = engine_->accepted[e];
+      std::vector<Candidate> candidates = propose(without, own.joint, 0.9, 0.95);
+      const int tried = std::max(tried_, tried_of(candidates));
+      const VectorXd noise = white_noise(without.table(), without.problem().residual());
+      const Candidate *same = nullptr, *best = nullptr;
+      for (const Candidate& c : candidates) {
+        if (c.kind == own.kind && c.joint == own.joint) same = &c;
+        if (best == nullptr && objection(c, tried, noise, without.accepted).empty()) best = &c;
+      }
+      if (best != nullptr) best = simplest(candidates, best, tried, noise, without.accepted);
+      if (own.kind == "contact" || (best != nullptr && best == same)) {
+        for (Candidate& c : candidates) c.columns = {};
+        evidence_.push_back(std::move(candidates));
+        ++e;
+        continue;
+      }
+      evidence_.clear();  // no longer that of the model as it stands
+      if (best == nullptr) {
+        refusals_.push_back({own.kind, own.joint, "another effect has made it needless", 0.0});
+        engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(e));
+        engine_->build();
+        continue;
+      }
+      if (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain) {
+        if (options_.trace) options_.trace(fmt::format("exchanged {} for {}", name_of(own), name_of(*best)));
+        engine_->accepted[e] = *best;
+        engine_->build();
+      }
+      ++e;
+    }
+  }
+
+  std::unique_ptr<Engine> rebuilt_without(std::size_t index) const {
+    auto engine = std::make_unique<Engine>(robot_, train_table_, engine_->steady());
+    for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
+      if (e != index) engine->accepted.push_back(engine_->accepted[e]);
+    }
+    if (!engine->accepted.empty()) engine->build();
+    return engine;
+  }
+
+  /// The validation logs have a veto: an effect that raises the error there goes.
+  void refuse_what_does_not_carry_over() {
+    for (bool again = true; again && !engine_->accepted.empty();) {
+      again = false;
+      const MatrixXd with = predicted_by(judged_table_, engine_->robot());
+      for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
+        const Candidate own = engine_->accepted[e];
+        if (own.kind == "contact") continue;
+        const MatrixXd without = predicted_by(judged_table_, rebuilt_without(e)->robot());
+        Index main = 0;
+        fall(own.trial).maxCoeff(&main);
+        std::string helps, hurts;
+        for (std::size_t r = 0; r + 1 < judged_table_.run_begin.size(); ++r) {
+          const VectorXd after = rms_error(judged_table_, r, with),
+                         before = rms_error(judged_table_, r, without);
+          // All joints together: what an effect takes from one joint it may not put on the others.
+          const double together = (after.array() / before.array().max(1e-300)).log().sum();
+          if (after[main] > before[main] || together > 0.0) {
+            hurts = judged_table_.runs[r];
+          } else {
+            helps = judged_table_.runs[r];
+          }
+        }
+        const bool raises = rms_error(judged_table_, with)[main] >= rms_error(judged_table_, without)[main];
+        if (hurts.empty() && !raises) continue;
+        refusals_.push_back({own.kind, own.joint,
+                             helps.empty() || hurts.empty()
+                                 ? "raises the error on the validation logs"
+                                 : fmt::format("helps on {} and hurts on {}", helps, hurts),
+                             1.0 - std::pow(1.0 - fall(own.trial).maxCoeff(), 2)});
+        engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(e));
+        engine_->build();
+        evidence_.clear();
+        again = true;
+        break;
+      }
+    }
+  }
+
+  void findings(Diagnosis& result) {
+    const model::Robot robot = engine_->robot();
+    const MatrixXd with = predicted_by(judged_table_, robot);
+    const VectorXd after = rms_error(judged_table_, with);
+    for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
+      const Candidate own = engine_->accepted[e];
+      const std::unique_ptr<Engine> rest = rebuilt_without(e);
+      const VectorXd before = rms_error(judged_table_, predicted_by(judged_table_, rest->robot()));
+      const std::vector<Candidate> candidates = evidence_.size() == engine_->accepted.size()
+                                                    ? std::move(evidence_[e])
+                                                    : propose(*rest, own.joint, 0.95, 1.0);
+      const int tried = std::max(tried_, tried_of(candidates));
+      Finding f;
+      f.kind = own.kind;
+      f.joint = own.joint;
+      Trial trial = own.trial;
+      for (const Candidate& c : candidates) {
+        if (c.kind == own.kind && c.joint == own.joint && c.trial.valid) trial = c.trial;
+      }
+      Candidate judged = own;
+      judged.trial = trial;
+      f.p_value = std::min(1.0, trial.p_value * tried);
+      f.delta_bic = bic_of(judged, tried);
+      Index main = 0;
+      f.cross_validated = fall(trial).maxCoeff(&main);
+      f.main_joint = static_cast<int>(main);
+      f.validate_before = before[main];
+      f.validate_after = after[main];
+      for (const Candidate& c : candidates) {
+        const bool same = c.kind == own.kind && c.joint == own.joint;
+        // Another explanation is one of the same joint, or of the whole arm.
+        const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint;
+        if (same || elsewhere || !c.trial.valid || !c.refused.empty() || c.kind == "contact") continue;
+        if (c.trial.cv_gain > kEquivalent * trial.cv_gain) {
+          f.equivalent.push_back({c.kind, c.joint, bic_of(c, tried)});
+        } else if (c.trial.cv_gain > kRival * trial.cv_gain) {
+          f.rivals.push_back({c.kind, c.joint, bic_of(c, tried)});
+        }
+      }
+      describe(own, e, robot, f);
+      result.findings.push_back(std::move(f));
+    }
+    std::stable_sort(result.findings.begin(), result.findings.end(),
+                     [](const Finding& a, const Finding& b) { return a.delta_bic < b.delta_bic; });
+  }
+
+  /// Parameters of an accepted effect, as the contract names them.
+  void describe(const Candidate& own, std::size_t index, const model::Robot& robot, Finding& f) const {
+    const VectorXd c = engine_->coefficients(index);
+    if (own.effect >= 0) {
+      visit_joint_effect(own.effect, [&](auto type) {
+        using Effect = decltype(type);
+        std::array<double, Effect::kNotNegative.size()> values{};
+        for (std::size_t k = 0; k < values.size(); ++k) values[k] = c[static_cast<Index>(k)];
+        const auto parameters = Effect::parameters(
+            values, own.shape, robot.joints[static_cast<std::size_t>(own.joint)].actuation);
+        for (std::size_t k = 0; k < Effect::kParameters.size(); ++k) {
+          f.parameters.emplace_back(std::string(Effect::kParameters[k].name), parameters[k]);
+        }
+        f.shown_by = std::string(Effect::kShownBy);
+      });
+    } else if (own.kind == "delay") {
+      f.parameters = {{"delay", own.shape}};
+      f.shown_by = "quick reversals of one joint at a time";
+    } else if (own.kind == "elasticity") {
+      f.parameters = {
+          {"stiffness", own.shape}, {"damping", own.second}, {"motor_inertia", c.size() > 0 ? c[0] : 0.0}};
+      f.shown_by =
+          "strong short accelerations of this joint, with and without load, or an encoder on the link";
+    } else if (own.kind == "wrist_coupling") {
+      f.parameters = {{"Fc", c[0]}, {"Fv", c[1]}};
+      if (c.size() > 2) f.parameters.emplace_back("Ia", c[2]);
+      f.shown_by = "joints 5 and 6 moved one at a time and together, in both senses";
+    } else if (own.kind == "base_tilt") {
+      const double g = Eigen::Vector3d(robot.gravity.data()).norm();
+      f.parameters = {{"tilt_deg", std::atan2(std::hypot(c[0], c[1]), g) * 180.0 / std::numbers::pi},
+                      {"azimuth_deg", std::atan2(c[1], c[0]) * 180.0 / std::numbers::pi}};
+      f.shown_by = "slow sweeps of the first joint over its whole travel with the arm stretched out";
+    } else if (own.kind == "payload_change") {
+      double mass = 0.0;
+      std::array<double, 3> moment{};
+      for (std::size_t k = 0; k < own.entries.size(); ++k) {
+        if (own.entries[k] == 0) mass = c[static_cast<Index>(k)];
+        if (own.entries[k] >= 1 && own.entries[k] <= 3)
+          moment[static_cast<std::size_t>(own.entries[k] - 1)] = c[static_cast<Index>(k)];
+      }
+      f.parameters = {{"mass", std::abs(mass)}, {"time", own.shape}};
+      if (mass != 0.0) {
+        for (int k = 0; k < 3; ++k) {
+          f.parameters.emplace_back(fmt::format("com_{}", "xyz"[k]),
+                                    moment[static_cast<std::size_t>(k)] / mass);
+        }
+      }
+      f.words = {{"event", mass >= 0.0 ? "picked_up" : "dropped"}};
+      f.shown_by = "the wrist turned through many orientations before and after";
+    } else if (own.kind == "contact") {
+      f.events = own.events;
+      f.forces = own.forces;
+      f.main_joint = 0;
+      f.shown_by = "the same motion once more without touching anything";
+    }
+  }
+
+  static std::vector<Traces> traces(const MotionTable& table, const MatrixXd& before, const MatrixXd& after) {
+    std::vector<Traces> all;
+    for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+      const Index begin = table.run_begin[r], count = table.run_begin[r + 1] - begin;
+      all.push_back({table.runs[r], table.time.segment(begin, count), table.q.middleRows(begin, count),
+                     table.qd.middleRows(begin, count),
+                     table.tau.middleRows(begin, count) - before.middleRows(begin, count),
+                     table.tau.middleRows(begin, count) - after.middleRows(begin, count)});
+    }
+    return all;
+  }
+
+  void unexplained(Diagnosis& result) const {
+    const MotionTable& table = engine_->table();
+    const MatrixXd residual = engine_->problem().residual();
+    const VectorXd noise = white_noise(table, residual);
+    for (int j = 0; j < table.num_joints; ++j) {
+      const double rows = engine_->problem().counted()[j];
+      if (!(rows > 30.0)) continue;
+      const double square = residual.col(j).squaredNorm() / rows;
+      const double above = 1.0 - noise[j] * noise[j] / square;
+      if (options_.trace) {
+        const auto s = structures(table, residual.col(j), j);
+        options_.trace(fmt::format("joint {}: {:.1f} % above noise; {} ({:.3f}); {} ({:.3f})", j + 1,
+                                   100.0 * above, s[0].what, s[0].share, s[1].what, s[1].share));
+      }
+      if (above < kStructured) continue;
+      const std::vector<Structure> found = structures(table, residual.col(j), j);
+      Unexplained u;
+      u.joint = j;
+      u.what = fmt::format("{:.0f} % of the squared residual is no noise", 100.0 * above);
+      if (found.front().share > 0.05) u.what += "; it " + found.front().what;
+      u.evidence = {{"rms", std::sqrt(square)}, {"noise_rms", noise[j]}, {"share_above_noise", above}};
+      for (std::size_t k = 0; k < std::min<std::size_t>(3, found.size()); ++k) {
+        if (found[k].share < 0.05) break;
+        u.evidence.emplace_back("share: " + found[k].what, found[k].share);
+        if (found[k].frequency > 0.0) u.evidence.emplace_back("frequency_hz", found[k].frequency);
+      }
+      result.unexplained.push_back(std::move(u));
+    }
+  }
+
+  model::Robot robot_;
+  DiagnoseOptions options_;
+  double cutoff_{0.0};
+  std::vector<data::MotionStream> train_, judged_;
+  MotionTable train_table_, judged_table_;
+  std::unique_ptr<Engine> engine_;
+  std::vector<Refusal> refusals_;
+  std::vector<std::vector<Candidate>> evidence_;  ///< candidates without each accepted effect
+  std::vector<std::string> notes_;
+  int tried_{0};
+};
+
+}  // namespace
+
+Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
+                   const std::vector<data::Log>& validate, const DiagnoseOptions& options) {
+  return Session(robot, train, validate, options).run();
+}
+
+}  // namespace heft::diagnose

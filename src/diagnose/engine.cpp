@@ -1,0 +1,315 @@
+#include "engine.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "deflection.hpp"
+#include "heft/core/effects/effects.hpp"
+#include "heft/core/friction/friction.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+namespace {
+
+/// The motion `delay` seconds earlier.
+Motion delayed(const MotionTable& table, double delay) {
+  Motion motion = rigid_motion(table);
+  if (delay == 0.0) return motion;
+  const double back = delay * table.sample_rate;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+    for (Index i = table.run_begin[r]; i < table.run_begin[r + 1]; ++i) {
+      const double at = std::max(static_cast<double>(table.run_begin[r]), static_cast<double>(i) - back);
+      const auto k = static_cast<Index>(at);
+      const double f = at - static_cast<double>(k);
+      const Index next = std::min(k + 1, table.run_begin[r + 1] - 1);
+      motion.q.row(i) = (1.0 - f) * table.q.row(k) + f * table.q.row(next);
+      motion.qd.row(i) = (1.0 - f) * table.qd.row(k) + f * table.qd.row(next);
+      motion.qdd.row(i) = (1.0 - f) * table.qdd.row(k) + f * table.qdd.row(next);
+      for (int j = 0; j < table.num_joints; ++j) {
+        motion.direction(i, j) = velocity_sign(motion.qd(i, j), table.sign_width[j]);
+      }
+    }
+  }
+  motion.link_q = motion.q;
+  motion.link_qd = motion.qd;
+  motion.link_qdd = motion.qdd;
+  return motion;
+}
+
+}  // namespace
+
+Engine::Engine(const model::Robot& robot, MotionTable table, double steady)
+    : given_(robot),
+      table_(std::move(table)),
+      keep_(table_.keep),
+      base_(robot),
+      motion_(rigid_motion(table_)),
+      steady_(steady) {
+  build();
+}
+
+bool Engine::prismatic(int joint) const {
+  return given_.joints[static_cast<std::size_t>(joint)].joint.type == JointType::kPrismatic;
+}
+
+Workbench Engine::bench() const {
+  Workbench bench{problem_.get(), &base_, &table_, &motion_, &rigid_, &load_, {}};
+  for (int j = 0; j < table_.num_joints; ++j) bench.prismatic.push_back(prismatic(j));
+  return bench;
+}
+
+void Engine::build() {
+  table_.keep = keep_;
+  double delay = 0.0;
+  bool elastic = false;
+  for (const Candidate& e : accepted) {
+    if (e.kind == "delay") delay += e.shape;
+    elastic = elastic || e.kind == "elasticity";
+    for (std::size_t k = 0; k < e.events.size(); ++k) {
+      const auto run = static_cast<std::size_t>(e.event_runs[k]);
+      for (Index i = table_.run_begin[run]; i < table_.run_begin[run + 1]; ++i) {
+        if (table_.time[i] > e.events[k].first - 0.15 &&
+            table_.time[i] < e.events[k].first + e.events[k].second + 0.15) {
+          table_.keep.row(i).setZero();
+        }
+      }
+    }
+  }
+  motion_ = delayed(table_, delay);
+  refit(false);
+  // Some effects are made of the load torque, which the fit gives.
+  const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
+    return e.kind == "load_friction" || e.kind == "base_tilt";
+  });
+  for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
+}
+
+void Engine::refit(bool deflect) {
+  if (deflect) {
+    for (std::size_t e = 0; e < accepted.size(); ++e) {
+      if (accepted[e].kind != "elasticity") continue;
+      const int j = accepted[e].joint;
+      const model::Dynamics dynamics(rigid_);
+      VectorXd inertia(table_.rows()), load(table_.rows());
+      VectorXd asked(table_.num_joints);
+      for (Index i = 0; i < table_.rows(); ++i) {
+        inertia[i] = dynamics.mass_matrix(motion_.link_q.row(i).transpose())(j, j);
+        asked = motion_.link_qdd.row(i).transpose();
+        asked[j] = motion_.qdd(i, j);
+        load[i] = dynamics.inverse_dynamics(motion_.link_q.row(i).transpose(),
+                                            motion_.link_qd.row(i).transpose(), asked)[j];
+      }
+      if (!(inertia.minCoeff() > 0.0)) continue;
+      const Deflection d = deflection(table_, load, inertia, accepted[e].shape, accepted[e].second);
+      motion_.link_q.col(j) = motion_.q.col(j) - d.value;
+      motion_.link_qd.col(j) = motion_.qd.col(j) - d.rate;
+      motion_.link_qdd.col(j) = motion_.qdd.col(j) - d.acceleration;
+    }
+  }
+  problem_ = std::make_unique<Problem>(table_, base_.rows(motion_, table_.keep), base_.places(),
+                                       base_.prior(), steady_, table_.tau);
+  steady_ = problem_->steady();  // chosen once, or fits with and without an effect could not be compared
+  first_column_.assign(accepted.size(), -1);
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    Candidate& effect = accepted[e];
+    if (effect.kind == "delay" || effect.kind == "contact") continue;
+    if (effect.effect >= 0) {
+      if (load_.size() > 0) {
+        effect.columns.values = {joint_effect_columns(bench(), effect.effect, effect.joint, effect.shape)};
+      }
+    } else if (effect.kind == "elasticity") {
+      if (deflect) {
+        // The deflection is in the link's motion now; what is left is the motor's inertia.
+        if (effect.columns.count() < 2) continue;
+        Columns motor;
+        motor.joints = {effect.joint};
+        motor.values = {MatrixXd(motion_.qdd.col(effect.joint))};
+        first_column_[e] = problem_->append(motor);
+        continue;
+      }
+    }
+    if (effect.kind == "base_tilt" && load_.size() > 0) effect.columns = tilt_columns(bench());
+    if (effect.replaces >= 0) {
+      first_column_[e] = effect.replaces;
+      problem_->replace(effect.joint, effect.replaces, effect.columns.values[0].col(0));
+    } else {
+      first_column_[e] = problem_->append(effect.columns);
+    }
+  }
+  // Rigid-body torque of the fit, also where rows do not count.
+  rigid_ = base_.robot(problem_->theta());
+  const std::vector<MatrixXd> all = base_.rows(motion_, MatrixXd::Ones(table_.rows(), table_.num_joints));
+  load_.resize(table_.rows(), table_.num_joints);
+  for (int j = 0; j < table_.num_joints; ++j) {
+    const auto s = static_cast<std::size_t>(j);
+    VectorXd own(all[s].cols());
+    for (Index c = 0; c < own.size(); ++c) {
+      const int place = base_.places()[s][static_cast<std::size_t>(c)];
+      own[c] = base_.is_link(place) ? problem_->theta()[place] : 0.0;
+    }
+    load_.col(j) = all[s] * own;
+  }
+}
+
+void Engine::tune() {
+  // What is left, with each joint by its own noise: Σ rows ln(squared error).
+  const auto cost = [&] {
+    build();
+    const MatrixXd r = problem_->residual();
+    double sum = 0.0;
+    for (Index j = 0; j < r.cols(); ++j) {
+      sum += problem_->counted()[j] * std::log(std::max(1e-300, r.col(j).squaredNorm()));
+    }
+    return sum;
+  };
+  // Search along one number: steps up and down while they help, then half the step.
+  const auto better = [&](double& value, double step, int halvings, bool ratio, double& least) {
+    for (int h = 0; h < halvings; ++h) {
+      for (int k = 0; k < 6; ++k) {
+        const double here = value;
+        bool moved = false;
+        for (const double direction : {1.0, -1.0}) {
+          value = ratio ? here * std::exp(direction * step) : here + direction * step;
+          const double now = cost();
+          if (now < least) {
+            least = now;
+            moved = true;
+            break;
+          }
+          value = here;
+        }
+        if (!moved) break;
+      }
+      step *= 0.4;
+    }
+  };
+  for (Candidate& e : accepted) {
+    if (e.kind == "elasticity") {
+      double least = cost();
+      better(e.shape, 0.08, 3, true, least);
+      better(e.second, 0.7, 2, true, least);
+      better(e.shape, 0.02, 2, true, least);
+    } else if (e.kind == "delay") {
+      double least = cost();
+      better(e.shape, 4e-4, 3, false, least);
+    }
+  }
+  build();
+}
+
+VectorXd Engine::coefficients(std::size_t index) const {
+  if (first_column_[index] < 0) return {};
+  const Candidate& e = accepted[index];
+  const int count = e.replaces >= 0 || e.kind == "elasticity" ? 1 : e.columns.count();
+  return problem_->theta().segment(first_column_[index], count);
+}
+
+model::Robot Engine::robot() const {
+  const VectorXd theta = problem_->theta();
+  model::Robot robot = rigid_;
+  robot.couplings = given_.couplings;
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    const Candidate& effect = accepted[e];
+    const VectorXd c = coefficients(e);
+    JointActuation<double>* joint =
+        effect.joint >= 0 ? &robot.joints[static_cast<std::size_t>(effect.joint)].actuation : nullptr;
+    if (effect.replaces >= 0) joint->coulomb_friction = theta[effect.replaces];
+    if (effect.kind == "offset") {
+      joint->friction_offset += c[0];
+    } else if (effect.kind == "rotor_inertia") {
+      joint->rotor_inertia += c[0];
+    } else if (effect.effect >= 0) {
+      JointEffect<double> term{effect.effect, effect.joint, {}};
+      visit_joint_effect(effect.effect, [&](auto type) {
+        using Effect = decltype(type);
+        std::array<double, Effect::kNotNegative.size()> values{};
+        for (std::size_t k = 0; k < values.size(); ++k) values[k] = c[static_cast<Index>(k)];
+        term.parameters = Effect::parameters(values, effect.shape, *joint);
+      });
+      robot.effects.push_back(term);
+    } else if (effect.kind == "delay") {
+      robot.torque_delay += effect.shape;
+    } else if (effect.kind == "elasticity") {
+      robot.elasticities.push_back({effect.joint, effect.shape, effect.second, c.size() > 0 ? c[0] : 0.0});
+    } else if (effect.kind == "wrist_coupling") {
+      robot.couplings.push_back({4, 5, 1.0, c.size() > 2 ? c[2] : 0.0, c[0], c[1]});
+    } else if (effect.kind == "base_tilt") {
+      // Horizontal part of gravity; the vertical part keeps the length.
+      const Vector3d g(robot.gravity.data());
+      const auto [first, second] = horizontal_directions(robot);
+      Vector3d tilted = g + c[0] * first + c[1] * second;
+      tilted *= g.norm() / tilted.norm();
+      robot.gravity = {tilted.x(), tilted.y(), tilted.z()};
+    } else if (effect.kind == "payload_change") {
+      auto& link = robot.joints.back().link;
+      for (std::size_t k = 0; k < effect.entries.size(); ++k) {
+        link[static_cast<std::size_t>(effect.entries[k])] += c[static_cast<Index>(k)];
+      }
+    }
+  }
+  return robot;
+}
+
+MatrixXd Engine::predicted() const {
+  const VectorXd theta = problem_->theta();
+  const std::vector<MatrixXd> all = base_.rows(motion_, MatrixXd::Ones(table_.rows(), table_.num_joints));
+  MatrixXd tau(table_.rows(), table_.num_joints);
+  std::vector<double> base_factor(static_cast<std::size_t>(base_.columns()), 1.0);
+  for (const Candidate& e : accepted) {
+    if (e.replaces >= 0) base_factor[static_cast<std::size_t>(e.replaces)] = 0.0;
+  }
+  for (int j = 0; j < table_.num_joints; ++j) {
+    const auto s = static_cast<std::size_t>(j);
+    VectorXd own(all[s].cols());
+    for (Index c = 0; c < own.size(); ++c) {
+      const auto place = static_cast<std::size_t>(base_.places()[s][static_cast<std::size_t>(c)]);
+      own[c] = base_factor[place] * theta[static_cast<Index>(place)];
+    }
+    tau.col(j) = all[s] * own;
+  }
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    const Candidate& effect = accepted[e];
+    if (first_column_[e] < 0) continue;
+    if (effect.kind == "elasticity") {
+      tau.col(effect.joint) += motion_.qdd.col(effect.joint) * coefficients(e)[0];
+      continue;
+    }
+    for (std::size_t a = 0; a < effect.columns.joints.size(); ++a) {
+      tau.col(effect.columns.joints[a]) += effect.columns.values[a] * coefficients(e);
+    }
+  }
+  return tau;
+}
+
+std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
+                                       const std::function<void(double)>& done) const {
+  const Workbench bench = this->bench();
+  std::vector<Candidate> found;
+  const int n = table_.num_joints;
+  for (int j = 0; j < n; ++j) {
+    if (!joints[static_cast<std::size_t>(j)]) continue;
+    for (Candidate& c : joint_candidates(bench, j)) found.push_back(std::move(c));
+    if (done) done((j + 1.0) / (n + 4.0));
+  }
+  for (Candidate& c : elasticity_candidates(bench, joints)) found.push_back(std::move(c));
+  if (done) done((n + 2.0) / (n + 4.0));
+  for (Candidate& c : arm_candidates(bench)) found.push_back(std::move(c));
+  if (done) done((n + 3.0) / (n + 4.0));
+  found.push_back(contact_candidate(bench));
+  return found;
+}
+
+void Engine::judge_again(Candidate& candidate) const {
+  if (candidate.stale && candidate.kind != "contact" && candidate.columns.count() > 0) {
+    candidate.trial = problem_->judge(problem_->moments(candidate.columns), candidate.terms);
+  }
+  candidate.stale = false;
+}
+
+}  // namespace heft::diagnose

@@ -1,0 +1,62 @@
+/// @file
+/// The model under diagnosis: base, accepted effects, and the regression that goes with them.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "candidates.hpp"
+
+namespace heft::diagnose {
+
+/// Base model and accepted effects on training logs.
+class Engine {
+ public:
+  /// @param steady  weight of the robot's own values, see Problem; 0: chosen
+  Engine(const model::Robot& robot, MotionTable table, double steady = 0.0);
+  Engine(const Engine&) = delete;  // the problem points into the table
+  Engine& operator=(const Engine&) = delete;
+
+  /// Fits base and accepted effects anew.
+  void build();
+  /// Betters the shapes of elastic joints and delays, which the rest of the model has a part in.
+  void tune();
+  /// Candidates for one more effect, judged: those of the joints asked for and those of the whole arm.
+  /// @param joints  n; `done` gets 0..1
+  std::vector<Candidate> propose(const std::vector<bool>& joints,
+                                 const std::function<void(double)>& done) const;
+  /// Judges a candidate anew beside the effects that are in place now.
+  void judge_again(Candidate& candidate) const;
+
+  std::vector<Candidate> accepted;
+
+  const Problem& problem() const { return *problem_; }
+  const MotionTable& table() const { return table_; }
+  const BaseModel& base() const { return base_; }
+  const Motion& motion() const { return motion_; }
+  /// The fitted robot with its effects; a payload change as it is at the end of training.
+  model::Robot robot() const;
+  /// Torque of every row, also of rows that do not count, m × n.
+  Eigen::MatrixXd predicted() const;
+  /// Coefficients of an accepted effect.
+  Eigen::VectorXd coefficients(std::size_t index) const;
+  bool prismatic(int joint) const;
+  double steady() const { return steady_; }
+
+ private:
+  Workbench bench() const;
+  void refit(bool deflect);
+
+  model::Robot given_;
+  MotionTable table_;
+  Eigen::MatrixXd keep_;  ///< of the table, before contacts are cut out
+  BaseModel base_;
+  Motion motion_;
+  std::unique_ptr<Problem> problem_;
+  model::Robot rigid_;    ///< with the fitted base parameters
+  Eigen::MatrixXd load_;  ///< rigid-body torque of the fit, m × n
+  double steady_{0.0};
+  std::vector<int> first_column_;  ///< of each accepted effect; -1: has none
+};
+
+}  // namespace heft::diagnose

@@ -1,0 +1,187 @@
+#include <algorithm>
+#include <cmath>
+
+#include "candidates.hpp"
+#include "heft/core/effects/effects.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+template <typename Effect>
+concept ReplacesCoulomb = requires {
+  Effect::kReplacesCoulomb;
+};
+
+template <typename Effect>
+MatrixXd columns_of(const Workbench& bench, int joint, double shape) {
+  const MotionTable& table = *bench.table;
+  constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
+  MatrixXd values(table.rows(), kCount);
+  EffectPoint<double> x;
+  EffectParameters<double> p{};
+  if constexpr (EffectWithMemory<Effect>) p = Effect::parameters({}, shape, JointActuation<double>{});
+  std::size_t run = 0;
+  for (Index i = 0; i < table.rows(); ++i) {
+    x.time = table.time[i];
+    x.qd = bench.motion->qd(i, joint);
+    x.qdd = bench.motion->qdd(i, joint);
+    x.direction = bench.motion->direction(i, joint);
+    x.load = (*bench.load)(i, joint);
+    const double q = bench.motion->q(i, joint);
+    if constexpr (EffectWithMemory<Effect>) {
+      const bool starts = run < table.run_begin.size() && table.run_begin[run] == i;
+      if (starts) ++run;
+      x.memory = starts ? 0.0 : Effect::memory(p, x.memory, q - x.q);
+    }
+    x.q = q;
+    const auto row = Effect::columns(shape, x);
+    for (Index c = 0; c < kCount; ++c) values(i, c) = row[static_cast<std::size_t>(c)];
+  }
+  return values;
+}
+
+/// The first grid of a shape.
+std::vector<double> grid_of(const ShapeRange& range, const MotionTable& table, int joint) {
+  double unit = 1.0;
+  if (range.scale == ShapeScale::kTopSpeed) unit = table.qd.col(joint).cwiseAbs().maxCoeff();
+  if (range.scale == ShapeScale::kTravel)
+    unit = table.q.col(joint).maxCoeff() - table.q.col(joint).minCoeff();
+  if (range.scale == ShapeScale::kDuration) {
+    unit = *std::max_element(table.run_seconds.begin(), table.run_seconds.end());
+  }
+  const double from = range.from * unit, to = range.to * unit;
+  if (range.fixed) return {from, to};
+  std::vector<double> grid;
+  for (int s = 0; s < range.steps; ++s) {
+    if (range.whole) {
+      grid.push_back(std::round(from) + s);
+    } else {
+      grid.push_back(from * std::pow(to / from, s / std::max(1.0, range.steps - 1.0)));
+    }
+  }
+  return grid;
+}
+
+/// Finds the best shape of one effect on one joint.
+template <typename Effect>
+class Search {
+ public:
+  Search(const Workbench& bench, int joint) : bench_(bench), joint_(joint) {}
+
+  Candidate run() {
+    Candidate candidate;
+    candidate.kind = std::string(Effect::kId);
+    candidate.joint = joint_;
+    candidate.effect = joint_effect_kind<Effect>();
+    double best = 0.0;
+    if constexpr (Effect::kShapes.size() > 0) {
+      const ShapeRange& range = Effect::kShapes[0];
+      const std::vector<double> grid = grid_of(range, *bench_.table, joint_);
+      candidate.tried = static_cast<int>(grid.size());
+      const std::vector<double> gains = gains_of(grid);
+      std::size_t top = 0;
+      for (std::size_t s = 0; s < grid.size(); ++s) {
+        if (gains[s] > gains[top]) top = s;
+      }
+      best = grid[top];
+      if (!range.fixed && !range.whole && gains[top] > 0.0) {
+        best = refine(grid[top > 0 ? top - 1 : 0], grid[std::min(top + 1, grid.size() - 1)]);
+      }
+      if (!(gains[top] > 0.0)) candidate.refused = "explains nothing with values that physics allows";
+    }
+    candidate.shape = best;
+    candidate.columns.joints = {joint_};
+    candidate.columns.values = {columns_of<Effect>(bench_, joint_, best)};
+    if constexpr (ReplacesCoulomb<Effect>) {
+      candidate.replaces = bench_.base->coulomb(joint_);
+      candidate.terms.without = {candidate.replaces};
+    }
+    if (candidate.refused.empty()) {
+      candidate.trial = bench_.problem->judge(bench_.problem->moments(candidate.columns), candidate.terms);
+      for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
+        if (Effect::kNotNegative[static_cast<std::size_t>(c)] &&
+            candidate.trial.coefficients[c] < -2.0 * candidate.trial.std[c]) {
+          candidate.refused = "would be negative";
+        }
+      }
+      // Two coefficients of which one is as good as zero: only the other one has to be allowed.
+      if (candidate.trial.coefficients.size() > 0 && candidate.trial.coefficients.maxCoeff() <= 0.0 &&
+          Effect::kNotNegative[0]) {
+        candidate.refused = "would be negative";
+      }
+    }
+    return candidate;
+  }
+
+ private:
+  std::vector<double> gains_of(const std::vector<double>& shapes) const {
+    constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
+    std::vector<double> gains;
+    if constexpr (ReplacesCoulomb<Effect>) {
+      for (const double shape : shapes) {
+        Columns columns{{joint_}, {columns_of<Effect>(bench_, joint_, shape)}};
+        gains.push_back(
+            bench_.problem->gain(bench_.problem->moments(columns), {{bench_.base->coulomb(joint_)}}));
+      }
+    } else {
+      MatrixXd all(bench_.table->rows(), kCount * static_cast<Index>(shapes.size()));
+      for (std::size_t s = 0; s < shapes.size(); ++s) {
+        all.middleCols(kCount * static_cast<Index>(s), kCount) =
+            columns_of<Effect>(bench_, joint_, shapes[s]);
+      }
+      for (const auto& [gain, coefficients] : bench_.problem->scan(joint_, all, static_cast<int>(kCount))) {
+        bool allowed = true;
+        if constexpr (kCount == 1) allowed = !Effect::kNotNegative[0] || coefficients[0] > 0.0;
+        gains.push_back(allowed ? gain : 0.0);
+      }
+    }
+    return gains;
+  }
+
+  /// Golden section between two shapes, in the logarithm.
+  double refine(double low, double high) const {
+    constexpr double kGolden = 0.6180339887498949;
+    double a = std::log(low), b = std::log(high);
+    const auto gain = [&](double x) { return gains_of({std::exp(x)})[0]; };
+    double x1 = b - kGolden * (b - a), x2 = a + kGolden * (b - a);
+    double f1 = gain(x1), f2 = gain(x2);
+    for (int k = 0; k < 8; ++k) {
+      if (f1 > f2) {
+        b = x2, x2 = x1, f2 = f1;
+        x1 = b - kGolden * (b - a);
+        f1 = gain(x1);
+      } else {
+        a = x1, x1 = x2, f1 = f2;
+        x2 = a + kGolden * (b - a);
+        f2 = gain(x2);
+      }
+    }
+    return std::exp(0.5 * (a + b));
+  }
+
+  const Workbench& bench_;
+  int joint_;
+};
+
+}  // namespace
+
+MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape) {
+  MatrixXd values;
+  visit_joint_effect(effect, [&](auto type) { values = columns_of<decltype(type)>(bench, joint, shape); });
+  return values;
+}
+
+std::vector<Candidate> joint_candidates(const Workbench& bench, int joint) {
+  std::vector<Candidate> found;
+  for (int effect = 0; effect < kNumJointEffects; ++effect) {
+    visit_joint_effect(effect,
+                       [&](auto type) { found.push_back(Search<decltype(type)>(bench, joint).run()); });
+  }
+  return found;
+}
+
+}  // namespace heft::diagnose

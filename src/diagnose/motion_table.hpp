@@ -1,0 +1,54 @@
+/// @file
+/// Logs as one table of motion and torque, cut into blocks that stay together in cross-validation.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/data/motion_stream.hpp"
+
+namespace heft::diagnose {
+
+/// A stretch of one log that is either fitted or judged on, never both.
+struct Block {
+  Eigen::Index begin{0};
+  Eigen::Index count{0};
+  int run{0};   ///< which log
+  int fold{0};  ///< which share of the blocks it is left out with
+};
+
+/// Samples of one or several logs on their even grids, one after the other.
+struct MotionTable {
+  int num_joints{0};
+  double sample_rate{0.0};        ///< of the first log [Hz]
+  std::vector<std::string> runs;  ///< names of the logs
+  std::vector<double> run_seconds;
+  std::vector<Eigen::Index> run_begin;  ///< first row of each log, and one past the last
+  Eigen::VectorXd time;                 ///< since the begin of its log [s]
+  Eigen::MatrixXd q, qd, qdd, tau;      ///< m × n
+  Eigen::MatrixXd direction;            ///< m × n: smooth sign of the velocity
+  /// m × n, 1 or 0: the row counts. Near a reversal no log resolves when the sign turns; in gaps and at the ends
+  /// the derived motion means nothing.
+  Eigen::MatrixXd keep;
+  std::vector<Block> blocks;
+  Eigen::VectorXd sign_width;  ///< n: of the smooth sign [rad/s, m/s]
+
+  Eigen::Index rows() const { return time.size(); }
+};
+
+struct TableOptions {
+  double cutoff{0.0};         ///< of the low-pass on q [Hz]; 0: chosen by the stream
+  double block_seconds{1.0};  ///< length of a block
+  int folds{8};
+  double reversal_seconds{0.006};  ///< rows nearer than this to a change of direction do not count
+  double rest_seconds{0.5};  ///< but a joint that stays below the speed that can be told counts as resting
+  long most_rows{40000};     ///< beyond it neighbouring samples are averaged
+};
+
+/// Reads logs into a table.
+MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const std::vector<bool>& prismatic,
+                       const TableOptions& options);
+
+}  // namespace heft::diagnose

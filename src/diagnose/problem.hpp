@@ -1,0 +1,117 @@
+/// @file
+/// The regression behind a diagnosis, kept as moments of blocks: candidates are fitted together with the base
+/// model and judged on blocks they were not fitted to, without reading a row again.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "motion_table.hpp"
+
+namespace heft::diagnose {
+
+/// Columns that a candidate adds: k coefficients, each with entries in the rows of one or several joints.
+struct Columns {
+  std::vector<int> joints;              ///< whose rows they reach
+  std::vector<Eigen::MatrixXd> values;  ///< m × k for each of them
+  int count() const { return values.empty() ? 0 : static_cast<int>(values.front().cols()); }
+};
+
+/// Moments of columns with the base and with themselves, by block and joint.
+struct ColumnMoments {
+  int count{0};
+  std::vector<int> joints;
+  /// [block][place in joints]: (p_j + 1) × k, the last row with the torque; and k × k.
+  std::vector<std::vector<Eigen::MatrixXd>> cross, square;
+};
+
+/// What is asked of a fit besides least squares.
+struct FitTerms {
+  std::vector<int> without;  ///< columns of the base left out, global
+};
+
+/// How a candidate does.
+struct Trial {
+  Eigen::VectorXd coefficients;  ///< k
+  Eigen::VectorXd std;           ///< k, robust to correlation within blocks
+  double gain{0.0};              ///< fall of the weighted squared error on the rows of the fit
+  double cv_gain{0.0};           ///< rows times fall of ln(squared error) on left-out blocks: what counts
+  double cv_t{0.0};              ///< mean of it over blocks against its standard error
+  double wald{0.0};              ///< statistic of all coefficients, robust
+  double p_value{1.0};           ///< of it, one candidate
+  double effective_rows{0.0};    ///< rows less what their correlation costs
+  Eigen::VectorXd joint_before, joint_after;  ///< n: squared error on left-out blocks [N²m²]
+  /// Largest deviation of the first coefficient in a quarter of the time from that of the whole, in parts of it;
+  /// only what stands above three standard errors counts.
+  double drift{0.0};
+  std::vector<double> run_gain;  ///< gain on left-out blocks by log
+  bool valid{false};             ///< false: the base explains the columns, nothing can be said
+};
+
+/// Rows of base model and accepted effects.
+class Problem {
+ public:
+  /// @param rows  for each joint m × p_j; entries of rows that do not count must be 0
+  /// @param places  for each joint the global columns of its rows
+  /// @param prior   values of the base's columns that the fit leans on where the motion shows little
+  /// @param steady  how much: part of each column's squared norm that the prior weighs; 0 chooses it by the error on
+  ///                left-out blocks
+  Problem(const MotionTable& table, std::vector<Eigen::MatrixXd> rows, std::vector<std::vector<int>> places,
+          const Eigen::VectorXd& prior, double steady, const Eigen::MatrixXd& tau);
+  double steady() const { return steady_; }
+
+  int columns() const { return columns_; }
+  int num_joints() const { return static_cast<int>(rows_.size()); }
+  const MotionTable& table() const { return *table_; }
+  /// Adds columns to the base for good; returns the global number of the first.
+  int append(const Columns& columns);
+  /// Puts other values in the place of a base column that reaches one joint.
+  void replace(int joint, int column, const Eigen::VectorXd& values);
+
+  /// Weights the joints by their residual, fitted and weighted twice. Call after append or replace.
+  void reweight();
+  const Eigen::VectorXd& noise() const { return noise_; }  ///< n: rms residual of rows that count [N·m]
+  Eigen::VectorXd theta() const { return theta_ + prior_; }
+  double error() const { return error_; }
+  const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
+
+  Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
+
+  /// Gains of many candidates of one joint with the same number of coefficients, side by side in `values`.
+  /// @return one gain and `each` coefficients for every candidate; gain 0 where the base explains the columns
+  std::vector<std::pair<double, Eigen::VectorXd>> scan(int joint, const Eigen::MatrixXd& values,
+                                                       int each) const;
+
+  ColumnMoments moments(const Columns& columns) const;
+  /// Fall of the weighted squared error on the rows of the fit.
+  double gain(const ColumnMoments& moments, const FitTerms& terms = {}) const;
+  Trial judge(const ColumnMoments& moments, const FitTerms& terms = {}) const;
+  const std::vector<std::vector<int>>& places() const { return places_; }
+  const std::vector<Eigen::MatrixXd>& rows() const { return rows_; }
+  /// [block][joint]: (p_j + 1)² moments of rows and torque.
+  const std::vector<std::vector<Eigen::MatrixXd>>& block_moments() const { return moments_; }
+  double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }
+
+ private:
+  void choose_steady();
+  void collect(int joint);
+  void sum_base();
+
+  const MotionTable* table_;
+  std::vector<Eigen::MatrixXd> rows_;
+  std::vector<std::vector<int>> places_;
+  int columns_;
+  Eigen::VectorXd prior_;  ///< p; the fit is of what is left beside it
+  double steady_;
+  Eigen::MatrixXd tau_;  ///< less what the prior says
+  std::vector<std::vector<Eigen::MatrixXd>> moments_;
+  Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: beside the prior
+  double error_{0.0};
+  Eigen::VectorXd scale_;               ///< p: column norms, weighted
+  Eigen::MatrixXd total_;               ///< (p + 1)², weighted, unscaled
+  std::vector<Eigen::MatrixXd> folds_;  ///< the same, one fold's blocks only
+  Eigen::MatrixXd factor_;              ///< lower Cholesky factor of the scaled, steadied total
+};
+
+}  // namespace heft::diagnose

@@ -1,0 +1,168 @@
+#include "residual_structure.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <unsupported/Eigen/FFT>
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Share of the squared error that bin means of a quantity explain, bins filled on all blocks but the fold judged.
+double binned_share(const MotionTable& table, const VectorXd& residual, const VectorXd& quantity, int joint,
+                    int bins) {
+  const double low = quantity.minCoeff(), high = quantity.maxCoeff();
+  if (!(high > low)) return 0.0;
+  int folds = 0;
+  for (const Block& b : table.blocks) folds = std::max(folds, b.fold + 1);
+  MatrixXd sum = MatrixXd::Zero(bins, folds), count = MatrixXd::Zero(bins, folds);
+  const auto bin = [&](Index i) {
+    return std::min<Index>(bins - 1, static_cast<Index>((quantity[i] - low) / (high - low) * bins));
+  };
+  for (const Block& b : table.blocks) {
+    for (Index i = b.begin; i < b.begin + b.count; ++i) {
+      if (table.keep(i, joint) == 0.0) continue;
+      sum(bin(i), b.fold) += residual[i];
+      count(bin(i), b.fold) += 1.0;
+    }
+  }
+  const VectorXd all = sum.rowwise().sum(), rows = count.rowwise().sum();
+  double before = 0.0, after = 0.0;
+  for (const Block& b : table.blocks) {
+    for (Index i = b.begin; i < b.begin + b.count; ++i) {
+      if (table.keep(i, joint) == 0.0) continue;
+      const Index k = bin(i);
+      const double n = rows[k] - count(k, b.fold);
+      const double mean = n > 0.0 ? (all[k] - sum(k, b.fold)) / n : 0.0;
+      before += residual[i] * residual[i];
+      after += (residual[i] - mean) * (residual[i] - mean);
+    }
+  }
+  return before > 0.0 ? 1.0 - after / before : 0.0;
+}
+
+/// The strongest line: share of power within a window around the peak, against the level beside it.
+Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
+  // Hann-windowed pieces of about 4 s, half overlapping.
+  Structure line;
+  Index length = 1;
+  while (static_cast<double>(length) < 4.0 * table.sample_rate) length *= 2;
+  VectorXd power = VectorXd::Zero(length / 2);
+  int pieces = 0;
+  Eigen::FFT<double> fft;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+    for (Index at = table.run_begin[r]; at + length <= table.run_begin[r + 1]; at += length / 2) {
+      VectorXd x(length);
+      for (Index k = 0; k < length; ++k) {
+        const double hann = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * static_cast<double>(k) /
+                                                 static_cast<double>(length));
+        x[k] = hann * residual[at + k];
+      }
+      Eigen::VectorXcd X(length);
+      fft.fwd(X, x);
+      power += X.head(length / 2).cwiseAbs2();
+      ++pieces;
+    }
+  }
+  if (pieces < 3) return line;
+  Index peak = 1;
+  for (Index k = 2; k + 3 < power.size(); ++k) {
+    if (power[k] > power[peak]) peak = k;
+  }
+  const Index half = 2;
+  const Index from = std::max<Index>(1, peak - half), to = std::min(power.size() - 1, peak + half);
+  double inside = 0.0, beside = 0.0;
+  Index beside_count = 0;
+  for (Index k = from; k <= to; ++k) inside += power[k];
+  for (Index k = std::max<Index>(1, peak - 8 * half); k <= std::min(power.size() - 1, peak + 8 * half); ++k) {
+    if (k < from || k > to) beside += power[k], ++beside_count;
+  }
+  const double level = beside_count > 0
+                           ? beside / static_cast<double>(beside_count) * static_cast<double>(to - from + 1)
+                           : 0.0;
+  line.frequency = static_cast<double>(peak) * table.sample_rate / static_cast<double>(length);
+  line.share = std::max(0.0, inside - level) / power.tail(power.size() - 1).sum();
+  if (inside < 5.0 * level) line.share = 0.0;
+  line.what = fmt::format("vibrates at {:.1f} Hz", line.frequency);
+  return line;
+}
+
+}  // namespace
+
+VectorXd white_noise(const MotionTable& table, const MatrixXd& residual) {
+  const Index n = residual.cols();
+  VectorXd noise = VectorXd::Zero(n);
+  for (Index j = 0; j < n; ++j) {
+    std::vector<double> squares;
+    for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+      for (Index i = table.run_begin[r] + 3; i < table.run_begin[r + 1]; ++i) {
+        if (table.keep.col(j).segment(i - 3, 4).minCoeff() == 0.0) continue;
+        // Var(Δ³ r) = 20 σ² for white noise.
+        const double d =
+            residual(i, j) - 3.0 * residual(i - 1, j) + 3.0 * residual(i - 2, j) - residual(i - 3, j);
+        squares.push_back(d * d / 20.0);
+      }
+    }
+    if (squares.size() < 30) continue;
+    double sum = 0.0;
+    for (const double s : squares) sum += s;
+    noise[j] = std::sqrt(sum / static_cast<double>(squares.size()));
+  }
+  return noise;
+}
+
+std::vector<Structure> structures(const MotionTable& table, const VectorXd& residual, int joint) {
+  std::vector<Structure> found;
+  found.push_back(spectral_line(table, residual));
+  found.push_back(
+      {"goes with the joint's position", binned_share(table, residual, table.q.col(joint), joint, 40), 0.0});
+  found.push_back(
+      {"goes with the joint's velocity", binned_share(table, residual, table.qd.col(joint), joint, 40), 0.0});
+  found.push_back({"goes with the joint's acceleration",
+                   binned_share(table, residual, table.qdd.col(joint), joint, 25), 0.0});
+  for (int other = 0; other < table.num_joints; ++other) {
+    if (other == joint) continue;
+    found.push_back({fmt::format("goes with the velocity of joint {}", other + 1),
+                     binned_share(table, residual, table.qd.col(other), joint, 25), 0.0});
+    found.push_back({fmt::format("goes with the position of joint {}", other + 1),
+                     binned_share(table, residual, table.q.col(other), joint, 25), 0.0});
+  }
+  // Memory: how well the residual is told from what it was a moment earlier, means of 0.1 s.
+  const Index step = std::max<Index>(1, static_cast<Index>(0.1 * table.sample_rate));
+  double product = 0.0, square = 0.0, total = 0.0;
+  Index total_rows = 0;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+    double last = 0.0;
+    bool has_last = false;
+    for (Index at = table.run_begin[r]; at + step <= table.run_begin[r + 1]; at += step) {
+      const double rows = table.keep.col(joint).segment(at, step).sum();
+      if (rows < 0.5 * static_cast<double>(step)) {
+        has_last = false;
+        continue;
+      }
+      const double mean = residual.segment(at, step).sum() / rows;
+      if (has_last) product += mean * last, square += mean * mean;
+      last = mean;
+      has_last = true;
+      total += residual.segment(at, step).squaredNorm();
+      total_rows += static_cast<Index>(rows);
+    }
+  }
+  if (square > 0.0 && total > 0.0 && product > 0.0) {
+    const double slow = product / square;  // correlation of neighbouring means
+    found.push_back({"drifts slowly, with nothing that was measured",
+                     slow * square * static_cast<double>(step) / std::max(1e-300, total), 0.0});
+  }
+  std::sort(found.begin(), found.end(),
+            [](const Structure& a, const Structure& b) { return a.share > b.share; });
+  return found;
+}
+
+}  // namespace heft::diagnose

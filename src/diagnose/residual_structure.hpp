@@ -1,0 +1,29 @@
+/// @file
+/// What a residual still holds besides noise.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "motion_table.hpp"
+
+namespace heft::diagnose {
+
+/// Noise of each joint's residual that has no memory, n: from third differences of neighbouring rows that count.
+/// What a model misses moves with the arm and is as good as constant from sample to sample.
+Eigen::VectorXd white_noise(const MotionTable& table, const Eigen::MatrixXd& residual);
+
+/// Something that a residual goes with.
+struct Structure {
+  std::string what;       ///< in words
+  double share{0.0};      ///< of the residual's squared error that it explains, on blocks not fitted
+  double frequency{0.0};  ///< of a line in the spectrum [Hz]; 0: none
+};
+
+/// The strongest structure of one joint's residual, strongest first: a line in the spectrum, dependence on
+/// position, velocity, time, on other joints' motion, memory.
+std::vector<Structure> structures(const MotionTable& table, const Eigen::VectorXd& residual, int joint);
+
+}  // namespace heft::diagnose

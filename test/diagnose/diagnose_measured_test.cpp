@@ -1,0 +1,86 @@
+// Diagnosis of measured robots and of the example cases, judged on logs or stretches that the fit has not seen.
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "heft/data/log.hpp"
+#include "heft/data/log_part.hpp"
+#include "heft/diagnose/diagnosis.hpp"
+#include "heft/urdf/urdf_import.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+namespace fs = std::filesystem;
+
+data::Log log_of(const fs::path& path, int joints) {
+  data::LogRequirements needs;
+  needs.num_joints = joints;
+  needs.torque = true;
+  return data::read_log(path.string(), needs);
+}
+
+class Example : public testing::TestWithParam<std::string> {};
+
+TEST_P(Example, IsNamedAndComesWithinTenPercentOfTheOracle) {
+  const fs::path folder = fs::path(HEFT_DATA_DIR) / "undeclared-examples" / ("example-" + GetParam());
+  if (!fs::exists(folder)) GTEST_SKIP() << "no example cases in " << HEFT_DATA_DIR;
+  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
+  const auto truth = nlohmann::json::parse(std::ifstream(folder / "truth.json"));
+  const Diagnosis d = diagnose(robot, {log_of(folder / "train.csv", robot.num_joints())},
+                               {log_of(folder / "validate.csv", robot.num_joints())});
+  if (truth.at("kind") == "none") {
+    EXPECT_TRUE(d.findings.empty());
+  } else {
+    ASSERT_EQ(d.findings.size(), 1U);
+    EXPECT_EQ(d.findings[0].kind, truth.at("kind").get<std::string>());
+    EXPECT_EQ(d.findings[0].joint, truth.at("joint").is_null() ? -1 : truth.at("joint").get<int>() - 1);
+  }
+  for (int j = 0; j < robot.num_joints(); ++j) {
+    const double oracle = truth.at("oracle_validate_rmse").at(static_cast<std::size_t>(j));
+    EXPECT_LT(d.validate_after.rmse[j], 1.1 * oracle) << "joint " << j + 1;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Example,
+                         testing::Values("stribeck", "elasticity", "ripple", "none", "payload_change"),
+                         [](const auto& p) { return p.param; });
+
+TEST(MeasuredTx40, WristCouplingIsFoundWithoutBeingTold) {
+  const fs::path folder = fs::path(HEFT_DATA_DIR) / "staubli-tx40";
+  if (!fs::exists(folder)) GTEST_SKIP() << "no measured log of the TX40 in " << HEFT_DATA_DIR;
+  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
+  const data::Log log = log_of(folder / "run-first6s.csv", robot.num_joints());
+  // First 70 % to fit, the rest to judge.
+  const double begin = log.time[0], end = log.time[log.time.size() - 1];
+  const double cut = begin + 0.7 * (end - begin);
+  const Diagnosis d = diagnose(robot, {data::part_of(log, begin, cut)}, {data::part_of(log, cut, end)});
+  ASSERT_FALSE(d.findings.empty());
+  EXPECT_EQ(d.findings[0].kind, "wrist_coupling");
+  EXPECT_LT(d.validate_after.rmse_in_band[4], 0.3 * d.validate_before.rmse_in_band[4]);
+  EXPECT_LT(d.validate_after.rmse_in_band[5], 0.4 * d.validate_before.rmse_in_band[5]);
+  EXPECT_LT(d.validate_after.rmse[4], 0.3 * d.validate_before.rmse[4]);
+  for (const Finding& f : d.findings) EXPECT_LE(f.validate_after, f.validate_before) << f.kind;
+}
+
+TEST(MeasuredUr10e, NoAcceptedEffectRaisesTheErrorOnARunNotSeen) {
+  const fs::path folder = fs::path(HEFT_DATA_DIR) / "ur10e-dynamic-calibration";
+  if (!fs::exists(folder)) GTEST_SKIP() << "no measured logs of the UR10e in " << HEFT_DATA_DIR;
+  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
+  const auto log = [&](const char* name) { return log_of(folder / name, robot.num_joints()); };
+  const Diagnosis d = diagnose(robot, {log("exc-12h-50s.csv"), log("exc-12h-40s.csv"), log("exc-8h-20s.csv")},
+                               {log("exc-14h-50s.csv")});
+  EXPECT_FALSE(d.findings.empty());
+  for (const Finding& f : d.findings) EXPECT_LE(f.validate_after, f.validate_before) << f.kind << f.joint;
+  for (int j = 0; j < 6; ++j) EXPECT_LT(d.validate_after.rmse[j], 1.002 * d.validate_before.rmse[j]) << j + 1;
+  // The loaded gears of shoulder and elbow and the resting wrist: what this robot's model lacks most.
+  EXPECT_LT(d.validate_after.rmse[1], 0.9 * d.validate_before.rmse[1]);
+  EXPECT_LT(d.validate_after.rmse[4], 0.7 * d.validate_before.rmse[4]);
+}
+
+}  // namespace
+}  // namespace heft::diagnose

@@ -1,0 +1,153 @@
+// The parts of the diagnosis against closed forms.
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <Eigen/Dense>
+
+#include "deflection.hpp"
+#include "heft/identify/instrumental.hpp"
+#include "motion_table.hpp"
+#include "problem.hpp"
+#include "residual_structure.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+TEST(Statistics, TailOfFIsThatOfTheTables) {
+  // Critical values of printed tables: F(0.05; 1, 10) = 4.9646, F(0.01; 5, 20) = 4.1027.
+  EXPECT_NEAR(identify::fisher_tail(4.9646, 1, 10), 0.05, 1e-5);
+  EXPECT_NEAR(identify::fisher_tail(4.1027, 5, 20), 0.01, 1e-5);
+  EXPECT_EQ(identify::fisher_tail(-1.0, 3, 10), 1.0);
+}
+
+MotionTable even_table(Index rows, int joints, double rate, int blocks) {
+  MotionTable table;
+  table.num_joints = joints;
+  table.sample_rate = rate;
+  table.runs = {"log"};
+  table.run_seconds = {static_cast<double>(rows) / rate};
+  table.run_begin = {0, rows};
+  table.time = VectorXd::LinSpaced(rows, 0.0, static_cast<double>(rows - 1) / rate);
+  for (MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction})
+    m->setZero(rows, joints);
+  table.keep = MatrixXd::Ones(rows, joints);
+  for (int b = 0; b < blocks; ++b) {
+    table.blocks.push_back({rows * b / blocks, rows * (b + 1) / blocks - rows * b / blocks, 0, b % 8});
+  }
+  table.sign_width = VectorXd::Constant(joints, 1e-3);
+  return table;
+}
+
+TEST(Deflection, FollowsTheResonanceOfALinearOscillator) {
+  // M ë + D ė + K e = sin(w t) has the steady amplitude 1 / |K - M w² + i D w|.
+  const MotionTable table = even_table(20000, 1, 1000.0, 8);
+  const double M = 2.0, K = 5000.0, D = 30.0, w = 2.0 * std::numbers::pi * 5.0;
+  VectorXd load(table.rows());
+  for (Index i = 0; i < table.rows(); ++i) load[i] = std::sin(w * table.time[i]);
+  const Deflection e = deflection(table, load, VectorXd::Constant(table.rows(), M), K, D);
+  const double amplitude = 1.0 / std::hypot(K - M * w * w, D * w);
+  EXPECT_NEAR(e.value.tail(4000).maxCoeff(), amplitude, 2e-3 * amplitude);
+  EXPECT_NEAR(e.acceleration.tail(4000).maxCoeff(), w * w * amplitude, 4e-3 * w * w * amplitude);
+}
+
+TEST(Noise, OfThirdDifferencesDoesNotSeeASlowMotion) {
+  MotionTable table = even_table(20000, 1, 500.0, 8);
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0.0, 0.3);
+  MatrixXd residual(table.rows(), 1);
+  for (Index i = 0; i < table.rows(); ++i)
+    residual(i, 0) = 5.0 * std::sin(7.0 * table.time[i]) + noise(random);
+  EXPECT_NEAR(white_noise(table, residual)[0], 0.3, 0.01);
+}
+
+/// Base of a constant and a ramp on one joint, torque with noise.
+struct Small {
+  MotionTable table = even_table(4000, 1, 100.0, 40);
+  MatrixXd rows{4000, 2};
+  MatrixXd tau{4000, 1};
+  VectorXd column{4000};
+
+  Small(double size, unsigned seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> noise(0.0, 1.0);
+    for (Index i = 0; i < 4000; ++i) {
+      rows(i, 0) = 1.0;
+      rows(i, 1) = table.time[i];
+      column[i] = std::sin(1.7 * table.time[i]);
+      tau(i, 0) = 2.0 - 0.1 * table.time[i] + size * column[i] + noise(random);
+    }
+  }
+  Problem problem() const { return {table, {rows}, {{0, 1}}, VectorXd::Zero(2), 1e-9, tau}; }
+};
+
+TEST(Problem, CandidateIsFittedTogetherWithTheBase) {
+  const Small data(0.8, 1);
+  const Problem problem = data.problem();
+  const Trial trial = problem.judge(problem.moments({{0}, {data.column}}));
+  // Ordinary least squares over all three columns.
+  MatrixXd A(4000, 3);
+  A << data.rows, data.column;
+  const VectorXd x = (A.transpose() * A).ldlt().solve(A.transpose() * data.tau.col(0));
+  EXPECT_NEAR(trial.coefficients[0], x[2], 1e-6);
+  EXPECT_NEAR(trial.std[0], std::sqrt(2.0 / 4000.0), 0.008);
+  EXPECT_GT(trial.cv_gain, 500.0);
+  EXPECT_LT(trial.p_value, 1e-12);
+}
+
+TEST(Problem, LeftOutErrorIsThatOfFitsWithoutTheFold) {
+  const Small data(0.8, 2);
+  const Problem problem = data.problem();
+  const Trial trial = problem.judge(problem.moments({{0}, {data.column}}));
+  double before = 0.0, after = 0.0;
+  for (int fold = 0; fold < 8; ++fold) {
+    MatrixXd A(0, 3);
+    VectorXd y(0);
+    for (const Block& b : data.table.blocks) {
+      if (b.fold == fold) continue;
+      A.conservativeResize(A.rows() + b.count, 3);
+      y.conservativeResize(y.size() + b.count);
+      A.bottomRows(b.count) << data.rows.middleRows(b.begin, b.count), data.column.segment(b.begin, b.count);
+      y.tail(b.count) = data.tau.col(0).segment(b.begin, b.count);
+    }
+    const VectorXd with = (A.transpose() * A).ldlt().solve(A.transpose() * y);
+    const MatrixXd A0 = A.leftCols(2);
+    const VectorXd without = (A0.transpose() * A0).ldlt().solve(A0.transpose() * y);
+    for (const Block& b : data.table.blocks) {
+      if (b.fold != fold) continue;
+      MatrixXd X(b.count, 3);
+      X << data.rows.middleRows(b.begin, b.count), data.column.segment(b.begin, b.count);
+      const VectorXd t = data.tau.col(0).segment(b.begin, b.count);
+      after += (t - X * with).squaredNorm();
+      before += (t - X.leftCols(2) * without).squaredNorm();
+    }
+  }
+  EXPECT_NEAR(trial.joint_before[0], before, 1e-3);
+  EXPECT_NEAR(trial.joint_after[0], after, 1e-3);
+}
+
+TEST(Problem, ChanceIsCalledChance) {
+  // Nineteen of twenty candidates that are nothing have p above 0.05, as a p-value should.
+  int below = 0;
+  for (unsigned seed = 1; seed <= 200; ++seed) {
+    const Small data(0.0, seed);
+    const Problem problem = data.problem();
+    below += problem.judge(problem.moments({{0}, {data.column}})).p_value < 0.05;
+  }
+  EXPECT_GE(below, 3);
+  EXPECT_LE(below, 20);
+}
+
+TEST(Problem, ColumnThatTheBaseExplainsIsNotJudged) {
+  const Small data(0.8, 3);
+  const Problem problem = data.problem();
+  EXPECT_FALSE(problem.judge(problem.moments({{0}, {2.0 * data.rows.col(1)}})).valid);
+}
+
+}  // namespace
+}  // namespace heft::diagnose

@@ -1,0 +1,131 @@
+// Simulated arms with an effect that nobody declared: the diagnosis is given two logs and a robot whose inertials
+// are wrong, and has to say what is going on.
+#include <algorithm>
+#include <string>
+#include <tuple>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "heft/diagnose/diagnosis.hpp"
+#include "support/undeclared_case.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+using test::UndeclaredCase;
+using test::UndeclaredEffect;
+
+Diagnosis diagnosed(const UndeclaredCase& c) { return diagnose(c.robot, {c.train}, {c.validate}); }
+
+bool names(const Finding& finding, const UndeclaredEffect& effect) {
+  if (finding.kind != effect.kind) return false;
+  return finding.kind == "wrist_coupling" || finding.joint == effect.joint;
+}
+
+std::string said(const Diagnosis& diagnosis) {
+  std::string text;
+  for (const Finding& f : diagnosis.findings) text += fmt::format(" {} on joint {}", f.kind, f.joint + 1);
+  for (const Unexplained& u : diagnosis.unexplained)
+    text += fmt::format("; joint {}: {}", u.joint + 1, u.what);
+  return text.empty() ? " nothing" : text;
+}
+
+// One effect -----------------------------------------------------------------------------------------------
+
+using KindOnArm = std::tuple<std::string, std::string>;
+class OneEffect : public testing::TestWithParam<KindOnArm> {};
+
+TEST_P(OneEffect, IsNamedWithItsJointAndLowersTheErrorOnALogNotSeen) {
+  const auto& [kind, arm] = GetParam();
+  if (kind == "wrist_coupling" && arm == "scara4") GTEST_SKIP() << "needs a wrist: joints 5 and 6";
+  const UndeclaredCase c = test::make_undeclared_case(kind, arm, 1);
+  const Diagnosis d = diagnosed(c);
+  const UndeclaredEffect& effect = c.effects.front();
+  const auto found =
+      std::find_if(d.findings.begin(), d.findings.end(), [&](const Finding& f) { return names(f, effect); });
+  ASSERT_NE(found, d.findings.end()) << c.name << " holds " << kind << " on joint " << effect.joint + 1
+                                     << "; said:" << said(d);
+  EXPECT_EQ(d.findings.size(), 1U) << said(d);
+  if (kind != "contact") {
+    EXPECT_LT(found->validate_after, found->validate_before);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(AllKinds, OneEffect,
+                         testing::Combine(testing::ValuesIn(test::undeclared_kinds()),
+                                          testing::ValuesIn(test::undeclared_arms())),
+                         [](const auto& p) { return std::get<0>(p.param) + "_on_" + std::get<1>(p.param); });
+
+// None -----------------------------------------------------------------------------------------------------
+
+/// A hundred logs without any effect in ten groups: mostly the small arm, whose cases are quick to make.
+class NothingThere : public testing::TestWithParam<int> {};
+
+TEST_P(NothingThere, IsSaidOfTenLogs) {
+  int alarms = 0;
+  std::string what;
+  for (int k = 0; k < 10; ++k) {
+    const std::string arm = k < 8 ? "scara4" : k < 9 || GetParam() % 2 == 0 ? "arm6" : "arm7";
+    const UndeclaredCase c =
+        test::make_undeclared_case("none", arm, static_cast<std::uint64_t>(100 + 10 * GetParam() + k));
+    const Diagnosis d = diagnosed(c);
+    if (!d.findings.empty()) {
+      ++alarms;
+      what += " [" + c.name + ":" + said(d) + "]";
+    }
+  }
+  RecordProperty("alarms", alarms);
+  // Five in a hundred; a group of ten alone is told from that by more than one.
+  EXPECT_LE(alarms, 1) << what;
+}
+
+INSTANTIATE_TEST_SUITE_P(Hundred, NothingThere, testing::Range(0, 10));
+
+// Two at once ----------------------------------------------------------------------------------------------
+
+class TwoEffects : public testing::TestWithParam<std::tuple<std::string, std::string>> {};
+
+TEST_P(TwoEffects, AreBothNamed) {
+  const auto& [kinds, arm] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case(kinds, arm, 1);
+  const Diagnosis d = diagnosed(c);
+  for (const UndeclaredEffect& effect : c.effects) {
+    EXPECT_TRUE(
+        std::any_of(d.findings.begin(), d.findings.end(), [&](const Finding& f) { return names(f, effect); }))
+        << c.name << " holds " << effect.kind << " on joint " << effect.joint + 1 << "; said:" << said(d);
+  }
+  EXPECT_EQ(d.findings.size(), c.effects.size()) << said(d);
+}
+
+INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
+                         testing::Values(std::tuple{"base_tilt+ripple", "scara4"},
+                                         std::tuple{"hysteresis+delay", "arm6"},
+                                         std::tuple{"wrist_coupling+offset", "arm6"},
+                                         std::tuple{"payload_change+ripple", "arm7"}),
+                         [](const auto& p) {
+                           std::string name = std::string(std::get<0>(p.param)) + "_" + std::get<1>(p.param);
+                           std::replace(name.begin(), name.end(), '+', '_');
+                           return name;
+                         });
+
+// What is on no list ---------------------------------------------------------------------------------------
+
+class Unknown : public testing::TestWithParam<std::tuple<std::string, std::string>> {};
+
+TEST_P(Unknown, EndsInUnexplainedAndIsPinnedOnNothing) {
+  const auto& [kind, arm] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case("outside:" + kind, arm, 1);
+  const Diagnosis d = diagnosed(c);
+  EXPECT_TRUE(d.findings.empty()) << said(d);
+  EXPECT_FALSE(d.unexplained.empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    OffTheList, Unknown,
+    testing::Values(std::tuple{"vibrating_base", "scara4"}, std::tuple{"vibrating_base", "arm6"},
+                    std::tuple{"time_sine", "scara4"}, std::tuple{"random_walk", "scara4"}),
+    [](const auto& p) { return std::string(std::get<0>(p.param)) + "_" + std::get<1>(p.param); });
+
+}  // namespace
+}  // namespace heft::diagnose

@@ -1,0 +1,417 @@
+#include "diagnosis_report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <numbers>
+#include <tuple>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unsupported/Eigen/FFT>
+
+#include "torque_score.hpp"
+
+namespace heft::tools {
+namespace {
+
+using diagnose::Diagnosis;
+using diagnose::Finding;
+using diagnose::Traces;
+using Eigen::Index;
+using report::number;
+
+constexpr report::Hue kBefore = report::Hue::kVermillion;
+constexpr report::Hue kAfter = report::Hue::kBlue;
+
+bool usable(const Traces& traces, int joint) {
+  return traces.time.size() > 1 && traces.before.rows() == traces.time.size() &&
+         traces.after.rows() == traces.time.size() && joint < traces.before.cols() &&
+         joint < traces.after.cols();
+}
+
+/// What shows on training logs alone.
+bool is_event(const std::string& kind) { return kind == "contact" || kind == "payload_change"; }
+
+double rate_of(const Traces& traces) {
+  return static_cast<double>(traces.time.size() - 1) / (traces.time[traces.time.size() - 1] - traces.time[0]);
+}
+
+/// One column of every log, one after the other.
+Eigen::VectorXd joined(const std::vector<const Traces*>& logs, const Eigen::MatrixXd Traces::*matrix,
+                       int joint) {
+  Index rows = 0;
+  for (const Traces* log : logs) rows += (log->*matrix).rows();
+  Eigen::VectorXd all(rows);
+  rows = 0;
+  for (const Traces* log : logs) {
+    all.segment(rows, (log->*matrix).rows()) = (log->*matrix).col(joint);
+    rows += (log->*matrix).rows();
+  }
+  return all;
+}
+
+/// Mean over a sliding window of some samples.
+Eigen::VectorXd sliding_mean(const Eigen::VectorXd& values, Index window) {
+  Eigen::VectorXd sums(values.size() + 1);
+  sums[0] = 0.0;
+  for (Index i = 0; i < values.size(); ++i) sums[i + 1] = sums[i] + values[i];
+  return Eigen::VectorXd::NullaryExpr(values.size(), [&](Index i) {
+    const Index from = std::max<Index>(0, i - window / 2), to = std::min(values.size(), i + window / 2 + 1);
+    return (sums[to] - sums[from]) / static_cast<double>(to - from);
+  });
+}
+
+/// Window of the residual over time [s].
+constexpr double kWindow = 0.02;
+
+report::PlotSpec over_time(const Traces& log, int joint, const std::string& unit) {
+  report::PlotSpec spec;
+  spec.title = "Over time";
+  spec.x_label = "time [s]";
+  spec.y_label = fmt::format("residual [{}]", unit);
+  // The ends, which count nowhere, stay out; a spike at a reversal may leave the drawing.
+  const Index end =
+      std::min<Index>(log.time.size() / 4, static_cast<Index>(identify::kScoreEnd * rate_of(log)));
+  const Index rows = log.time.size() - 2 * end;
+  const auto window = static_cast<Index>(kWindow * rate_of(log));
+  const Eigen::VectorXd time = log.time.segment(end, rows);
+  double reach = 0.0;
+  for (const auto& [label, residual, hue] :
+       {std::tuple{"before", &log.before, kBefore}, std::tuple{"after", &log.after, kAfter}}) {
+    const Eigen::VectorXd mean = sliding_mean(residual->col(joint), window).segment(end, rows);
+    spec.series.push_back(report::line(label, time, mean, hue));
+    Eigen::VectorXd size = mean.cwiseAbs();
+    const auto high = size.begin() + static_cast<Index>(0.997 * static_cast<double>(rows));
+    std::nth_element(size.begin(), high, size.end());
+    reach = std::max(reach, 1.25 * *high);
+  }
+  if (reach > 0.0) spec.y_range = {-reach, reach};
+  return spec;
+}
+
+report::PlotSpec over_bins(const std::string& title, const std::string& x_label, const Eigen::VectorXd& x,
+                           const Eigen::VectorXd& before, const Eigen::VectorXd& after,
+                           const std::string& unit) {
+  Eigen::MatrixXd both(before.size(), 2);
+  both << before, after;
+  const BinnedMeans bins = binned_means(x, both);
+  report::PlotSpec spec;
+  spec.title = title;
+  spec.x_label = x_label;
+  spec.y_label = fmt::format("mean residual [{}]", unit);
+  spec.series = {report::line("before", bins.x, bins.means.col(0), kBefore),
+                 report::line("after", bins.x, bins.means.col(1), kAfter)};
+  return spec;
+}
+
+report::PlotSpec spectrum(const Traces& log, int joint, const std::string& unit) {
+  report::PlotSpec spec;
+  spec.title = "Spectrum";
+  spec.x_label = "frequency [Hz]";
+  spec.y_label = fmt::format("amplitude density [{}/√Hz]", unit);
+  spec.log_x = spec.log_y = true;
+  const double rate = rate_of(log);
+  const AmplitudeDensity before = amplitude_density(log.before.col(joint), rate),
+                         after = amplitude_density(log.after.col(joint), rate);
+  spec.series = {report::line("before", before.frequency, before.density, kBefore),
+                 report::line("after", after.frequency, after.density, kAfter)};
+  return spec;
+}
+
+/// Without an effect before and after are one: one curve, without a legend.
+void leave_one_curve(const Diagnosis& diagnosis, report::PlotSpec& spec) {
+  if (!diagnosis.findings.empty() || spec.series.size() < 2) return;
+  spec.series.erase(spec.series.begin());
+  spec.series.front().label.clear();
+}
+
+/// Residual of a joint before and after: over time, against velocity and position, its spectrum.
+void add_joint(report::Report& page, const Diagnosis& diagnosis, const std::string& title,
+               const std::vector<Traces>& traces, int joint, bool prismatic,
+               const std::vector<report::Mark>& marks) {
+  std::vector<const Traces*> logs;
+  for (const Traces& log : traces) {
+    if (usable(log, joint)) logs.push_back(&log);
+  }
+  if (logs.empty()) return;
+  const std::string unit = prismatic ? "N" : "N·m", length = prismatic ? "m" : "rad";
+  const Eigen::VectorXd before = joined(logs, &Traces::before, joint),
+                        after = joined(logs, &Traces::after, joint);
+  std::vector<report::PlotSpec> plots{over_time(*logs.front(), joint, unit)};
+  if (logs.size() > 1)
+    plots.front().title += " (" + std::filesystem::path(logs.front()->log).filename().string() + ")";
+  plots.front().marks = marks;
+  plots.push_back(over_bins("Against velocity", fmt::format("velocity [{}/s]", length),
+                            joined(logs, &Traces::qd, joint), before, after, unit));
+  plots.push_back(over_bins("Against position", fmt::format("position [{}]", length),
+                            joined(logs, &Traces::q, joint), before, after, unit));
+  plots.push_back(spectrum(*logs.front(), joint, unit));
+  for (report::PlotSpec& plot : plots) leave_one_curve(diagnosis, plot);
+  page.plots(title, small(std::move(plots)));
+}
+
+/// Joint with the largest error that is left, as a share of its torque; -1: not known.
+int worst_joint(const Diagnosis& diagnosis) {
+  const identify::Score& score = diagnosis.validate_after;
+  const Eigen::VectorXd& percent = score.band > 0.0 ? score.in_band_percent_of_max : score.percent_of_max;
+  if (percent.size() == 0) return -1;
+  Index worst = 0;
+  percent.maxCoeff(&worst);
+  return static_cast<int>(worst);
+}
+
+std::vector<report::Mark> marks_of(const Finding& finding) {
+  std::vector<report::Mark> marks;
+  for (std::size_t k = 0; k < finding.events.size(); ++k) {
+    marks.push_back({report::Mark::Direction::kVertical, finding.events[k].first, k == 0 ? "contact" : ""});
+  }
+  for (const auto& [name, value] : finding.parameters) {
+    if (finding.kind == "payload_change" && name == "time")
+      marks.push_back({report::Mark::Direction::kVertical, value, "load changes"});
+  }
+  return marks;
+}
+
+void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
+  const model::Robot& robot = diagnosis.after;
+  const auto prismatic = [&](int j) { return torque_unit(robot, j) == "N"; };
+  const auto log_name = [](const std::vector<Traces>& traces, const char* what) {
+    return fmt::format("{} log{}", what, traces.size() > 1 ? "s" : "");
+  };
+  std::vector<int> shown;
+  const auto show = [&](int joint, const std::string& why, bool training,
+                        const std::vector<report::Mark>& marks) {
+    if (joint < 0 || joint >= robot.num_joints()) return;
+    if (std::find(shown.begin(), shown.end(), joint) != shown.end()) return;
+    shown.push_back(joint);
+    const std::vector<Traces>& traces = training ? diagnosis.train : diagnosis.validate;
+    add_joint(page, diagnosis,
+              fmt::format("Joint {}: {} ({})", joint + 1, why,
+                          log_name(traces, training ? "training" : "validation")),
+              traces, joint, prismatic(joint), marks);
+  };
+  page.heading("Residuals");
+  page.paragraph(
+      fmt::format("Measured minus predicted torque{}. So that noise drops out, means are drawn: over {:g} ms "
+                  "of time, over samples "
+                  "of about the same velocity, position, frequency.",
+                  diagnosis.findings.empty()
+                      ? " of rigid bodies, Coulomb and viscous friction"
+                      : ". Before: rigid bodies, Coulomb and viscous friction. After: with the effects",
+                  1e3 * kWindow));
+  for (const Finding& finding : diagnosis.findings) {
+    const int joint = finding.joint >= 0 ? finding.joint : finding.main_joint;
+    std::vector<std::string> names;
+    for (const Finding& other : diagnosis.findings) {
+      if ((other.joint >= 0 ? other.joint : other.main_joint) == joint)
+        names.push_back(effect_name(other.kind));
+    }
+    show(joint, fmt::format("{}", fmt::join(names, ", ")), is_event(finding.kind), marks_of(finding));
+  }
+  for (const diagnose::Unexplained& u : diagnosis.unexplained)
+    show(u.joint, "unexplained: " + u.what, false, {});
+  show(worst_joint(diagnosis), "the largest error left", false, {});
+  std::vector<report::PlotSpec> others;
+  for (int j = 0; j < robot.num_joints(); ++j) {
+    if (std::find(shown.begin(), shown.end(), j) != shown.end()) continue;
+    if (diagnosis.validate.empty() || !usable(diagnosis.validate.front(), j)) continue;
+    others.push_back(over_time(diagnosis.validate.front(), j, torque_unit(robot, j)));
+    others.back().title = fmt::format("Joint {}", j + 1);
+    leave_one_curve(diagnosis, others.back());
+  }
+  page.plots("The other joints (validation log)", small(std::move(others)));
+}
+
+/// Error on the validation logs as a share of each joint's torque.
+void add_bars(report::Report& page, const Diagnosis& diagnosis) {
+  const identify::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
+  if (before.percent_of_max.size() == 0 || before.percent_of_max.size() != after.percent_of_max.size())
+    return;
+  report::PlotSpec spec;
+  spec.title = "Validation error of each joint, unfiltered";
+  spec.y_label = "RMSE [% of the joint's largest torque]";
+  spec.height = 210;
+  for (Index j = 0; j < before.percent_of_max.size(); ++j)
+    spec.categories.push_back(fmt::format("joint {}", j + 1));
+  const auto heights = [](const Eigen::VectorXd& v) { return std::vector<double>(v.begin(), v.end()); };
+  spec.series = {report::bars("before", heights(before.percent_of_max), kBefore),
+                 report::bars("after", heights(after.percent_of_max), kAfter)};
+  leave_one_curve(diagnosis, spec);
+  page.plot(spec);
+}
+
+std::vector<report::Fact> facts_of(const Diagnosis& diagnosis) {
+  std::vector<report::Fact> facts;
+  facts.push_back({"effects found", fmt::format("{}", diagnosis.findings.size()),
+                   fmt::format("{} candidates tried", diagnosis.candidates)});
+  const int best = most_improved_joint(diagnosis);
+  if (!diagnosis.findings.empty() && best >= 0) {
+    const double from = diagnosis.validate_before.rmse[best], to = diagnosis.validate_after.rmse[best];
+    facts.push_back(
+        {fmt::format("validation error, joint {}", best + 1), change_percent(from, to),
+         fmt::format("{} → {} {}", number(from, 3), number(to, 3), torque_unit(diagnosis.after, best))});
+  }
+  const identify::Score& after = diagnosis.validate_after;
+  if (after.percent_of_max.size() > 0) {
+    facts.push_back({"error left, mean of the joints", number(after.percent_of_max.mean(), 2) + " %",
+                     "of the joint's largest torque, unfiltered"});
+  }
+  facts.push_back(
+      {"unexplained",
+       diagnosis.unexplained.empty() ? "nothing" : fmt::format("{}", diagnosis.unexplained.size()),
+       "above noise"});
+  return facts;
+}
+
+report::Tone tone_of(const Diagnosis& diagnosis) {
+  if (diagnosis.findings.empty())
+    return diagnosis.unexplained.empty() ? report::Tone::kGood : report::Tone::kBad;
+  return diagnosis.unexplained.empty() ? report::Tone::kGood : report::Tone::kNeutral;
+}
+
+}  // namespace
+
+AmplitudeDensity amplitude_density(const Eigen::VectorXd& signal, double rate) {
+  constexpr Index kFewest = 64;
+  AmplitudeDensity result;
+  if (signal.size() < kFewest || !(rate > 0.0)) return result;
+  Index length = kFewest / 4;
+  while (4 * length <= signal.size() / 2) length *= 2;
+  const Eigen::VectorXd window = Eigen::VectorXd::NullaryExpr(length, [length](Index k) {
+    return 0.5 -
+           0.5 * std::cos(2.0 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(length));
+  });
+  const double mean = signal.mean();
+  Eigen::FFT<double> fft;
+  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+  Eigen::VectorXd power = Eigen::VectorXd::Zero(length / 2 + 1);
+  int segments = 0;
+  for (Index from = 0; from + length <= signal.size(); from += length / 2, ++segments) {
+    const Eigen::VectorXd segment = (signal.segment(from, length).array() - mean) * window.array();
+    Eigen::VectorXcd transform;
+    fft.fwd(transform, segment);
+    power += transform.cwiseAbs2();
+  }
+  // One-sided density S = 2 |X|² / (rate Σ w²).
+  power *= 2.0 / (rate * window.squaredNorm() * static_cast<double>(segments));
+  const double band = std::exp2(1.0 / 24.0), resolution = rate / static_cast<double>(length);
+  std::vector<double> frequency, density;
+  // The lowest bin still holds the mean's leakage.
+  for (Index k = 2; k <= length / 2;) {
+    const double end = std::max(static_cast<double>(k) * band, static_cast<double>(k) + 0.5);
+    Index last = k;
+    double sum = 0.0;
+    for (; last <= length / 2 && static_cast<double>(last) < end; ++last) sum += power[last];
+    const auto count = static_cast<double>(last - k);
+    frequency.push_back(0.5 * static_cast<double>(k + last - 1) * resolution);
+    density.push_back(std::sqrt(sum / count));
+    k = last;
+  }
+  result.frequency = Eigen::Map<Eigen::VectorXd>(frequency.data(), static_cast<Index>(frequency.size()));
+  result.density = Eigen::Map<Eigen::VectorXd>(density.data(), static_cast<Index>(density.size()));
+  return result;
+}
+
+BinnedMeans binned_means(const Eigen::VectorXd& x, const Eigen::MatrixXd& values) {
+  constexpr int kBins = 240;
+  BinnedMeans result;
+  result.means.resize(0, values.cols());
+  if (x.size() == 0) return result;
+  const double low = x.minCoeff(), width = (x.maxCoeff() - low) / kBins;
+  if (!(width > 0.0)) return result;
+  // Columns: count, sum of x, sums of the values.
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(kBins, 2 + values.cols());
+  for (Index i = 0; i < x.size(); ++i) {
+    const Index bin = std::min<Index>(kBins - 1, static_cast<Index>((x[i] - low) / width));
+    sums(bin, 0) += 1.0;
+    sums(bin, 1) += x[i];
+    sums.row(bin).tail(values.cols()) += values.row(i);
+  }
+  const double enough = std::max(4.0, static_cast<double>(x.size()) / (6.0 * kBins));
+  std::vector<Eigen::RowVectorXd> merged;
+  Eigen::RowVectorXd open = Eigen::RowVectorXd::Zero(sums.cols());
+  for (Index bin = 0; bin < kBins; ++bin) {
+    open += sums.row(bin);
+    if (open[0] < enough) continue;
+    merged.push_back(open);
+    open.setZero();
+  }
+  if (!merged.empty()) merged.back() += open;
+  result.x.resize(static_cast<Index>(merged.size()));
+  result.means.resize(result.x.size(), values.cols());
+  for (Index k = 0; k < result.x.size(); ++k) {
+    const Eigen::RowVectorXd& sum = merged[static_cast<std::size_t>(k)];
+    result.x[k] = sum[1] / sum[0];
+    result.means.row(k) = sum.tail(values.cols()) / sum[0];
+  }
+  return result;
+}
+
+report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  constexpr std::size_t kMostRefusals = 20;
+  const model::Robot& robot = diagnosis.after;
+  report::Report page(fmt::format("{}: diagnosis", robot.name),
+                      fmt::format("trained on {}; judged on {}", fmt::join(context.train, ", "),
+                                  fmt::join(context.validate, ", ")));
+  page.verdict(diagnosis_verdict(diagnosis), tone_of(diagnosis));
+  page.facts(facts_of(diagnosis));
+  add_bars(page, diagnosis);
+  if (!diagnosis.findings.empty()) {
+    page.heading("What is missing");
+    report::Table effects({"", "effect", "term", "parameters", "motion that shows it"});
+    int rank = 0;
+    for (const Finding& finding : diagnosis.findings) {
+      effects.add_row({fmt::format("{}", ++rank), capital(effect_in_place(finding.kind, finding.joint)),
+                       effect_equation(finding.kind), parameters_in_words(finding, robot),
+                       shown_by(finding)});
+    }
+    page.table(effects);
+    page.table(ranking_table(diagnosis, robot),
+               "Evidence. p and ΔBIC account for residuals correlated in time and for all candidates tried; "
+               "blocks not "
+               "fitted: fall of the error in cross-validation.");
+  }
+  if (!diagnosis.unexplained.empty()) {
+    page.heading("What heft does not know");
+    report::Table table({"joint", "what is left", "evidence"});
+    for (const diagnose::Unexplained& u : diagnosis.unexplained) {
+      table.add_row({u.joint < 0 ? "–" : fmt::format("{}", u.joint + 1), u.what, evidence_in_words(u)});
+    }
+    page.table(table);
+  }
+  add_residuals(page, diagnosis);
+  page.heading("Before and after");
+  if (diagnosis.validate_after.rmse.size() > 0) {
+    page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, robot),
+               "Validation, not seen by the fit. " + score_meaning(diagnosis.validate_after));
+    const std::size_t logs =
+        std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+    for (std::size_t k = 0; logs > 1 && k < logs; ++k) {
+      page.table(
+          before_after_table(diagnosis.validate_each_before[k], diagnosis.validate_each_after[k], robot),
+          diagnosis.validate_each_after[k].log);
+    }
+    page.table(before_after_table(diagnosis.train_before, diagnosis.train_after, robot), "Training.");
+  }
+  for (const std::string& line : errors_that_rise(diagnosis)) page.note("Worse: " + line);
+  if (!diagnosis.refusals.empty()) {
+    page.heading("Refused");
+    page.table(
+        refusal_table(diagnosis, kMostRefusals),
+        fmt::format(
+            "{} of {} that were considered and not taken; share of the joint's squared error that each "
+            "would have explained",
+            std::min(kMostRefusals, diagnosis.refusals.size()), diagnosis.refusals.size()));
+  }
+  page.heading("Again");
+  page.preformatted(context.command);
+  page.paragraph(
+      fmt::format("Positions through a zero-phase low-pass of {:.3g} Hz; {:.1f} s of training motion.",
+                  diagnosis.cutoff, diagnosis.seconds));
+  for (const std::string& line : diagnosis.notes) page.note(line);
+  return page;
+}
+
+}  // namespace heft::tools

@@ -1,0 +1,668 @@
+#include "diagnosis_result.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <string_view>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <nlohmann/json.hpp>
+
+#include "torque_score.hpp"
+
+namespace heft::tools {
+namespace {
+
+using diagnose::Diagnosis;
+using diagnose::Finding;
+using report::number;
+
+struct EffectWords {
+  std::string_view kind;
+  std::string_view name;
+  std::string_view equation{};  ///< of what is no term of one joint; the others state theirs
+};
+
+/// Names to follow "lacks" and "in joint 2".
+constexpr std::array<EffectWords, 15> kNames{{
+    {"stribeck", "Stribeck friction"},
+    {"offset", "a torque offset"},
+    {"viscous_nonlinear", "viscous friction that is not linear in speed"},
+    {"load_friction", "friction that grows with load"},
+    {"rotor_inertia", "rotor inertia"},
+    {"elasticity", "elasticity", "Jm th'' + friction(th') + K (th - x) + D (th' - x')"},
+    {"spring", "a spring"},
+    {"ripple", "torque ripple over position"},
+    {"hysteresis", "presliding (friction hysteresis)"},
+    {"payload_change", "a change of load", "a body on the last link, from then on or until then"},
+    {"delay", "a delay of the torque channel", "tau(t - delay)"},
+    {"friction_drift", "friction that drifts as it warms up"},
+    {"contact", "an outer force that comes and goes", "J^T F at the tool"},
+    {"wrist_coupling", "wrist coupling", "Fc sign(qd5 + qd6) + Fv (qd5 + qd6) on both"},
+    {"base_tilt", "a tilt of the base", "gravity turned by the tilt"},
+}};
+
+struct UnitOf {
+  std::string_view name, unit, prismatic_unit;
+};
+
+/// Parameters of what is no term of one joint, and of the elastic joint. The others state theirs.
+constexpr std::array<UnitOf, 15> kUnits{{
+    {"stiffness", "N·m/rad", "N/m"},
+    {"damping", "N·m·s/rad", "N·s/m"},
+    {"motor_inertia", "kg·m²", "kg"},
+    {"mass", "kg", "kg"},
+    {"com_x", "m", "m"},
+    {"com_y", "m", "m"},
+    {"com_z", "m", "m"},
+    {"time", "s", "s"},
+    {"delay", "s", "s"},
+    {"Fc", "N·m", "N"},
+    {"Fv", "N·m·s/rad", "N·s/m"},
+    {"tilt_deg", "°", "°"},
+    {"azimuth_deg", "°", "°"},
+    {"t0", "s", "s"},
+    {"duration", "s", "s"},
+}};
+
+bool is_prismatic(const model::Robot& robot, int joint) {
+  return joint >= 0 && joint < robot.num_joints() &&
+         robot.joints[static_cast<std::size_t>(joint)].joint.type == JointType::kPrismatic;
+}
+
+std::string unit_of(const std::string& kind, const std::string& parameter, bool prismatic) {
+  std::string unit;
+  visit_joint_effect(joint_effect_kind(kind), [&](auto effect) {
+    for (const EffectParameter& p : decltype(effect)::kParameters) {
+      if (p.name == parameter) unit = prismatic ? p.prismatic_unit : p.unit;
+    }
+  });
+  if (unit.empty()) {
+    for (const UnitOf& u : kUnits) {
+      if (u.name == parameter) unit = prismatic ? u.prismatic_unit : u.unit;
+    }
+  }
+  return unit == "1" ? "" : unit;
+}
+
+/// Minus sign as printed text has it.
+std::string minus(std::string text) {
+  if (!text.empty() && text.front() == '-') text.replace(0, 1, "−");
+  return text;
+}
+
+/// A number without zeros at its end.
+std::string short_number(double value, int significant = 4) {
+  std::string text = number(value, significant);
+  if (text.find('.') == std::string::npos || text.find('e') != std::string::npos) return minus(text);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return minus(text);
+}
+
+/// Change for a column of numbers under "[%]".
+std::string percent_cell(double before, double after) {
+  if (!(before > 0.0) || !std::isfinite(after)) return "–";
+  const double percent = 100.0 * (after / before - 1.0);
+  return std::abs(percent) < 0.05 ? "0" : fmt::format("{:.{}f}", percent, std::abs(percent) < 10.0 ? 1 : 0);
+}
+
+std::string p_in_words(double p) {
+  if (!std::isfinite(p)) return "–";
+  return p < 1e-300 ? "< 1e-300" : p < 1e-3 ? fmt::format("{:.0e}", p) : number(p, 2);
+}
+
+std::string list_of(const std::vector<std::string>& parts) {
+  if (parts.size() < 2) return parts.empty() ? "" : parts.front();
+  const std::vector<std::string> first(parts.begin(), parts.end() - 1);
+  return fmt::format("{} and {}", fmt::join(first, ", "), parts.back());
+}
+
+std::string count_in_words(std::size_t count) {
+  constexpr std::array<const char*, 13> kWords{"No",    "One",   "Two",  "Three", "Four",   "Five",  "Six",
+                                               "Seven", "Eight", "Nine", "Ten",   "Eleven", "Twelve"};
+  return count < kWords.size() ? kWords[count] : fmt::format("{}", count);
+}
+
+std::optional<double> parameter(const Finding& finding, std::string_view name) {
+  for (const auto& [key, value] : finding.parameters) {
+    if (key == name) return value;
+  }
+  return std::nullopt;
+}
+
+std::string word(const Finding& finding, std::string_view name) {
+  for (const auto& [key, value] : finding.words) {
+    if (key == name) return value;
+  }
+  return "";
+}
+
+/// What is the matter, as the beginning of a sentence.
+std::string matter(const Finding& finding) {
+  if (finding.kind == "payload_change") {
+    const auto mass = parameter(finding, "mass"), time = parameter(finding, "time");
+    if (mass && time) {
+      return word(finding, "event") == "dropped"
+                 ? fmt::format("A load of {} kg was put down {} s into the training log",
+                               short_number(*mass, 3), short_number(*time, 3))
+                 : fmt::format("A load of {} kg was picked up {} s into the training log",
+                               short_number(*mass, 3), short_number(*time, 3));
+    }
+  }
+  if (finding.kind == "delay") {
+    if (const auto delay = parameter(finding, "delay")) {
+      return fmt::format("The torque channel is {} ms late", short_number(1e3 * *delay, 3));
+    }
+  }
+  if (finding.kind == "base_tilt") {
+    if (const auto tilt = parameter(finding, "tilt_deg")) {
+      return fmt::format("The base stands {}° off level", short_number(*tilt, 3));
+    }
+  }
+  if (finding.kind == "contact" && !finding.events.empty()) {
+    const std::size_t count = finding.events.size();
+    return fmt::format("Something pushed the arm in the training log, {} at {} s",
+                       count == 1 ? "once," : fmt::format("{} times, first", count),
+                       short_number(finding.events.front().first, 3));
+  }
+  if (finding.kind == "wrist_coupling") {
+    return "The motors of joints 5 and 6 both feel the friction of the two joints' sum (wrist coupling)";
+  }
+  if (finding.joint < 0) return "The model lacks " + effect_name(finding.kind);
+  return fmt::format("Joint {} lacks {}", finding.joint + 1, effect_name(finding.kind));
+}
+
+/// What it is worth on the validation logs.
+std::string worth(const std::string& whose, double before, double after, const std::string& unit,
+                  std::size_t logs) {
+  const std::string where = logs > 1 ? "the validation logs" : "the validation log";
+  if (!(before > 0.0) || !std::isfinite(after)) return "";
+  constexpr double kNoChange = 0.005;
+  if (std::abs(after / before - 1.0) < kNoChange) {
+    return fmt::format("{} error on {} stays at {} {}", whose, where, number(before, 3), unit);
+  }
+  return fmt::format("adding it {} {} error on {} from {} to {} {} ({})", after < before ? "cuts" : "raises",
+                     whose, where, number(before, 3), number(after, 3), unit, change_percent(before, after));
+}
+
+std::string unexplained_in_words(const diagnose::Unexplained& unexplained) {
+  return unexplained.joint < 0 ? unexplained.what
+                               : fmt::format("joint {}, {}", unexplained.joint + 1, unexplained.what);
+}
+
+/// One in full, several by their joints.
+std::string unexplained_in_words(const std::vector<diagnose::Unexplained>& unexplained) {
+  if (unexplained.size() == 1) return unexplained_in_words(unexplained.front());
+  std::set<int> joints;
+  for (const diagnose::Unexplained& u : unexplained) joints.insert(u.joint);
+  std::vector<std::string> numbers;
+  for (const int j : joints) {
+    if (j >= 0) numbers.push_back(fmt::format("{}", j + 1));
+  }
+  if (numbers.empty()) return unexplained.empty() ? "" : "of the whole arm";
+  return fmt::format("in joint{} {}", numbers.size() > 1 ? "s" : "", list_of(numbers));
+}
+
+std::vector<std::string> names_of(const std::vector<diagnose::Rival>& rivals) {
+  std::vector<std::string> names;
+  for (const diagnose::Rival& rival : rivals) names.push_back(effect_in_place(rival.kind, rival.joint));
+  return names;
+}
+
+bool has_scores(const identify::Score& before, const identify::Score& after) {
+  return before.rmse.size() > 0 && before.rmse.size() == after.rmse.size();
+}
+
+/// Fall of a joint's error on the validation logs, as a share.
+struct Fall {
+  int joint;
+  double share;
+};
+/// Share from which the sentence at the top names a joint besides the main one.
+constexpr double kMuch = 0.2;
+
+/// All joints, the largest fall first.
+std::vector<Fall> falls(const Diagnosis& diagnosis) {
+  std::vector<Fall> all;
+  const identify::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
+  if (!has_scores(before, after)) return all;
+  for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
+    if (before.rmse[j] > 0.0) all.push_back({static_cast<int>(j), 1.0 - after.rmse[j] / before.rmse[j]});
+  }
+  std::stable_sort(all.begin(), all.end(), [](const Fall& a, const Fall& b) { return a.share > b.share; });
+  return all;
+}
+
+/// "joint 2 (0.43 → 0.29 N·m, −33 %)".
+std::string fall_in_words(const Diagnosis& diagnosis, int joint) {
+  const double before = diagnosis.validate_before.rmse[joint], after = diagnosis.validate_after.rmse[joint];
+  return fmt::format("joint {} ({} → {} {}, {})", joint + 1, number(before, 3), number(after, 3),
+                     torque_unit(diagnosis.after, joint), change_percent(before, after));
+}
+
+nlohmann::ordered_json number_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json joint_or_null(int joint) {
+  return joint < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(joint + 1);
+}
+
+nlohmann::ordered_json before_after_json(const identify::Score& before, const identify::Score& after) {
+  nlohmann::ordered_json json;
+  json["rmse_before"] = json_array(before.rmse);
+  json["rmse_after"] = json_array(after.rmse);
+  json["rmse_in_band_before"] = json_array(before.rmse_in_band);
+  json["rmse_in_band_after"] = json_array(after.rmse_in_band);
+  json["r2_before"] = json_array(before.r2);
+  json["r2_after"] = json_array(after.r2);
+  json["rmse_percent_of_max_before"] = json_array(before.percent_of_max);
+  json["rmse_percent_of_max_after"] = json_array(after.percent_of_max);
+  json["samples"] = after.samples;
+  return json;
+}
+
+nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, bool with_score) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const diagnose::Rival& rival : rivals) {
+    nlohmann::ordered_json entry{{"kind", rival.kind}, {"joint", joint_or_null(rival.joint)}};
+    if (with_score) entry["delta_bic"] = number_or_null(rival.delta_bic);
+    json.push_back(std::move(entry));
+  }
+  return json;
+}
+
+nlohmann::ordered_json parameters_json(const Finding& finding) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (const auto& [name, value] : finding.parameters) json[name] = number_or_null(value);
+  // Components of one vector stand as one.
+  if (json.contains("com_x") && json.contains("com_y") && json.contains("com_z")) {
+    json["com"] = {json["com_x"], json["com_y"], json["com_z"]};
+    for (const char* part : {"com_x", "com_y", "com_z"}) json.erase(part);
+  }
+  for (const auto& [name, value] : finding.words) json[name] = value;
+  if (!finding.events.empty()) {
+    json["events"] = nlohmann::ordered_json::array();
+    for (std::size_t k = 0; k < finding.events.size(); ++k) {
+      nlohmann::ordered_json event{{"t0", finding.events[k].first}, {"duration", finding.events[k].second}};
+      if (k < finding.forces.size()) event["force"] = json_array(finding.forces[k]);
+      json["events"].push_back(std::move(event));
+    }
+  }
+  return json;
+}
+
+nlohmann::ordered_json effect_json(const Finding& finding) {
+  return {{"kind", finding.kind},
+          {"joint", joint_or_null(finding.joint)},
+          {"name", effect_name(finding.kind)},
+          {"parameters", parameters_json(finding)},
+          {"p_value", number_or_null(finding.p_value)},
+          {"delta_bic", number_or_null(finding.delta_bic)},
+          {"cross_validated_fall", number_or_null(finding.cross_validated)},
+          {"main_joint", finding.main_joint + 1},
+          {"validate_rmse_before", number_or_null(finding.validate_before)},
+          {"validate_rmse_after", number_or_null(finding.validate_after)},
+          {"rivals", rivals_json(finding.rivals, true)},
+          {"equivalent", rivals_json(finding.equivalent, false)},
+          {"shown_by", shown_by(finding)}};
+}
+
+/// Refusals, those that would explain most first.
+std::vector<diagnose::Refusal> strongest(const Diagnosis& diagnosis) {
+  std::vector<diagnose::Refusal> refusals = diagnosis.refusals;
+  std::stable_sort(refusals.begin(), refusals.end(),
+                   [](const diagnose::Refusal& a, const diagnose::Refusal& b) { return a.gain > b.gain; });
+  return refusals;
+}
+
+}  // namespace
+
+std::string capital(std::string text) {
+  if (!text.empty() && text.front() >= 'a' && text.front() <= 'z') text.front() += 'A' - 'a';
+  return text;
+}
+
+std::string effect_name(const std::string& kind) {
+  for (const EffectWords& words : kNames) {
+    if (words.kind == kind) return std::string(words.name);
+  }
+  return kind;
+}
+
+std::string effect_in_place(const std::string& kind, int joint) {
+  const std::string name = effect_name(kind);
+  return joint < 0 ? name : fmt::format("{} in joint {}", name, joint + 1);
+}
+
+std::string effect_equation(const std::string& kind) {
+  std::string equation;
+  for (const EffectWords& words : kNames) {
+    if (words.kind == kind) equation = words.equation;
+  }
+  visit_joint_effect(joint_effect_kind(kind), [&](auto effect) { equation = decltype(effect)::kEquation; });
+  return equation;
+}
+
+std::string shown_by(const Finding& finding) {
+  if (!finding.shown_by.empty()) return finding.shown_by;
+  std::string motion;
+  visit_joint_effect(joint_effect_kind(finding.kind),
+                     [&](auto effect) { motion = decltype(effect)::kShownBy; });
+  return motion;
+}
+
+std::string parameters_in_words(const Finding& finding, const model::Robot& robot) {
+  const bool prismatic = is_prismatic(robot, finding.joint);
+  std::vector<std::string> parts;
+  // Components of one vector stand together.
+  const auto x = parameter(finding, "com_x"), y = parameter(finding, "com_y"),
+             z = parameter(finding, "com_z");
+  const bool vector = x && y && z;
+  for (const auto& [name, value] : finding.parameters) {
+    if (vector && name == "com_x") {
+      parts.push_back(
+          fmt::format("com ({}, {}, {}) m", short_number(*x, 3), short_number(*y, 3), short_number(*z, 3)));
+    }
+    if (vector && name.starts_with("com_")) continue;
+    const std::string unit = unit_of(finding.kind, name, prismatic);
+    parts.push_back(
+        fmt::format("{} {}{}{}", name, short_number(value), unit.empty() || unit == "°" ? "" : " ", unit));
+  }
+  for (const auto& [name, value] : finding.words) parts.push_back(fmt::format("{} {}", name, value));
+  for (std::size_t k = 0; k < finding.events.size(); ++k) {
+    std::string event = fmt::format("at {} s for {} s", short_number(finding.events[k].first, 4),
+                                    short_number(finding.events[k].second, 2));
+    if (k < finding.forces.size()) {
+      const Eigen::Vector3d& f = finding.forces[k];
+      event += fmt::format(" ({}, {}, {}) N", short_number(f.x(), 3), short_number(f.y(), 3),
+                           short_number(f.z(), 3));
+    }
+    parts.push_back(event);
+  }
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+std::string evidence_in_words(const Finding& finding) {
+  return fmt::format("p {}, ΔBIC {}, error on blocks not fitted {}", p_in_words(finding.p_value),
+                     minus(fmt::format("{:.0f}", finding.delta_bic)),
+                     change_percent(1.0, 1.0 - finding.cross_validated));
+}
+
+std::string evidence_in_words(const diagnose::Unexplained& unexplained) {
+  std::vector<std::string> parts;
+  for (const auto& [name, value] : unexplained.evidence)
+    parts.push_back(fmt::format("{} {}", name, short_number(value, 3)));
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool with_score) {
+  std::vector<std::string> parts;
+  for (const diagnose::Rival& rival : rivals) {
+    parts.push_back(
+        effect_in_place(rival.kind, rival.joint) +
+        (with_score ? fmt::format(" (ΔBIC {})", minus(fmt::format("{:.0f}", rival.delta_bic))) : ""));
+  }
+  return fmt::format("{}", fmt::join(parts, "; "));
+}
+
+std::string change_percent(double before, double after) {
+  if (!(before > 0.0) || !std::isfinite(after)) return "–";
+  const double percent = 100.0 * (after / before - 1.0);
+  if (std::abs(percent) < 0.05) return "0 %";
+  return fmt::format("{}{:.{}f} %", percent < 0.0 ? "−" : "+", std::abs(percent),
+                     std::abs(percent) < 10.0 ? 1 : 0);
+}
+
+std::string torque_unit(const model::Robot& robot, int joint) {
+  return is_prismatic(robot, joint) ? "N" : "N·m";
+}
+
+std::string torque_unit(const model::Robot& robot) {
+  bool turns = false, slides = false;
+  for (int j = 0; j < robot.num_joints(); ++j) (is_prismatic(robot, j) ? slides : turns) = true;
+  return turns && slides ? "N·m, N" : slides ? "N" : "N·m";
+}
+
+std::string diagnosis_verdict(const Diagnosis& diagnosis) {
+  const std::size_t logs = std::max<std::size_t>(1, diagnosis.validate_each_after.size());
+  const std::string left = unexplained_in_words(diagnosis.unexplained);
+  if (diagnosis.findings.empty()) {
+    if (!left.empty()) return fmt::format("Something is left that heft does not know: {}.", left);
+    return "Nothing is missing: rigid bodies with Coulomb and viscous friction explain these logs, and no "
+           "further effect lowers the error on data not fitted by more than chance and by enough to matter.";
+  }
+  std::string text;
+  if (diagnosis.findings.size() == 1) {
+    const Finding& finding = diagnosis.findings.front();
+    text = matter(finding);
+    const std::string whose =
+        finding.joint == finding.main_joint ? "its" : fmt::format("joint {}'s", finding.main_joint + 1);
+    const std::string value = worth(whose, finding.validate_before, finding.validate_after,
+                                    torque_unit(diagnosis.after, finding.main_joint), logs);
+    text += value.empty() ? "" : ": " + value;
+    // What else it does falls to it alone.
+    std::vector<std::string> others;
+    for (const Fall& fall : falls(diagnosis)) {
+      if (fall.joint != finding.main_joint && others.size() < 2 && fall.share > kMuch)
+        others.push_back(fall_in_words(diagnosis, fall.joint));
+    }
+    if (!value.empty() && !others.empty()) text += fmt::format(", and that of {}", list_of(others));
+    text += ".";
+    if (!finding.equivalent.empty()) {
+      text +=
+          fmt::format(" In this motion it cannot be told from {}.", list_of(names_of(finding.equivalent)));
+    }
+  } else {
+    constexpr std::size_t kMostNames = 3, kMostJoints = 2;
+    std::vector<std::string> effects, joints;
+    for (const Finding& finding : diagnosis.findings) {
+      if (effects.size() < kMostNames) effects.push_back(effect_in_place(finding.kind, finding.joint));
+    }
+    text = fmt::format("{} effects are missing{}{}", count_in_words(diagnosis.findings.size()),
+                       diagnosis.findings.size() > kMostNames ? ", the strongest " : ": ", list_of(effects));
+    for (const Fall& fall : falls(diagnosis)) {
+      if (fall.share > 0.0 && joints.size() < kMostJoints)
+        joints.push_back(fall_in_words(diagnosis, fall.joint));
+    }
+    if (!joints.empty()) {
+      text += fmt::format(". With all of them the error on the validation log{} falls most in {}",
+                          logs > 1 ? "s" : "", list_of(joints));
+    }
+    text += ".";
+  }
+  if (!left.empty()) text += fmt::format(" Something else is left that heft does not know: {}.", left);
+  return text;
+}
+
+int most_improved_joint(const Diagnosis& diagnosis) {
+  const std::vector<Fall> all = falls(diagnosis);
+  return all.empty() ? -1 : all.front().joint;
+}
+
+std::vector<std::string> errors_that_rise(const Diagnosis& diagnosis) {
+  constexpr double kRise = 1.01;
+  std::vector<std::string> lines;
+  const std::size_t logs =
+      std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+  for (std::size_t k = 0; k < logs; ++k) {
+    const identify::Score &before = diagnosis.validate_each_before[k],
+                          &after = diagnosis.validate_each_after[k];
+    if (!has_scores(before, after)) continue;
+    for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
+      if (after.rmse[j] <= kRise * before.rmse[j]) continue;
+      lines.push_back(fmt::format("{}: the error of joint {} rises from {} to {} {} ({})", before.log, j + 1,
+                                  number(before.rmse[j], 3), number(after.rmse[j], 3),
+                                  torque_unit(diagnosis.after, static_cast<int>(j)),
+                                  change_percent(before.rmse[j], after.rmse[j])));
+    }
+  }
+  return lines;
+}
+
+report::Table before_after_table(const identify::Score& before, const identify::Score& after,
+                                 const model::Robot& robot) {
+  const std::string unit = torque_unit(robot);
+  report::Table table({"joint", fmt::format("RMSE before [{}]", unit), "after", "change [%]",
+                       fmt::format("in band before [{}]", unit), "after", "change [%]", "R² before",
+                       "after"});
+  if (!has_scores(before, after)) return table;
+  const auto r2 = [](double value) { return std::isfinite(value) ? fmt::format("{:.4f}", value) : "–"; };
+  for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
+    table.add_row({fmt::format("{}", j + 1), number(before.rmse[j], 3), number(after.rmse[j], 3),
+                   percent_cell(before.rmse[j], after.rmse[j]), number(before.rmse_in_band[j], 3),
+                   number(after.rmse_in_band[j], 3),
+                   percent_cell(before.rmse_in_band[j], after.rmse_in_band[j]), r2(before.r2[j]),
+                   r2(after.r2[j])});
+  }
+  return table;
+}
+
+report::Table ranking_table(const Diagnosis& diagnosis, const model::Robot& robot) {
+  report::Table table(
+      {"", "effect", "joint", "p", "ΔBIC", "blocks not fitted [%]", "validation RMSE", "change [%]"});
+  const auto joint = [](int j) { return j < 0 ? std::string("–") : fmt::format("{}", j + 1); };
+  int rank = 0;
+  for (const Finding& finding : diagnosis.findings) {
+    const std::string unit = torque_unit(robot, finding.main_joint);
+    const bool judged = finding.validate_before > 0.0;
+    table.add_row(
+        {fmt::format("{}", ++rank), finding.kind, joint(finding.joint), p_in_words(finding.p_value),
+         fmt::format("{:.0f}", finding.delta_bic), percent_cell(1.0, 1.0 - finding.cross_validated),
+         judged ? fmt::format("joint\u00a0{}: {}\u00a0→\u00a0{}\u00a0{}", finding.main_joint + 1,
+                              number(finding.validate_before, 3), number(finding.validate_after, 3), unit)
+                : "–",
+         percent_cell(finding.validate_before, finding.validate_after)});
+    for (const diagnose::Rival& rival : finding.equivalent) {
+      table.add_row({"", "= " + rival.kind, joint(rival.joint), "", "", "", "the same in this motion"});
+    }
+    for (const diagnose::Rival& rival : finding.rivals) {
+      table.add_row({"", "or " + rival.kind, joint(rival.joint), "", fmt::format("{:.0f}", rival.delta_bic),
+                     "", "rival"});
+    }
+  }
+  return table;
+}
+
+report::Table refusal_table(const Diagnosis& diagnosis, std::size_t most) {
+  report::Table table({"effect", "joint", "would explain", "refused because"});
+  for (const diagnose::Refusal& refusal : strongest(diagnosis)) {
+    if (table.rows().size() == most) break;
+    table.add_row({refusal.kind, refusal.joint < 0 ? "–" : fmt::format("{}", refusal.joint + 1),
+                   fmt::format("{} %", number(100.0 * refusal.gain, 2)), refusal.why});
+  }
+  return table;
+}
+
+std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  constexpr std::size_t kMostRefusals = 5;
+  const model::Robot& robot = diagnosis.after;
+  std::string text = diagnosis_verdict(diagnosis) + "\n";
+  int rank = 0;
+  for (const Finding& finding : diagnosis.findings) {
+    text += fmt::format("\n{}. {}\n", ++rank, capital(effect_in_place(finding.kind, finding.joint)));
+    const auto line = [&](const char* label, const std::string& content) {
+      if (!content.empty()) text += fmt::format("   {:<12}{}\n", label, content);
+    };
+    line("kind", finding.kind);
+    line("term", effect_equation(finding.kind));
+    line("parameters", parameters_in_words(finding, robot));
+    line("evidence", evidence_in_words(finding));
+    line("validation",
+         finding.validate_before > 0.0
+             ? fmt::format("joint {}: {} → {} {} ({})", finding.main_joint + 1,
+                           number(finding.validate_before, 3), number(finding.validate_after, 3),
+                           torque_unit(robot, finding.main_joint),
+                           change_percent(finding.validate_before, finding.validate_after))
+             : "");
+    line("rivals", rivals_in_words(finding.rivals, true));
+    line("the same as", rivals_in_words(finding.equivalent, false));
+    if (!finding.rivals.empty() || !finding.equivalent.empty()) line("told apart", "by " + shown_by(finding));
+  }
+  const auto scores = [&](const char* title, const identify::Score& before, const identify::Score& after) {
+    if (!has_scores(before, after)) return;
+    text += fmt::format("\n{}\n{}", title, before_after_table(before, after, robot).to_text(2));
+  };
+  scores("Validation, not seen by the fit", diagnosis.validate_before, diagnosis.validate_after);
+  scores("Training", diagnosis.train_before, diagnosis.train_after);
+  if (has_scores(diagnosis.validate_before, diagnosis.validate_after)) {
+    text += fmt::format(
+        "{} Before: rigid bodies, Coulomb and viscous friction; after: with the effects. Positions through a "
+        "low-pass of {:.3g} Hz.\n",
+        score_meaning(diagnosis.validate_after), diagnosis.cutoff);
+  }
+  if (diagnosis.validate_each_after.size() > 1) {
+    const std::size_t count =
+        std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+    for (std::size_t k = 0; k < count; ++k) {
+      scores(diagnosis.validate_each_after[k].log.c_str(), diagnosis.validate_each_before[k],
+             diagnosis.validate_each_after[k]);
+    }
+  }
+  for (const std::string& line : errors_that_rise(diagnosis)) text += "Worse: " + line + "\n";
+  if (!diagnosis.refusals.empty()) {
+    text += fmt::format("\nRefused{}\n{}",
+                        diagnosis.refusals.size() > kMostRefusals
+                            ? fmt::format(", {} most telling of {}", kMostRefusals, diagnosis.refusals.size())
+                            : "",
+                        refusal_table(diagnosis, kMostRefusals).to_text(2));
+  }
+  text += "\nUnexplained\n";
+  if (diagnosis.unexplained.empty()) text += "  nothing above noise\n";
+  for (const diagnose::Unexplained& u : diagnosis.unexplained) {
+    const std::string evidence = evidence_in_words(u);
+    text += fmt::format("  {}{}\n", unexplained_in_words(u), evidence.empty() ? "" : " (" + evidence + ")");
+  }
+  for (const std::string& line : diagnosis.notes) text += "Note: " + line + "\n";
+  text += fmt::format("\n{} candidates tried on {:.1f} s of training motion. Again:\n  {}\n",
+                      diagnosis.candidates, diagnosis.seconds, context.command);
+  return text;
+}
+
+nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  nlohmann::ordered_json json;
+  json["robot"] = diagnosis.after.name;
+  json["verdict"] = diagnosis_verdict(diagnosis);
+  json["torque_at"] = context.torque_at;
+  const double band = diagnosis.validate_after.band;
+  json["band_hz"] = band > 0.0 ? nlohmann::ordered_json(band) : nlohmann::ordered_json(nullptr);
+  json["cutoff_hz"] = diagnosis.cutoff;
+  json["train"] = before_after_json(diagnosis.train_before, diagnosis.train_after);
+  json["validate"] = before_after_json(diagnosis.validate_before, diagnosis.validate_after);
+  json["effects"] = nlohmann::ordered_json::array();
+  for (const Finding& finding : diagnosis.findings) json["effects"].push_back(effect_json(finding));
+  json["unexplained"] = nlohmann::ordered_json::array();
+  for (const diagnose::Unexplained& u : diagnosis.unexplained) {
+    nlohmann::ordered_json evidence = nlohmann::ordered_json::object();
+    for (const auto& [name, value] : u.evidence) evidence[name] = number_or_null(value);
+    json["unexplained"].push_back(
+        {{"joint", joint_or_null(u.joint)}, {"what", u.what}, {"evidence", std::move(evidence)}});
+  }
+  json["refused"] = nlohmann::ordered_json::array();
+  for (const diagnose::Refusal& refusal : strongest(diagnosis)) {
+    json["refused"].push_back({{"kind", refusal.kind},
+                               {"joint", joint_or_null(refusal.joint)},
+                               {"why", refusal.why},
+                               {"gain", number_or_null(refusal.gain)}});
+  }
+  json["validate_logs"] = nlohmann::ordered_json::array();
+  for (std::size_t k = 0;
+       k < std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size()); ++k) {
+    nlohmann::ordered_json entry{{"log", diagnosis.validate_each_after[k].log}};
+    entry.update(before_after_json(diagnosis.validate_each_before[k], diagnosis.validate_each_after[k]));
+    json["validate_logs"].push_back(std::move(entry));
+  }
+  json["errors_that_rise"] = errors_that_rise(diagnosis);
+  json["candidates_tried"] = diagnosis.candidates;
+  json["train_seconds"] = diagnosis.seconds;
+  json["notes"] = diagnosis.notes;
+  json["logs"] = {{"train", context.train}, {"validate", context.validate}};
+  json["command"] = context.command;
+  return json;
+}
+
+}  // namespace heft::tools

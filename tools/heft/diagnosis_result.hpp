@@ -1,0 +1,69 @@
+/// @file
+/// What a diagnosis found, as one sentence, as text, as tables and as JSON.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "heft/diagnose/diagnosis.hpp"
+#include "heft/report/table.hpp"
+
+namespace heft::tools {
+
+/// What belongs to a diagnosis besides its result.
+struct DiagnosisContext {
+  std::vector<std::string> train, validate;  ///< paths of the logs
+  std::string torque_at{"motor"};
+  std::string command;  ///< line that gives the same result
+};
+
+/// "Stribeck friction", "a spring", to stand behind "lacks"; an id that heft does not know is its own name.
+std::string effect_name(const std::string& kind);
+/// The same with its first letter large.
+std::string capital(std::string text);
+/// "Stribeck friction in joint 2", "a delay of the torque channel".
+std::string effect_in_place(const std::string& kind, int joint);
+/// "Fs 1.2 N·m, vs 0.05 rad/s": numbers with units, words, events.
+std::string parameters_in_words(const diagnose::Finding& finding, const model::Robot& robot);
+/// The term that an effect adds, as text; empty for an id that heft does not know.
+std::string effect_equation(const std::string& kind);
+/// The motion that would tell an effect from its rivals; empty: not known.
+std::string shown_by(const diagnose::Finding& finding);
+/// "p 3e-9, ΔBIC −812, error on blocks not fitted −31 %".
+std::string evidence_in_words(const diagnose::Finding& finding);
+/// "amplitude 0.3, frequency 11".
+std::string evidence_in_words(const diagnose::Unexplained& unexplained);
+/// "viscous_nonlinear, joint 2 (ΔBIC −640); ...".
+std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool with_score);
+
+/// The answer: what is missing and what it is worth, that nothing is missing, or that something is left.
+std::string diagnosis_verdict(const diagnose::Diagnosis& diagnosis);
+
+/// Joint whose error on the validation logs falls most; -1: not known.
+int most_improved_joint(const diagnose::Diagnosis& diagnosis);
+/// Joints whose error rises by more than a hundredth on a validation log, one line each.
+std::vector<std::string> errors_that_rise(const diagnose::Diagnosis& diagnosis);
+
+/// "−33 %"; "–" where there is nothing to compare.
+std::string change_percent(double before, double after);
+/// "N·m", "N" or "N·m, N": of the torques of all joints.
+std::string torque_unit(const model::Robot& robot);
+/// "N·m" or "N".
+std::string torque_unit(const model::Robot& robot, int joint);
+
+/// Errors of each joint before and after; empty rows when the scores are.
+report::Table before_after_table(const identify::Score& before, const identify::Score& after,
+                                 const model::Robot& robot);
+/// Effects, strongest first, with their evidence, and what else was tried: rivals.
+report::Table ranking_table(const diagnose::Diagnosis& diagnosis, const model::Robot& robot);
+/// The refusals that explain most, strongest first.
+report::Table refusal_table(const diagnose::Diagnosis& diagnosis, std::size_t most);
+
+/// All of it for a terminal.
+std::string diagnosis_text(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
+
+nlohmann::ordered_json diagnosis_json(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
+
+}  // namespace heft::tools
