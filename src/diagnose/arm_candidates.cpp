@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -22,7 +23,7 @@ using Eigen::VectorXd;
 
 std::vector<int> all_joints(int n) {
   std::vector<int> joints(static_cast<std::size_t>(n));
-  for (int j = 0; j < n; ++j) joints[static_cast<std::size_t>(j)] = j;
+  std::iota(joints.begin(), joints.end(), 0);
   return joints;
 }
 
@@ -31,7 +32,7 @@ std::vector<int> all_joints(int n) {
 constexpr double kTouch = 1000.0;
 
 Trial judge(const Workbench& bench, const Candidate& candidate) {
-  return bench.problem->judge(bench.problem->moments(candidate.columns), candidate.terms);
+  return bench.problem->judge(bench.problem->moments(candidate.columns));
 }
 
 double gain(const Workbench& bench, const Columns& columns) {
@@ -42,42 +43,17 @@ double gain(const Workbench& bench, const Columns& columns) {
 
 /// Torque of the present model `delay` seconds earlier, minus the one at the time itself.
 Columns delay_columns(const Workbench& bench, const MatrixXd& predicted, double delay) {
-  const MotionTable& table = *bench.table;
-  const int n = table.num_joints;
-  const double back = delay * table.sample_rate;
+  const MatrixXd difference = earlier(*bench.table, predicted, delay) - predicted;
   Columns columns;
-  columns.joints = all_joints(n);
-  for (int j = 0; j < n; ++j) {
-    MatrixXd value = MatrixXd::Zero(table.rows(), 1);
-    for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
-      for (Index i = table.run_begin[r]; i < table.run_begin[r + 1]; ++i) {
-        const double at = std::max(static_cast<double>(table.run_begin[r]), static_cast<double>(i) - back);
-        const auto k = static_cast<Index>(at);
-        const double f = at - static_cast<double>(k);
-        const Index next = std::min(k + 1, table.run_begin[r + 1] - 1);
-        value(i, 0) = (1.0 - f) * predicted(k, j) + f * predicted(next, j) - predicted(i, j);
-      }
-    }
-    columns.values.push_back(std::move(value));
-  }
+  columns.joints = all_joints(bench.table->num_joints);
+  for (const int j : columns.joints) columns.values.emplace_back(difference.col(j));
   return columns;
 }
 
 Candidate delay_candidate(const Workbench& bench) {
   Candidate c;
   c.kind = "delay";
-  // The prediction of every row, also of those that do not count.
-  MatrixXd predicted(bench.table->rows(), bench.table->num_joints);
-  const std::vector<MatrixXd> rows =
-      bench.base->rows(*bench.motion, MatrixXd::Ones(bench.table->rows(), bench.table->num_joints));
-  const VectorXd theta = bench.problem->theta();
-  for (int j = 0; j < bench.table->num_joints; ++j) {
-    const auto s = static_cast<std::size_t>(j);
-    VectorXd own(rows[s].cols());
-    for (Index k = 0; k < own.size(); ++k)
-      own[k] = theta[bench.base->places()[s][static_cast<std::size_t>(k)]];
-    predicted.col(j) = rows[s] * own;
-  }
+  const MatrixXd predicted = bench.base->torque(*bench.rows, bench.problem->theta());
   double best = 0.0, best_gain = 0.0;
   const std::array<double, 9> grid{-0.004, 0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.018, 0.027};
   c.tried = static_cast<int>(grid.size());
@@ -153,18 +129,14 @@ Columns last_link_columns(const Workbench& bench, const MatrixXd& share) {
   for (int j = 0; j < n; ++j) {
     const auto s = static_cast<std::size_t>(j);
     const auto& places = bench.base->places()[s];
-    MatrixXd own(static_cast<Index>(places.size()), share.cols());
-    for (std::size_t r = 0; r < places.size(); ++r) own.row(static_cast<Index>(r)) = share.row(places[r]);
-    // The base columns stand first in every joint's rows.
-    columns.values.push_back(bench.problem->rows()[s].leftCols(static_cast<Index>(places.size())) * own);
+    columns.values.push_back((*bench.rows)[s] * share(places, Eigen::all));
   }
   return columns;
 }
 
-/// The columns from row `from` of run `run` on.
-Columns from_row(const Workbench& bench, Columns columns, int run, Index from) {
-  const Index begin = bench.table->run_begin[static_cast<std::size_t>(run)];
-  for (MatrixXd& values : columns.values) values.middleRows(begin, from - begin).setZero();
+/// The columns from a row on.
+Columns from_row(Columns columns, Index from) {
+  for (MatrixXd& values : columns.values) values.topRows(from).setZero();
   return columns;
 }
 
@@ -182,23 +154,21 @@ Candidate payload_candidate(const Workbench& bench) {
   for (int e = 0; e < 4; ++e) {
     if (link.col(e).norm() > 1e-12) entries.push_back(e);
   }
-  const auto share_of = [&](const std::vector<int>& list) {
-    MatrixXd share(link.rows(), static_cast<Index>(list.size()));
-    for (std::size_t e = 0; e < list.size(); ++e) share.col(static_cast<Index>(e)) = link.col(list[e]);
-    return share;
+  const auto columns_of = [&](const std::vector<int>& list) {
+    return last_link_columns(bench, link(Eigen::all, list));
   };
   // Half way through, every entry that the rest of the model does not explain can be told.
   for (bool again = true; again && !entries.empty();) {
     again = false;
     Candidate half;
-    half.columns = from_row(bench, last_link_columns(bench, share_of(entries)), 0, table.rows() / 2);
+    half.columns = from_row(columns_of(entries), table.rows() / 2);
     if (!judge(bench, half).valid) {
       // Drop the weakest.
       std::size_t worst = 0;
       double least = 1e300;
       for (std::size_t e = 0; e < entries.size(); ++e) {
         Candidate one;
-        one.columns = from_row(bench, last_link_columns(bench, share_of({entries[e]})), 0, table.rows() / 2);
+        one.columns = from_row(columns_of({entries[e]}), table.rows() / 2);
         const Trial trial = judge(bench, one);
         const double info = trial.valid ? 1.0 / trial.std[0] : 0.0;
         if (info < least) least = info, worst = e;
@@ -211,10 +181,9 @@ Candidate payload_candidate(const Workbench& bench) {
     c.refused = "this motion shows nothing of the last link";
     return c;
   }
-  c.share = share_of(entries);
   c.entries = entries;
-  const Columns all = last_link_columns(bench, c.share);
-  const auto gain_from = [&](Index row) { return gain(bench, from_row(bench, all, 0, row)); };
+  const Columns all = columns_of(entries);
+  const auto gain_from = [&](Index row) { return gain(bench, from_row(all, row)); };
   const Index margin = static_cast<Index>(2.0 * table.sample_rate);
   Index best = 0;
   double best_gain = 0.0;
@@ -237,7 +206,7 @@ Candidate payload_candidate(const Workbench& bench) {
     return c;
   }
   c.shape = table.time[best];
-  c.columns = from_row(bench, all, 0, best);
+  c.columns = from_row(all, best);
   c.trial = judge(bench, c);
   return c;
 }
@@ -402,7 +371,6 @@ Candidate contact_candidate(const Workbench& bench) {
   // τ = model - Jᵀ F: sums of J w Jᵀ and -J w r over bins of 20 ms.
   const Index bin = std::max<Index>(1, static_cast<Index>(std::lround(0.02 * table.sample_rate)));
   const double seconds = static_cast<double>(bin) / table.sample_rate;
-  double total_gain = 0.0;
   std::vector<double> t_values, gains_found;
   for (std::size_t run = 0; run + 1 < table.run_begin.size(); ++run) {
     const Index begin = table.run_begin[run];
@@ -487,13 +455,12 @@ Candidate contact_candidate(const Workbench& bench) {
       c.event_runs.pop_back();
     }
   }
-  for (const double g : gains_found) total_gain += g;
   if (c.events.empty()) {
     c.refused = "no stretch of time stands out";
     return c;
   }
   c.trial.valid = true;
-  c.trial.gain = c.trial.cv_gain = total_gain;
+  c.trial.gain = c.trial.cv_gain = std::accumulate(gains_found.begin(), gains_found.end(), 0.0);
   c.trial.wald = *std::max_element(t_values.begin(), t_values.end());
   c.trial.p_value = std::max(1e-300, std::exp(-0.5 * c.trial.wald));
   c.trial.cv_t = std::sqrt(c.trial.wald);

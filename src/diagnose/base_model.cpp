@@ -36,7 +36,7 @@ bool BaseModel::is_link(int column) const {
          columns_[base_.kept[static_cast<std::size_t>(column)]].kind == ColumnKind::kLink;
 }
 
-std::vector<MatrixXd> BaseModel::rows(const Motion& motion, const MatrixXd& keep) const {
+std::vector<MatrixXd> BaseModel::rows(const Motion& motion) const {
   std::vector<MatrixXd> rows;
   const Index m = motion.q.rows();
   for (const auto& list : places_) rows.emplace_back(m, static_cast<Index>(list.size()));
@@ -50,11 +50,17 @@ std::vector<MatrixXd> BaseModel::rows(const Motion& motion, const MatrixXd& keep
         double value = Y(joint, base_.kept[static_cast<std::size_t>(place)]);
         if (place == coulomb_[j]) value = motion.direction(i, joint);
         if (place == viscous_[j]) value = motion.qd(i, joint);
-        rows[j](i, static_cast<Index>(c)) = keep(i, joint) * value;
+        rows[j](i, static_cast<Index>(c)) = value;
       }
     }
   }
   return rows;
+}
+
+MatrixXd BaseModel::torque(const std::vector<MatrixXd>& rows, const VectorXd& beta) const {
+  MatrixXd tau(rows.front().rows(), num_joints());
+  for (std::size_t j = 0; j < rows.size(); ++j) tau.col(static_cast<Index>(j)) = rows[j] * beta(places_[j]);
+  return tau;
 }
 
 model::Robot BaseModel::robot(const VectorXd& beta) const {

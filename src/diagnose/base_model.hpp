@@ -33,10 +33,12 @@ class BaseModel {
   /// For each joint the base columns that reach its rows.
   const std::vector<std::vector<int>>& places() const { return places_; }
   int coulomb(int joint) const { return coulomb_[static_cast<std::size_t>(joint)]; }
-  int viscous(int joint) const { return viscous_[static_cast<std::size_t>(joint)]; }
   bool is_link(int column) const;
-  /// Rows for each joint, m × p_j, rows that do not count set to 0.
-  std::vector<Eigen::MatrixXd> rows(const Motion& motion, const Eigen::MatrixXd& keep) const;
+  /// Rows for each joint, m × p_j, also those that do not count.
+  std::vector<Eigen::MatrixXd> rows(const Motion& motion) const;
+  /// Torque of these rows, m × n.
+  /// @param beta  b or more values; those beyond are not looked at
+  Eigen::MatrixXd torque(const std::vector<Eigen::MatrixXd>& rows, const Eigen::VectorXd& beta) const;
   /// The robot nearest to the given one that has these base parameters.
   model::Robot robot(const Eigen::VectorXd& beta) const;
   /// Base parameters of the given robot, b; friction 0.

@@ -2,7 +2,6 @@
 /// What could be missing: candidate effects with the columns they add.
 #pragma once
 
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,12 +9,10 @@
 #include <Eigen/Core>
 
 #include "base_model.hpp"
+#include "heft/core/effects/effects.hpp"
 #include "problem.hpp"
 
 namespace heft::diagnose {
-
-/// Names and values of an effect's physical parameters.
-using ParameterList = std::vector<std::pair<std::string, double>>;
 
 /// One effect on one joint (or the whole arm) at its best shape.
 struct Candidate {
@@ -25,13 +22,11 @@ struct Candidate {
   double shape{0.0};  ///< the value that the torque is not linear in
   int tried{1};       ///< shapes compared, for multiplicity
   Columns columns;
-  FitTerms terms;
   int replaces{-1};  ///< base column that its first column stands in for
   Trial trial;
   bool stale{false};         ///< judged before another effect was taken
-  Eigen::MatrixXd share;     ///< payload_change: b × k, what the coefficients add to the base parameters
   std::vector<int> entries;  ///< payload_change: inertial parameters that the coefficients are
-  double second{0.0};        ///< another shape (damping, end of an event)
+  double second{0.0};        ///< another shape (damping)
   std::string refused;       ///< why it cannot be; empty: it can
   std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;            ///< contact [N]
@@ -44,13 +39,17 @@ struct Workbench {
   const BaseModel* base;
   const MotionTable* table;
   const Motion* motion;
-  const model::Robot* robot;    ///< with the base parameters of the present fit
-  const Eigen::MatrixXd* load;  ///< m × n: rigid-body torque of the present fit
-  std::vector<bool> prismatic;
+  const std::vector<Eigen::MatrixXd>* rows;  ///< of the base model, also those that do not count
+  const model::Robot* robot;                 ///< with the base parameters of the present fit
+  const Eigen::MatrixXd* load;               ///< m × n: rigid-body torque of the present fit
 };
 
 /// Best candidate of every kind of joint effect on a joint, judged.
 std::vector<Candidate> joint_candidates(const Workbench& bench, int joint);
+
+/// Physical parameters of fitted coefficients of a joint effect.
+EffectParameters<double> effect_parameters(int effect, const Eigen::VectorXd& coefficients, double shape,
+                                           const JointActuation<double>& actuation);
 
 /// Column values of one joint effect, m × k; rows that do not count are not masked yet.
 Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape);

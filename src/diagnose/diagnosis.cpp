@@ -540,12 +540,10 @@ class Session {
   void describe(const Candidate& own, std::size_t index, const model::Robot& robot, Finding& f) const {
     const VectorXd c = engine_->coefficients(index);
     if (own.effect >= 0) {
+      const auto parameters = effect_parameters(own.effect, c, own.shape,
+                                                robot.joints[static_cast<std::size_t>(own.joint)].actuation);
       visit_joint_effect(own.effect, [&](auto type) {
         using Effect = decltype(type);
-        std::array<double, Effect::kNotNegative.size()> values{};
-        for (std::size_t k = 0; k < values.size(); ++k) values[k] = c[static_cast<Index>(k)];
-        const auto parameters = Effect::parameters(
-            values, own.shape, robot.joints[static_cast<std::size_t>(own.joint)].actuation);
         for (std::size_t k = 0; k < Effect::kParameters.size(); ++k) {
           f.parameters.emplace_back(std::string(Effect::kParameters[k].name), parameters[k]);
         }
@@ -614,13 +612,14 @@ class Session {
       if (!(rows > 30.0)) continue;
       const double square = residual.col(j).squaredNorm() / rows;
       const double above = 1.0 - noise[j] * noise[j] / square;
+      if (!options_.trace && above < kStructured) continue;
+      const std::vector<Structure> found = structures(table, residual.col(j), j);
       if (options_.trace) {
-        const auto s = structures(table, residual.col(j), j);
         options_.trace(fmt::format("joint {}: {:.1f} % above noise; {} ({:.3f}); {} ({:.3f})", j + 1,
-                                   100.0 * above, s[0].what, s[0].share, s[1].what, s[1].share));
+                                   100.0 * above, found[0].what, found[0].share, found[1].what,
+                                   found[1].share));
       }
       if (above < kStructured) continue;
-      const std::vector<Structure> found = structures(table, residual.col(j), j);
       Unexplained u;
       u.joint = j;
       u.what = fmt::format("{:.0f} % of the squared residual is no noise", 100.0 * above);

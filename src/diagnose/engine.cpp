@@ -21,20 +21,12 @@ namespace {
 Motion delayed(const MotionTable& table, double delay) {
   Motion motion = rigid_motion(table);
   if (delay == 0.0) return motion;
-  const double back = delay * table.sample_rate;
-  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
-    for (Index i = table.run_begin[r]; i < table.run_begin[r + 1]; ++i) {
-      const double at = std::max(static_cast<double>(table.run_begin[r]), static_cast<double>(i) - back);
-      const auto k = static_cast<Index>(at);
-      const double f = at - static_cast<double>(k);
-      const Index next = std::min(k + 1, table.run_begin[r + 1] - 1);
-      motion.q.row(i) = (1.0 - f) * table.q.row(k) + f * table.q.row(next);
-      motion.qd.row(i) = (1.0 - f) * table.qd.row(k) + f * table.qd.row(next);
-      motion.qdd.row(i) = (1.0 - f) * table.qdd.row(k) + f * table.qdd.row(next);
-      for (int j = 0; j < table.num_joints; ++j) {
-        motion.direction(i, j) = velocity_sign(motion.qd(i, j), table.sign_width[j]);
-      }
-    }
+  motion.q = earlier(table, table.q, delay);
+  motion.qd = earlier(table, table.qd, delay);
+  motion.qdd = earlier(table, table.qdd, delay);
+  for (int j = 0; j < table.num_joints; ++j) {
+    motion.direction.col(j) = motion.qd.col(j).unaryExpr(
+        [width = table.sign_width[j]](double v) { return velocity_sign(v, width); });
   }
   motion.link_q = motion.q;
   motion.link_qd = motion.qd;
@@ -54,14 +46,8 @@ Engine::Engine(const model::Robot& robot, MotionTable table, double steady)
   build();
 }
 
-bool Engine::prismatic(int joint) const {
-  return given_.joints[static_cast<std::size_t>(joint)].joint.type == JointType::kPrismatic;
-}
-
 Workbench Engine::bench() const {
-  Workbench bench{problem_.get(), &base_, &table_, &motion_, &rigid_, &load_, {}};
-  for (int j = 0; j < table_.num_joints; ++j) bench.prismatic.push_back(prismatic(j));
-  return bench;
+  return {problem_.get(), &base_, &table_, &motion_, &rows_, &rigid_, &load_};
 }
 
 void Engine::build() {
@@ -92,10 +78,10 @@ void Engine::build() {
 
 void Engine::refit(bool deflect) {
   if (deflect) {
-    for (std::size_t e = 0; e < accepted.size(); ++e) {
-      if (accepted[e].kind != "elasticity") continue;
-      const int j = accepted[e].joint;
-      const model::Dynamics dynamics(rigid_);
+    const model::Dynamics dynamics(rigid_);
+    for (const Candidate& elastic : accepted) {
+      if (elastic.kind != "elasticity") continue;
+      const int j = elastic.joint;
       VectorXd inertia(table_.rows()), load(table_.rows());
       VectorXd asked(table_.num_joints);
       for (Index i = 0; i < table_.rows(); ++i) {
@@ -106,14 +92,14 @@ void Engine::refit(bool deflect) {
                                             motion_.link_qd.row(i).transpose(), asked)[j];
       }
       if (!(inertia.minCoeff() > 0.0)) continue;
-      const Deflection d = deflection(table_, load, inertia, accepted[e].shape, accepted[e].second);
+      const Deflection d = deflection(table_, load, inertia, elastic.shape, elastic.second);
       motion_.link_q.col(j) = motion_.q.col(j) - d.value;
       motion_.link_qd.col(j) = motion_.qd.col(j) - d.rate;
       motion_.link_qdd.col(j) = motion_.qdd.col(j) - d.acceleration;
     }
   }
-  problem_ = std::make_unique<Problem>(table_, base_.rows(motion_, table_.keep), base_.places(),
-                                       base_.prior(), steady_, table_.tau);
+  rows_ = base_.rows(motion_);
+  problem_ = std::make_unique<Problem>(table_, rows_, base_.places(), base_.prior(), steady_, table_.tau);
   steady_ = problem_->steady();  // chosen once, or fits with and without an effect could not be compared
   first_column_.assign(accepted.size(), -1);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
@@ -143,18 +129,13 @@ void Engine::refit(bool deflect) {
     }
   }
   // Rigid-body torque of the fit, also where rows do not count.
-  rigid_ = base_.robot(problem_->theta());
-  const std::vector<MatrixXd> all = base_.rows(motion_, MatrixXd::Ones(table_.rows(), table_.num_joints));
-  load_.resize(table_.rows(), table_.num_joints);
-  for (int j = 0; j < table_.num_joints; ++j) {
-    const auto s = static_cast<std::size_t>(j);
-    VectorXd own(all[s].cols());
-    for (Index c = 0; c < own.size(); ++c) {
-      const int place = base_.places()[s][static_cast<std::size_t>(c)];
-      own[c] = base_.is_link(place) ? problem_->theta()[place] : 0.0;
-    }
-    load_.col(j) = all[s] * own;
+  const VectorXd theta = problem_->theta();
+  rigid_ = base_.robot(theta);
+  VectorXd links = theta.head(base_.columns());
+  for (int c = 0; c < base_.columns(); ++c) {
+    if (!base_.is_link(c)) links[c] = 0.0;
   }
+  load_ = base_.torque(rows_, links);
 }
 
 void Engine::tune() {
@@ -225,14 +206,8 @@ model::Robot Engine::robot() const {
     } else if (effect.kind == "rotor_inertia") {
       joint->rotor_inertia += c[0];
     } else if (effect.effect >= 0) {
-      JointEffect<double> term{effect.effect, effect.joint, {}};
-      visit_joint_effect(effect.effect, [&](auto type) {
-        using Effect = decltype(type);
-        std::array<double, Effect::kNotNegative.size()> values{};
-        for (std::size_t k = 0; k < values.size(); ++k) values[k] = c[static_cast<Index>(k)];
-        term.parameters = Effect::parameters(values, effect.shape, *joint);
-      });
-      robot.effects.push_back(term);
+      robot.effects.push_back(
+          {effect.effect, effect.joint, effect_parameters(effect.effect, c, effect.shape, *joint)});
     } else if (effect.kind == "delay") {
       robot.torque_delay += effect.shape;
     } else if (effect.kind == "elasticity") {
@@ -257,22 +232,11 @@ model::Robot Engine::robot() const {
 }
 
 MatrixXd Engine::predicted() const {
-  const VectorXd theta = problem_->theta();
-  const std::vector<MatrixXd> all = base_.rows(motion_, MatrixXd::Ones(table_.rows(), table_.num_joints));
-  MatrixXd tau(table_.rows(), table_.num_joints);
-  std::vector<double> base_factor(static_cast<std::size_t>(base_.columns()), 1.0);
+  VectorXd beta = problem_->theta().head(base_.columns());
   for (const Candidate& e : accepted) {
-    if (e.replaces >= 0) base_factor[static_cast<std::size_t>(e.replaces)] = 0.0;
+    if (e.replaces >= 0) beta[e.replaces] = 0.0;  // its column holds other values now
   }
-  for (int j = 0; j < table_.num_joints; ++j) {
-    const auto s = static_cast<std::size_t>(j);
-    VectorXd own(all[s].cols());
-    for (Index c = 0; c < own.size(); ++c) {
-      const auto place = static_cast<std::size_t>(base_.places()[s][static_cast<std::size_t>(c)]);
-      own[c] = base_factor[place] * theta[static_cast<Index>(place)];
-    }
-    tau.col(j) = all[s] * own;
-  }
+  MatrixXd tau = base_.torque(rows_, beta);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     const Candidate& effect = accepted[e];
     if (first_column_[e] < 0) continue;
@@ -307,7 +271,7 @@ std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
 
 void Engine::judge_again(Candidate& candidate) const {
   if (candidate.stale && candidate.kind != "contact" && candidate.columns.count() > 0) {
-    candidate.trial = problem_->judge(problem_->moments(candidate.columns), candidate.terms);
+    candidate.trial = problem_->judge(problem_->moments(candidate.columns), candidate.replaces);
   }
   candidate.stale = false;
 }

@@ -32,15 +32,12 @@ class Engine {
 
   const Problem& problem() const { return *problem_; }
   const MotionTable& table() const { return table_; }
-  const BaseModel& base() const { return base_; }
-  const Motion& motion() const { return motion_; }
   /// The fitted robot with its effects; a payload change as it is at the end of training.
   model::Robot robot() const;
   /// Torque of every row, also of rows that do not count, m × n.
   Eigen::MatrixXd predicted() const;
   /// Coefficients of an accepted effect.
   Eigen::VectorXd coefficients(std::size_t index) const;
-  bool prismatic(int joint) const;
   double steady() const { return steady_; }
 
  private:
@@ -52,6 +49,7 @@ class Engine {
   Eigen::MatrixXd keep_;  ///< of the table, before contacts are cut out
   BaseModel base_;
   Motion motion_;
+  std::vector<Eigen::MatrixXd> rows_;  ///< of the base model, also those that do not count
   std::unique_ptr<Problem> problem_;
   model::Robot rigid_;    ///< with the fitted base parameters
   Eigen::MatrixXd load_;  ///< rigid-body torque of the fit, m × n

@@ -98,10 +98,9 @@ class Search {
     candidate.columns.values = {columns_of<Effect>(bench_, joint_, best)};
     if constexpr (ReplacesCoulomb<Effect>) {
       candidate.replaces = bench_.base->coulomb(joint_);
-      candidate.terms.without = {candidate.replaces};
     }
     if (candidate.refused.empty()) {
-      candidate.trial = bench_.problem->judge(bench_.problem->moments(candidate.columns), candidate.terms);
+      candidate.trial = bench_.problem->judge(bench_.problem->moments(candidate.columns), candidate.replaces);
       for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
         if (Effect::kNotNegative[static_cast<std::size_t>(c)] &&
             candidate.trial.coefficients[c] < -2.0 * candidate.trial.std[c]) {
@@ -124,8 +123,7 @@ class Search {
     if constexpr (ReplacesCoulomb<Effect>) {
       for (const double shape : shapes) {
         Columns columns{{joint_}, {columns_of<Effect>(bench_, joint_, shape)}};
-        gains.push_back(
-            bench_.problem->gain(bench_.problem->moments(columns), {{bench_.base->coulomb(joint_)}}));
+        gains.push_back(bench_.problem->gain(bench_.problem->moments(columns), bench_.base->coulomb(joint_)));
       }
     } else {
       MatrixXd all(bench_.table->rows(), kCount * static_cast<Index>(shapes.size()));
@@ -173,6 +171,18 @@ MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, dou
   MatrixXd values;
   visit_joint_effect(effect, [&](auto type) { values = columns_of<decltype(type)>(bench, joint, shape); });
   return values;
+}
+
+EffectParameters<double> effect_parameters(int effect, const VectorXd& coefficients, double shape,
+                                           const JointActuation<double>& actuation) {
+  EffectParameters<double> result{};
+  visit_joint_effect(effect, [&](auto type) {
+    using Effect = decltype(type);
+    std::array<double, Effect::kNotNegative.size()> values{};
+    for (std::size_t k = 0; k < values.size(); ++k) values[k] = coefficients[static_cast<Index>(k)];
+    result = Effect::parameters(values, shape, actuation);
+  });
+  return result;
 }
 
 std::vector<Candidate> joint_candidates(const Workbench& bench, int joint) {

@@ -37,6 +37,21 @@ Collected collect(const data::MotionStream& log, int n) {
 
 }  // namespace
 
+MatrixXd earlier(const MotionTable& table, const MatrixXd& signal, double delay) {
+  MatrixXd result(signal.rows(), signal.cols());
+  const double back = delay * table.sample_rate;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+    const Index begin = table.run_begin[r], last = table.run_begin[r + 1] - 1;
+    for (Index i = begin; i <= last; ++i) {
+      const double at = std::max(static_cast<double>(begin), static_cast<double>(i) - back);
+      const auto k = static_cast<Index>(at);
+      const double f = at - static_cast<double>(k);
+      result.row(i) = (1.0 - f) * signal.row(k) + f * signal.row(std::min(k + 1, last));
+    }
+  }
+  return result;
+}
+
 MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const std::vector<bool>& prismatic,
                        const TableOptions& options) {
   MotionTable table;

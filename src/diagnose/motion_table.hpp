@@ -47,6 +47,11 @@ struct TableOptions {
   long most_rows{40000};     ///< beyond it neighbouring samples are averaged
 };
 
+/// Columns of a signal on a table's rows as they were `delay` seconds earlier, by straight lines between rows; the
+/// first rows of each log, which have nothing earlier, take its first one.
+/// @param signal  m × columns
+Eigen::MatrixXd earlier(const MotionTable& table, const Eigen::MatrixXd& signal, double delay);
+
 /// Reads logs into a table.
 MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const std::vector<bool>& prismatic,
                        const TableOptions& options);

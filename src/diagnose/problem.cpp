@@ -73,7 +73,7 @@ struct Solved {
   double error;
 };
 
-Solved solve(const MatrixXd& moments, const std::vector<int>& without, double steady, bool with_inverse) {
+Solved solve(const MatrixXd& moments, int without, double steady, bool with_inverse) {
   const Index p = moments.rows() - 1;
   VectorXd scale = moments.diagonal().head(p).cwiseSqrt();
   for (Index c = 0; c < p; ++c) {
@@ -82,7 +82,7 @@ Solved solve(const MatrixXd& moments, const std::vector<int>& without, double st
   MatrixXd A =
       scale.cwiseInverse().asDiagonal() * moments.topLeftCorner(p, p) * scale.cwiseInverse().asDiagonal();
   A.diagonal().array() += steady;
-  for (const int c : without) A(c, c) += 1e12;
+  if (without >= 0) A(without, without) += 1e12;
   const Eigen::LLT<MatrixXd> llt(A);
   const VectorXd right = moments.col(p).head(p).cwiseQuotient(scale);
   const VectorXd x = llt.solve(right);
@@ -101,7 +101,7 @@ double squared_error(const MatrixXd& base, const std::vector<int>& places, const
                      const ColumnMoments* m, std::size_t block, int place_of_joint, int columns) {
   const Index p = static_cast<Index>(places.size());
   VectorXd own(p + 1);
-  for (Index c = 0; c < p; ++c) own[c] = theta[places[static_cast<std::size_t>(c)]];
+  own.head(p) = theta(places);
   own[p] = -1.0;
   double error = own.dot(base * own);
   if (m != nullptr && place_of_joint >= 0) {
@@ -128,9 +128,8 @@ Problem::Problem(const MotionTable& table, std::vector<MatrixXd> rows, std::vect
       noise_(VectorXd::Zero(num_joints())) {
   for (int j = 0; j < num_joints(); ++j) {
     const auto s = static_cast<std::size_t>(j);
-    VectorXd own(rows_[s].cols());
-    for (Index c = 0; c < own.size(); ++c) own[c] = prior_[places_[s][static_cast<std::size_t>(c)]];
-    tau_.col(j) -= rows_[s] * own;
+    rows_[s].array().colwise() *= table.keep.col(j).array();
+    tau_.col(j) -= rows_[s] * prior_(places_[s]);
   }
   for (int j = 0; j < num_joints(); ++j) collect(j);
   reweight();
@@ -143,7 +142,7 @@ void Problem::choose_steady() {
     steady_ = steady;
     VectorXd error = VectorXd::Zero(num_joints());
     for (std::size_t out = 0; out < folds_.size(); ++out) {
-      const VectorXd theta = solve(total_ - folds_[out], {}, steady_, false).theta;
+      const VectorXd theta = solve(total_ - folds_[out], -1, steady_, false).theta;
       for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
         if (static_cast<std::size_t>(table_->blocks[b].fold) != out) continue;
         for (int j = 0; j < num_joints(); ++j) {
@@ -257,9 +256,7 @@ void Problem::reweight() {
 MatrixXd Problem::residual() const {
   MatrixXd result = tau_;
   for (std::size_t j = 0; j < rows_.size(); ++j) {
-    VectorXd own(rows_[j].cols());
-    for (Index c = 0; c < own.size(); ++c) own[c] = theta_[places_[j][static_cast<std::size_t>(c)]];
-    result.col(static_cast<Index>(j)) -= rows_[j] * own;
+    result.col(static_cast<Index>(j)) -= rows_[j] * theta_(places_[j]);
   }
   return result;
 }
@@ -320,13 +317,13 @@ ColumnMoments Problem::moments(const Columns& columns) const {
   return m;
 }
 
-double Problem::gain(const ColumnMoments& m, const FitTerms& terms) const {
+double Problem::gain(const ColumnMoments& m, int without) const {
   MatrixXd whole = widened(total_, m.count);
   for (std::size_t b = 0; b < table_->blocks.size(); ++b) add_columns(m, b, places_, noise_, columns_, whole);
-  return std::max(0.0, error_ - solve(whole, terms.without, steady_, false).error);
+  return std::max(0.0, error_ - solve(whole, without, steady_, false).error);
 }
 
-Trial Problem::judge(const ColumnMoments& m, const FitTerms& terms) const {
+Trial Problem::judge(const ColumnMoments& m, int without) const {
   const int n = num_joints();
   const int k = m.count;
   const std::size_t blocks = table_->blocks.size();
@@ -342,7 +339,7 @@ Trial Problem::judge(const ColumnMoments& m, const FitTerms& terms) const {
   MatrixXd whole = MatrixXd::Zero(columns_ + k + 1, columns_ + k + 1);
   for (const MatrixXd& fold : wide) whole += fold;
 
-  const Solved fit = solve(whole, terms.without, steady_, true);
+  const Solved fit = solve(whole, without, steady_, true);
   trial.gain = error_ - fit.error;
   trial.coefficients = fit.theta.tail(k);
   const MatrixXd tail = fit.inverse.bottomRightCorner(k, k);
@@ -363,7 +360,7 @@ Trial Problem::judge(const ColumnMoments& m, const FitTerms& terms) const {
       const double w = weight(j);
       const Index p = static_cast<Index>(places_[s].size());
       VectorXd own(p + 1);
-      for (Index c = 0; c < p; ++c) own[c] = -fit.theta[places_[s][static_cast<std::size_t>(c)]];
+      own.head(p) = -fit.theta(places_[s]);
       own[p] = 1.0;
       VectorXd r = moments_[b][s].topRows(p) * own;
       for (std::size_t a = 0; a < m.joints.size(); ++a) {
@@ -414,10 +411,8 @@ Trial Problem::judge(const ColumnMoments& m, const FitTerms& terms) const {
             M.block(p, p, k, k) = m.square[b][q];
             M.col(p + k).segment(p, k) = m.cross[b][q].row(p).transpose();
           }
-          for (Index c = 0; c < p; ++c) {
-            ca[c] = a[places_[s][static_cast<std::size_t>(c)]];
-            r[c] = -fit.theta[places_[s][static_cast<std::size_t>(c)]];
-          }
+          ca.head(p) = a(places_[s]);
+          r.head(p) = -fit.theta(places_[s]);
           ca.segment(p, k) = a.tail(k);
           r.segment(p, k) = -fit.theta.tail(k);
           r[p + k] = 1.0;
@@ -446,8 +441,8 @@ Trial Problem::judge(const ColumnMoments& m, const FitTerms& terms) const {
   for (std::size_t a = 0; a < m.joints.size(); ++a)
     place_of_joint[static_cast<std::size_t>(m.joints[a])] = static_cast<int>(a);
   for (std::size_t f_out = 0; f_out < folds_.size(); ++f_out) {
-    const Solved without = solve(total_ - folds_[f_out], {}, steady_, false);
-    const Solved with = solve(whole - wide[f_out], terms.without, steady_, false);
+    const Solved alone = solve(total_ - folds_[f_out], -1, steady_, false);
+    const Solved with = solve(whole - wide[f_out], without, steady_, false);
     for (std::size_t b = 0; b < blocks; ++b) {
       if (static_cast<std::size_t>(table_->blocks[b].fold) != f_out) continue;
       double gain = 0.0;
@@ -457,7 +452,7 @@ Trial Problem::judge(const ColumnMoments& m, const FitTerms& terms) const {
             table_->keep.col(j).segment(table_->blocks[b].begin, table_->blocks[b].count).sum();
         if (!(rows > 0.0)) continue;
         const double before =
-            squared_error(moments_[b][s], places_[s], without.theta, nullptr, b, -1, columns_);
+            squared_error(moments_[b][s], places_[s], alone.theta, nullptr, b, -1, columns_);
         const double after =
             squared_error(moments_[b][s], places_[s], with.theta, &m, b, place_of_joint[s], columns_);
         trial.joint_before[j] += before;

@@ -26,11 +26,6 @@ struct ColumnMoments {
   std::vector<std::vector<Eigen::MatrixXd>> cross, square;
 };
 
-/// What is asked of a fit besides least squares.
-struct FitTerms {
-  std::vector<int> without;  ///< columns of the base left out, global
-};
-
 /// How a candidate does.
 struct Trial {
   Eigen::VectorXd coefficients;  ///< k
@@ -52,7 +47,7 @@ struct Trial {
 /// Rows of base model and accepted effects.
 class Problem {
  public:
-  /// @param rows  for each joint m × p_j; entries of rows that do not count must be 0
+  /// @param rows  for each joint m × p_j; those that do not count in the table are left out here
   /// @param places  for each joint the global columns of its rows
   /// @param prior   values of the base's columns that the fit leans on where the motion shows little
   /// @param steady  how much: part of each column's squared norm that the prior weighs; 0 chooses it by the error on
@@ -61,9 +56,7 @@ class Problem {
           const Eigen::VectorXd& prior, double steady, const Eigen::MatrixXd& tau);
   double steady() const { return steady_; }
 
-  int columns() const { return columns_; }
   int num_joints() const { return static_cast<int>(rows_.size()); }
-  const MotionTable& table() const { return *table_; }
   /// Adds columns to the base for good; returns the global number of the first.
   int append(const Columns& columns);
   /// Puts other values in the place of a base column that reaches one joint.
@@ -73,7 +66,6 @@ class Problem {
   void reweight();
   const Eigen::VectorXd& noise() const { return noise_; }  ///< n: rms residual of rows that count [N·m]
   Eigen::VectorXd theta() const { return theta_ + prior_; }
-  double error() const { return error_; }
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
 
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
@@ -85,12 +77,9 @@ class Problem {
 
   ColumnMoments moments(const Columns& columns) const;
   /// Fall of the weighted squared error on the rows of the fit.
-  double gain(const ColumnMoments& moments, const FitTerms& terms = {}) const;
-  Trial judge(const ColumnMoments& moments, const FitTerms& terms = {}) const;
-  const std::vector<std::vector<int>>& places() const { return places_; }
-  const std::vector<Eigen::MatrixXd>& rows() const { return rows_; }
-  /// [block][joint]: (p_j + 1)² moments of rows and torque.
-  const std::vector<std::vector<Eigen::MatrixXd>>& block_moments() const { return moments_; }
+  /// @param without  column of the base that the candidate stands in for; -1: none
+  double gain(const ColumnMoments& moments, int without = -1) const;
+  Trial judge(const ColumnMoments& moments, int without = -1) const;
   double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }
 
  private:

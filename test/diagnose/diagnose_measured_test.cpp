@@ -43,6 +43,10 @@ TEST_P(Example, IsNamedAndComesWithinTenPercentOfTheOracle) {
   for (int j = 0; j < robot.num_joints(); ++j) {
     const double oracle = truth.at("oracle_validate_rmse").at(static_cast<std::size_t>(j));
     EXPECT_LT(d.validate_after.rmse[j], 1.1 * oracle) << "joint " << j + 1;
+    // An elastic joint rings on from a start that nobody knows: 19 % above the oracle on the log of the fit.
+    if (GetParam() == "elasticity") continue;
+    const double trained = truth.at("oracle_train_rmse").at(static_cast<std::size_t>(j));
+    EXPECT_LT(d.train_after.rmse[j], 1.1 * trained) << "joint " << j + 1;
   }
 }
 
