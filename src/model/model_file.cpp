@@ -141,9 +141,9 @@ Json number_or_null(double value) { return std::isfinite(value) ? Json(value) : 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-Kinematics read_kinematics(const Node& node, std::size_t num_joints) {
+KinematicsRecord read_kinematics(const Node& node, std::size_t num_joints) {
   node.expect_object();
-  Kinematics kinematics;
+  KinematicsRecord kinematics;
   kinematics.base_link = node.text_or_empty("base_link");
   kinematics.tip_link = node.text_or_empty("tip_link");
   if (node.has("gravity")) kinematics.gravity = node.numbers<3>("gravity");
@@ -161,7 +161,7 @@ Kinematics read_kinematics(const Node& node, std::size_t num_joints) {
     if (word != "revolute" && word != "prismatic") {
       type.fail(fmt::format("found \"{}\"", word), "\"revolute\" or \"prismatic\"");
     }
-    Kinematics::JointPlace place;
+    KinematicsRecord::JointPlace place;
     place.joint.type = word == "revolute" ? JointType::kRevolute : JointType::kPrismatic;
     place.joint.rotation = entry.numbers<9>("rotation");
     place.joint.position = entry.numbers<3>("position");
@@ -182,13 +182,13 @@ Kinematics read_kinematics(const Node& node, std::size_t num_joints) {
   return kinematics;
 }
 
-Json to_json(const Kinematics& kinematics) {
+Json to_json(const KinematicsRecord& kinematics) {
   Json json{{"base_link", kinematics.base_link},
             {"tip_link", kinematics.tip_link},
             {"gravity", kinematics.gravity},
             {"tip", {{"rotation", kinematics.tip_rotation}, {"position", kinematics.tip_position}}}};
   json["joints"] = Json::array();
-  for (const Kinematics::JointPlace& place : kinematics.joints) {
+  for (const KinematicsRecord::JointPlace& place : kinematics.joints) {
     json["joints"].push_back({{"type", place.joint.type == JointType::kRevolute ? "revolute" : "prismatic"},
                               {"rotation", place.joint.rotation},
                               {"position", place.joint.position},
@@ -406,7 +406,7 @@ ModelFile make_model(const Robot& robot) {
   model.effects = robot.effects;
   model.elasticities = robot.elasticities;
   model.torque_delay = robot.torque_delay;
-  Kinematics& kinematics = model.kinematics.emplace();
+  KinematicsRecord& kinematics = model.kinematics.emplace();
   kinematics.base_link = robot.base_link;
   kinematics.tip_link = robot.tip_link;
   for (const RobotJoint& joint : robot.joints) {
@@ -426,7 +426,7 @@ Robot make_robot(const ModelFile& model) {
                     "with --urdf beside the model, or fit the model anew",
                     model.path.empty() ? "model" : model.path, model.robot));
   }
-  const Kinematics& kinematics = *model.kinematics;
+  const KinematicsRecord& kinematics = *model.kinematics;
   Robot robot;
   robot.name = model.robot;
   robot.base_link = kinematics.base_link;
@@ -435,7 +435,7 @@ Robot make_robot(const ModelFile& model) {
   robot.tip_rotation = kinematics.tip_rotation;
   robot.tip_position = kinematics.tip_position;
   for (std::size_t k = 0; k < kinematics.joints.size(); ++k) {
-    const Kinematics::JointPlace& place = kinematics.joints[k];
+    const KinematicsRecord::JointPlace& place = kinematics.joints[k];
     robot.joints.push_back({name_at(model.joint_names, k),
                             name_at(model.link_names, k),
                             place.joint,

@@ -13,6 +13,8 @@
 #include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/estimate/instruments.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
+#include "heft/core/kinematics/geometric_jacobian.hpp"
+#include "heft/core/kinematics/joint_deflection.hpp"
 #include "support/allocation_counter.hpp"
 
 namespace heft {
@@ -132,6 +134,37 @@ void expect_effects_without_allocation() {
   EXPECT_EQ(spent.malloc, 0U);
   EXPECT_EQ(refused, 0);
 }
+
+template <typename Scalar>
+void expect_statics_without_allocation() {
+  constexpr int kN = firmware::kNumJoints;
+  using Vector = JointVector<Scalar, kN>;
+  ArmModel<Scalar, kN> arm;
+  arm.joints[2].type = JointType::kPrismatic;
+  const Vector stiffness = Vector::Constant(Scalar(1e4));
+  int refused = 0;
+  Scalar sum{0};
+  const test::AllocationCount spent = allocations_of([&](const LogRow& row) {
+    const Vector q = Eigen::Map<const Eigen::Matrix<float, kN, 1>>(row.q).cast<Scalar>();
+    const ToolWrench<Scalar> wrench = ToolWrench<Scalar>::Constant(Scalar(row.tau[0]));
+    const auto chain = chain_kinematics(arm, ToolFrame<Scalar>{}, q);
+    const auto J = in_frame(chain.rotation, geometric_jacobian(chain));
+    const Vector tau = joint_torque(J, wrench);
+    Vector command = Vector::Zero();
+    refused += compensated_command<Scalar, kN>(q, tau, stiffness, command) == Status::kOk ? 0 : 1;
+    const Vector compliance = stiffness.cwiseInverse();
+    sum += complementary_stiffness(chain, wrench, WrenchFrame::kTool)(0, 1) + command[0] +
+           cartesian_compliance(J, compliance)(0, 0);
+  });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_EQ(refused, 0);
+  EXPECT_EQ(sum, sum);
+}
+
+TEST_F(Allocation, StaticsInDoubleTakeNothingFromTheHeap) { expect_statics_without_allocation<double>(); }
+
+TEST_F(Allocation, StaticsInFloatTakeNothingFromTheHeap) { expect_statics_without_allocation<float>(); }
 
 TEST_F(Allocation, EffectsInDoubleTakeNothingFromTheHeap) { expect_effects_without_allocation<double>(); }
 

@@ -20,6 +20,8 @@
 #include "heft/core/estimate/terminal_link_estimator.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/core/friction/friction.hpp"
+#include "heft/core/kinematics/geometric_jacobian.hpp"
+#include "heft/core/kinematics/joint_deflection.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft::firmware {
@@ -88,6 +90,39 @@ struct DynamicInstances {
   static Status effects(Effects& effects, Scalar time, const Vector& q, const Vector& qd, const Vector& qdd,
                         const Vector& load, const ArmModel<Scalar, N>& arm, Scalar sign_width, Vector& tau) {
     return effects.add_torque(time, q, qd, qdd, load, arm.actuation, sign_width, tau);
+  }
+};
+
+template <typename Scalar, int N>
+struct StaticsInstances {
+  using Vector = JointVector<Scalar, N>;
+  using Jacobian = GeometricJacobian<Scalar, N>;
+
+  static void kinematics(const ArmModel<Scalar, N>& arm, const ToolFrame<Scalar>& tool, const Vector& q,
+                         ChainKinematics<Scalar, N>& chain) {
+    chain = chain_kinematics(arm, tool, q);
+  }
+  static void jacobian(const ChainKinematics<Scalar, N>& chain, Jacobian& J) {
+    J = geometric_jacobian(chain);
+  }
+  static void jacobian_in_tool(const ChainKinematics<Scalar, N>& chain, Jacobian& J) {
+    J = in_frame(chain.rotation, geometric_jacobian(chain));
+  }
+  static void torque(const Jacobian& J, const ToolWrench<Scalar>& wrench, Vector& tau) {
+    tau = joint_torque(J, wrench);
+  }
+  static void complementary(const ChainKinematics<Scalar, N>& chain, const ToolWrench<Scalar>& wrench,
+                            WrenchFrame frame, MassMatrix<Scalar, N>& K) {
+    K = complementary_stiffness(chain, wrench, frame);
+  }
+  static void compliance(const Jacobian& J, const Vector& joints, Eigen::Matrix<Scalar, 6, 6>& C) {
+    C = cartesian_compliance(J, joints);
+  }
+  static Status deflection(const Vector& tau, const Vector& stiffness, Vector& deflection) {
+    return joint_deflection<Scalar, N>(tau, stiffness, deflection);
+  }
+  static Status command(const Vector& desired, const Vector& tau, const Vector& stiffness, Vector& command) {
+    return compensated_command<Scalar, N>(desired, tau, stiffness, command);
   }
 };
 
@@ -180,6 +215,11 @@ template struct DynamicInstances<float, 6>;
 template struct DynamicInstances<float, 7>;
 template struct DynamicInstances<double, 6>;
 template struct DynamicInstances<double, 7>;
+
+template struct StaticsInstances<float, 6>;
+template struct StaticsInstances<float, 7>;
+template struct StaticsInstances<double, 6>;
+template struct StaticsInstances<double, 7>;
 
 template struct StaticInstances<float, PaperArm>;
 template struct StaticInstances<float, SevenJointArm>;

@@ -16,6 +16,7 @@
 #include <kdl/chaindynparam.hpp>
 #include <kdl/chainfksolverpos_recursive.hpp>
 #include <kdl/chainidsolver_recursive_newton_euler.hpp>
+#include <kdl/chainjnttojacsolver.hpp>
 
 #include "heft/model/robot.hpp"
 
@@ -112,7 +113,8 @@ class KdlArm {
       : chain_(chain),
         inverse_dynamics_(chain_, to_kdl_vector(gravity)),
         parameters_(chain_, to_kdl_vector(gravity)),
-        kinematics_(chain_) {}
+        kinematics_(chain_),
+        jacobians_(chain_) {}
 
   KdlArm(const KdlArm&) = delete;
   KdlArm& operator=(const KdlArm&) = delete;
@@ -152,6 +154,13 @@ class KdlArm {
     return result;
   }
 
+  /// Geometric Jacobian of the chain's end in the base: linear rows, then angular, 6 × n.
+  Eigen::MatrixXd jacobian(const Eigen::VectorXd& q) {
+    KDL::Jacobian J(chain_.getNrOfJoints());
+    check(jacobians_.JntToJac(to_array(q), J));
+    return J.data;
+  }
+
  private:
   static KDL::JntArray to_array(const Eigen::VectorXd& values) {
     KDL::JntArray array(static_cast<unsigned int>(values.size()));
@@ -167,6 +176,7 @@ class KdlArm {
   KDL::ChainIdSolver_RNE inverse_dynamics_;
   KDL::ChainDynParam parameters_;
   KDL::ChainFkSolverPos_recursive kinematics_;
+  KDL::ChainJntToJacSolver jacobians_;
 };
 
 }  // namespace heft::test

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/model/dynamics.hpp"
+#include "heft/model/kinematics.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/kdl.hpp"
 
@@ -100,6 +101,49 @@ TEST_P(Robots, TipPlacementEqualsKdlOnTheUrdfItself) {
     ASSERT_LE((imported.forward_kinematics(s.q) - direct.forward_kinematics(s.q)).cwiseAbs().maxCoeff(),
               kTolerance)
         << "q = " << s.q.transpose();
+  }
+}
+
+TEST_P(Robots, KinematicsEqualKdlInBaseAndToolAxes) {
+  const model::Robot robot = load_urdf(GetParam());
+  const model::Kinematics kinematics(robot);
+  KdlArm kdl(test::kdl_chain_from_urdf(GetParam()));
+  std::mt19937_64 random(5);
+  double worst = 0.0;
+  for (int k = 0; k < kStates; ++k) {
+    const State s = random_state(robot.num_joints(), random);
+    const Eigen::Matrix4d placement = kdl.forward_kinematics(s.q);
+    const Eigen::MatrixXd J = kdl.jacobian(s.q);
+    const Eigen::Matrix3d R = placement.topLeftCorner<3, 3>();
+    Eigen::MatrixXd in_tool(6, J.cols());
+    in_tool.topRows(3) = R.transpose() * J.topRows(3);
+    in_tool.bottomRows(3) = R.transpose() * J.bottomRows(3);
+    const model::ToolPlacement tip = kinematics.tip(s.q);
+    const double error = std::max({(tip.rotation - R).cwiseAbs().maxCoeff(),
+                                   (tip.position - placement.topRightCorner<3, 1>()).cwiseAbs().maxCoeff(),
+                                   (kinematics.jacobian(s.q) - J).cwiseAbs().maxCoeff(),
+                                   (kinematics.jacobian_in_tool(s.q) - in_tool).cwiseAbs().maxCoeff()});
+    worst = std::max(worst, error);
+    ASSERT_LE(error, kTolerance) << "q = " << s.q.transpose();
+  }
+  std::cout << robot.name << ": largest difference " << worst << '\n';
+}
+
+TEST_P(Robots, ToolBeyondTheTipMovesTheReferencePointAlone) {
+  const model::Robot robot = load_urdf(GetParam());
+  const Eigen::Vector3d point(0.11, -0.23, 0.37);
+  KDL::Chain chain = test::kdl_chain_from_urdf(GetParam());
+  chain.addSegment(KDL::Segment(KDL::Joint(KDL::Joint::None), KDL::Frame(KDL::Vector(0.11, -0.23, 0.37))));
+  KdlArm kdl(chain);
+  const model::Kinematics kinematics(robot, model::tool_beyond_tip(robot, point));
+  std::mt19937_64 random(6);
+  for (int k = 0; k < 20; ++k) {
+    const State s = random_state(robot.num_joints(), random);
+    ASSERT_LE((kinematics.jacobian(s.q) - kdl.jacobian(s.q)).cwiseAbs().maxCoeff(), kTolerance);
+    const Eigen::VectorXd wrench = Eigen::VectorXd::LinSpaced(6, -3.0, 7.0);
+    ASSERT_LE(
+        (kinematics.joint_torque(s.q, wrench) - kdl.jacobian(s.q).transpose() * wrench).cwiseAbs().maxCoeff(),
+        1e-11);
   }
 }
 

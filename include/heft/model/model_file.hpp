@@ -60,7 +60,7 @@ struct Provenance {
 };
 
 /// Where a robot's links are: everything of a Robot but names of links and joints and dynamic parameters.
-struct Kinematics {
+struct KinematicsRecord {
   /// A joint and its limits, as in RobotJoint.
   struct JointPlace {
     Joint<double> joint;
@@ -117,7 +117,7 @@ struct ModelFile {
   std::vector<JointEffect<double>> effects;      ///< joints counted from 0
   std::vector<Elasticity<double>> elasticities;  ///< joints counted from 0
   double torque_delay{0.0};                      ///< as in Robot [s]
-  std::optional<Kinematics> kinematics;          ///< makes the file a whole robot
+  std::optional<KinematicsRecord> kinematics;          ///< makes the file a whole robot
   /// Of the 14n full parameters in the regressor's order: ten a link, then rotor inertia, Coulomb, viscous
   /// and offset blocks. NaN (JSON null) where the data say nothing.
   std::optional<Eigen::VectorXd> standard_deviations;
