@@ -8,9 +8,10 @@
 #include <numbers>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <unsupported/Eigen/FFT>
 
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "motion_steps.hpp"
 
@@ -328,14 +329,16 @@ class PolynomialFit {
       double power = 1.0;
       for (Index j = 0; j <= order_; ++j, power *= place(k)) vandermonde(k, j) = power;
     }
-    qr_.compute(vandermonde);
+    const Qr qr = qr_of(vandermonde);
+    // V = QR: the coefficients are R⁻¹ Qᵀ y.
+    inverse_ = least_squares(qr.R, qr.Q.transpose());
   }
 
   /// Place of sample k.
   double place(Index k) const { return half_ > 0.0 ? (static_cast<double>(k) - half_) / half_ : 0.0; }
 
   /// Coefficients of 1, x, x², ... of each column.
-  Eigen::MatrixXd coefficients(const Eigen::Ref<const Eigen::MatrixXd>& y) const { return qr_.solve(y); }
+  Eigen::MatrixXd coefficients(const Eigen::Ref<const Eigen::MatrixXd>& y) const { return inverse_ * y; }
 
   /// What the coefficients are weighted with for the derivative at sample k, in samples^-derivative.
   Eigen::VectorXd at(Index k, int derivative) const {
@@ -351,24 +354,12 @@ class PolynomialFit {
   }
 
   /// Weights of the samples for the derivative at sample k.
-  Eigen::VectorXd weights(Index k, int derivative) const {
-    // dᵀ (VᵀV)⁻¹ Vᵀ y with V = QR is (Q R⁻ᵀ d)ᵀ y.
-    const Index size = order_ + 1;
-    const Eigen::VectorXd right = qr_.matrixQR()
-                                      .topLeftCorner(size, size)
-                                      .triangularView<Eigen::Upper>()
-                                      .transpose()
-                                      .solve(at(k, derivative));
-    Eigen::VectorXd result = Eigen::VectorXd::Zero(qr_.rows());
-    result.head(size) = right;
-    result.applyOnTheLeft(qr_.householderQ());
-    return result;
-  }
+  Eigen::VectorXd weights(Index k, int derivative) const { return inverse_.transpose() * at(k, derivative); }
 
  private:
   Index order_;
   double half_{0.0};
-  Eigen::HouseholderQR<Eigen::MatrixXd> qr_;
+  Eigen::MatrixXd inverse_;  ///< (order + 1) × count
 };
 
 void check_order(int order, int least) {

@@ -1,6 +1,6 @@
 #include "base_model.hpp"
 
-#include <Eigen/Cholesky>
+#include "heft/host/decompositions.hpp"
 
 namespace heft::diagnose {
 
@@ -67,7 +67,9 @@ model::Robot BaseModel::robot(const VectorXd& beta) const {
   // Nearest in the norm of the parameters: x = x0 + Gᵀ (G Gᵀ)⁻¹ (β - G x0).
   const MatrixXd& G = base_.regrouping;
   const VectorXd x0 = columns_.values(columns_.robot());
-  const VectorXd x = x0 + G.transpose() * (G * G.transpose()).llt().solve(beta.head(columns()) - G * x0);
+  VectorXd change = beta.head(columns()) - G * x0;
+  solve_positive(G * G.transpose(), change);
+  const VectorXd x = x0 + G.transpose() * change;
   model::Robot robot = columns_.robot();
   columns_.apply(x, robot);
   return robot;

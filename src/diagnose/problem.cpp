@@ -4,8 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-
+#include "heft/host/decompositions.hpp"
 #include "heft/identify/instrumental.hpp"
 
 namespace heft::diagnose {
@@ -83,15 +82,19 @@ Solved solve(const MatrixXd& moments, int without, double steady, bool with_inve
       scale.cwiseInverse().asDiagonal() * moments.topLeftCorner(p, p) * scale.cwiseInverse().asDiagonal();
   A.diagonal().array() += steady;
   if (without >= 0) A(without, without) += 1e12;
-  const Eigen::LLT<MatrixXd> llt(A);
   const VectorXd right = moments.col(p).head(p).cwiseQuotient(scale);
-  const VectorXd x = llt.solve(right);
+  MatrixXd L;
+  cholesky(A, L);
+  VectorXd x = right;
+  solve_lower(L, x);
+  solve_lower_transposed(L, x);
   Solved s;
   s.theta = x.cwiseQuotient(scale);
   s.error = moments(p, p) - right.dot(x);
   if (with_inverse) {
-    s.inverse = scale.cwiseInverse().asDiagonal() * llt.solve(MatrixXd::Identity(p, p)) *
-                scale.cwiseInverse().asDiagonal();
+    MatrixXd root = scale.cwiseInverse().asDiagonal();  // L⁻¹ S⁻¹, (S A S)⁻¹ = rootᵀ root
+    solve_lower(L, root);
+    s.inverse = root.transpose() * root;
   }
   return s;
 }
@@ -227,11 +230,11 @@ void Problem::sum_base() {
   MatrixXd A = scale_.cwiseInverse().asDiagonal() * total_.topLeftCorner(columns_, columns_) *
                scale_.cwiseInverse().asDiagonal();
   A.diagonal().array() += steady_;
-  factor_ = A.llt().matrixL();
+  cholesky(A, factor_);
   VectorXd z = total_.col(columns_).head(columns_).cwiseQuotient(scale_);
-  factor_.triangularView<Eigen::Lower>().solveInPlace(z);
+  solve_lower(factor_, z);
   error_ = total_(columns_, columns_) - z.squaredNorm();
-  factor_.transpose().triangularView<Eigen::Upper>().solveInPlace(z);
+  solve_lower_transposed(factor_, z);
   theta_ = z.cwiseQuotient(scale_);
 }
 
@@ -271,9 +274,9 @@ std::vector<std::pair<double, VectorXd>> Problem::scan(int joint, const MatrixXd
     const int place = places_[j][static_cast<std::size_t>(r)];
     B.row(place) = w / scale_[place] * own.row(r);
   }
-  factor_.triangularView<Eigen::Lower>().solveInPlace(B);
+  solve_lower(factor_, B);
   VectorXd z = total_.col(columns_).head(columns_).cwiseQuotient(scale_);
-  factor_.triangularView<Eigen::Lower>().solveInPlace(z);
+  solve_lower(factor_, z);
   const VectorXd t = w * (C.transpose() * tau_.col(joint)) - B.transpose() * z;
   std::vector<std::pair<double, VectorXd>> result;
   for (Index c = 0; c + each <= C.cols(); c += each) {
@@ -282,12 +285,11 @@ std::vector<std::pair<double, VectorXd>> Problem::scan(int joint, const MatrixXd
     const MatrixXd left = S - B.middleCols(c, each).transpose() * B.middleCols(c, each);
     bool explained = false;
     for (Index k = 0; k < each; ++k) explained = explained || !(left(k, k) > 1e-5 * S(k, k));
-    const Eigen::LLT<MatrixXd> llt(left);
-    if (explained || llt.info() != Eigen::Success) {
+    VectorXd c_hat = t.segment(c, each);
+    if (explained || !solve_positive(left, c_hat)) {
       result.emplace_back(0.0, VectorXd::Zero(each));
       continue;
     }
-    const VectorXd c_hat = llt.solve(t.segment(c, each));
     result.emplace_back(c_hat.dot(t.segment(c, each)), c_hat);
   }
   return result;
@@ -377,13 +379,15 @@ Trial Problem::judge(const ColumnMoments& m, int without) const {
   if (used < 4) return trial;
   meat *= static_cast<double>(used) / static_cast<double>(used - 1);
   trial.std = meat.diagonal().cwiseSqrt();
-  const Eigen::LLT<MatrixXd> llt(meat);
-  if (llt.info() != Eigen::Success) return trial;
-  trial.wald = trial.coefficients.dot(llt.solve(trial.coefficients));
+  VectorXd in_deviations = trial.coefficients;
+  if (!solve_positive(meat, in_deviations)) return trial;
+  trial.wald = trial.coefficients.dot(in_deviations);
   // Hotelling: W (B - k) / (k (B - 1)) follows F(k, B - k).
   const double f = trial.wald * (used - k) / (static_cast<double>(k) * (used - 1));
   trial.p_value = identify::fisher_tail(f, k, used - k);
-  const double design = std::max(1.0, naive.llt().solve(meat).trace() / k);
+  MatrixXd over_naive = meat;
+  solve_positive(naive, over_naive);
+  const double design = std::max(1.0, over_naive.trace() / k);
   trial.effective_rows = counted_.sum() / design;
 
   // Does the first coefficient hold all the time? In each quarter of the blocks the part of the column that the

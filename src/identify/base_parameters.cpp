@@ -10,7 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "decompositions.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/identify/triangular_factor.hpp"
 
 namespace heft::identify {

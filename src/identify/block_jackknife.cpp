@@ -4,7 +4,7 @@
 #include <limits>
 #include <numeric>
 
-#include "decompositions.hpp"
+#include "heft/host/decompositions.hpp"
 
 namespace heft::identify {
 

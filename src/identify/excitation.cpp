@@ -10,8 +10,8 @@
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 
-#include "decompositions.hpp"
 #include "excitation_impl.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/base_parameters.hpp"
 

@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include "decompositions.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/block_jackknife.hpp"
 #include "heft/identify/instrumental.hpp"

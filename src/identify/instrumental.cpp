@@ -10,8 +10,8 @@
 #include <unsupported/Eigen/SpecialFunctions>
 
 #include "block_groups.hpp"
-#include "decompositions.hpp"
 #include "heft/data/differentiate.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
 

@@ -10,9 +10,9 @@
 
 #include "causal_signals.hpp"
 #include "change_detector.hpp"
-#include "decompositions.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/inertia.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/block_jackknife.hpp"
 #include "heft/identify/recursive_fit.hpp"

@@ -14,8 +14,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "decompositions.hpp"
 #include "heft/core/inertia.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::identify {

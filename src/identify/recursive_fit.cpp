@@ -10,9 +10,9 @@
 #include <fmt/format.h>
 
 #include "causal_signals.hpp"
-#include "decompositions.hpp"
 #include "heft/core/estimate/recursive_least_squares.hpp"
 #include "heft/data/differentiate.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/block_jackknife.hpp"
 #include "heft/model/dynamics.hpp"

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "decompositions.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::identify {

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "block_groups.hpp"
-#include "decompositions.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::identify {

@@ -4,8 +4,9 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <Eigen/LU>
+#include <Eigen/Core>
 
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::sim {
@@ -319,7 +320,7 @@ void Plant::add_coupling_rotors(double t, const double* q, const double* qd) {
     }
   }
   for (Eigen::Index k = 0; k < count; ++k) b[k] *= couplings_[static_cast<std::size_t>(k)].rotor_inertia;
-  const Eigen::VectorXd torque = A.partialPivLu().solve(b);
+  const Eigen::VectorXd torque = solve_square(A, b);
   for (Eigen::Index k = 0; k < count; ++k) add(couplings_[static_cast<std::size_t>(k)], -torque[k]);
   solve_bodies(t, q, qd);
 }

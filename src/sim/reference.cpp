@@ -5,8 +5,7 @@
 #include <numbers>
 #include <utility>
 
-#include <Eigen/LU>
-
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::sim {
@@ -106,7 +105,7 @@ class Waypoints : public Reference {
                     3.0 / (h1 * h1) * (points_.col(k + 1) - points_.col(k)))
                        .transpose();
       }
-      velocities_ = A.partialPivLu().solve(b).transpose();
+      velocities_ = solve_square(A, b).transpose();
     }
     accelerations_.setZero(n, knots);
     for (Eigen::Index k = 0; k < knots; ++k) {

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "scenario_effects.hpp"
 
@@ -250,8 +250,7 @@ Body read_body(const SettingsReader& reader) {
   if (reader.has("inertia")) {
     const VectorXd i = reader.numbers("inertia", 6);
     body.inertia << i[0], i[1], i[3], i[1], i[2], i[4], i[3], i[4], i[5];
-    const Eigen::Vector3d moments =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(body.inertia).eigenvalues();
+    const Eigen::Vector3d moments = eigenvalues_of(body.inertia);
     // Rounding in the file must not turn a flat or a thin body away.
     if (moments[0] < -1e-9 * moments[2] || moments[0] + moments[1] < moments[2] * (1.0 - 1e-9)) {
       reader.refuse(

@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
+
+#include "heft/host/decompositions.hpp"
 
 namespace heft::urdf {
 
@@ -69,8 +71,7 @@ std::string impossibility(const Eigen::Matrix3d& inertia) {
                          kNames[static_cast<std::size_t>(largest)], diagonal[largest]);
     }
   }
-  const Eigen::Vector3d moments =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  const Eigen::Vector3d moments = eigenvalues_of(inertia);
   const std::string shown =
       fmt::format("principal moments {:.6g}, {:.6g}, {:.6g} kg·m²", moments[0], moments[1], moments[2]);
   if (!(moments[0] > 0.0)) return fmt::format("{}: expected all positive", shown);
