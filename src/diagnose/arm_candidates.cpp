@@ -11,6 +11,7 @@
 #include "deflection.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/model/kinematics.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -73,6 +74,22 @@ Candidate delay_candidate(const Workbench& bench) {
   }
   if (c.trial.valid && c.shape * c.trial.coefficients[0] < 0.0)
     c.refused = "the torque would lead the motion";
+  if (c.trial.valid && c.refused.empty()) {
+    // The step of Coulomb friction comes with the reversal, whose instant stiction decides as much as a delay: the rest
+    // of the torque has to be late as well.
+    VectorXd theta = bench.problem->theta();
+    for (int j = 0; j < bench.table->num_joints; ++j) {
+      if (bench.base->coulomb(j) >= 0) theta[bench.base->coulomb(j)] = 0.0;
+    }
+    Candidate smooth;
+    smooth.kind = c.kind;
+    smooth.columns = delay_columns(bench, bench.base->torque(*bench.rows, theta), c.shape);
+    smooth.trial = judge(bench, smooth);
+    constexpr double kLeastShare = 0.5;
+    if (!smooth.trial.valid || smooth.trial.cv_t <= 0.0 || smooth.trial.coefficients[0] < kLeastShare) {
+      c.refused = "shows at reversals only, where stiction does the same";
+    }
+  }
   return c;
 }
 
@@ -303,37 +320,6 @@ std::vector<Candidate> elasticity_candidates(const Workbench& bench, const std::
   return found;
 }
 
-namespace {
-
-/// Linear velocity Jacobian of the tip in the base frame, 3 × n.
-MatrixXd tip_jacobian(const model::Robot& robot, const VectorXd& q) {
-  const int n = robot.num_joints();
-  MatrixXd axes(3, n), origins(3, n), J(3, n);
-  Matrix3d R = Matrix3d::Identity();
-  Vector3d p = Vector3d::Zero();
-  for (int j = 0; j < n; ++j) {
-    const Joint<double>& joint = robot.joints[static_cast<std::size_t>(j)].joint;
-    p += R * Vector3d(joint.position.data());
-    R = R * Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(joint.rotation.data());
-    const Vector3d axis(joint.axis.data());
-    axes.col(j) = R * axis;
-    if (joint.type == JointType::kRevolute) {
-      R = R * Eigen::AngleAxisd(q[j], axis).toRotationMatrix();
-    } else {
-      p += q[j] * axes.col(j);
-    }
-    origins.col(j) = p;
-  }
-  const Vector3d tip = p + R * Vector3d(robot.tip_position.data());
-  for (int j = 0; j < n; ++j) {
-    const bool revolute = robot.joints[static_cast<std::size_t>(j)].joint.type == JointType::kRevolute;
-    J.col(j) = revolute ? Vector3d(Vector3d(axes.col(j)).cross(tip - origins.col(j))) : Vector3d(axes.col(j));
-  }
-  return J;
-}
-
-}  // namespace
-
 std::pair<Vector3d, Vector3d> horizontal_directions(const model::Robot& robot) {
   const Vector3d down = Vector3d(robot.gravity.data()).normalized();
   Vector3d first = Vector3d::UnitX() - down.x() * down;
@@ -368,6 +354,7 @@ Candidate contact_candidate(const Workbench& bench) {
   const MotionTable& table = *bench.table;
   const int n = table.num_joints;
   const MatrixXd residual = bench.problem->residual();
+  const model::Kinematics kinematics(*bench.robot);
   // τ = model - Jᵀ F: sums of J w Jᵀ and -J w r over bins of 20 ms.
   const Index bin = std::max<Index>(1, static_cast<Index>(std::lround(0.02 * table.sample_rate)));
   const double seconds = static_cast<double>(bin) / table.sample_rate;
@@ -384,7 +371,7 @@ Candidate contact_candidate(const Workbench& bench) {
       v[at + 1] = v[at];
       power[at + 1] = power[at];
       const Index middle = begin + b * bin + bin / 2;
-      const MatrixXd J = tip_jacobian(*bench.robot, bench.motion->link_q.row(middle).transpose());
+      const MatrixXd J = kinematics.jacobian(bench.motion->link_q.row(middle).transpose()).topRows(3);
       for (int j = 0; j < n; ++j) {
         const double w = bench.problem->weight(j);
         // A joint at rest holds with whatever part of its friction it stopped with: that is no touch.
