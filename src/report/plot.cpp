@@ -1,8 +1,10 @@
 #include "heft/report/plot.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <unordered_set>
 
@@ -11,6 +13,7 @@
 #include "gnuplot.hpp"
 #include "heft/host/file.hpp"
 #include "heft/report/report.hpp"
+#include "level_outline.hpp"
 #include "palette.hpp"
 
 namespace heft::report {
@@ -53,6 +56,9 @@ std::string quote(const std::string& text) {
 /// In the SVG each colour stands first as rgb(1, 0, index), to be replaced by its CSS variable afterwards.
 std::string placeholder(std::size_t colour) { return fmt::format("#0100{:02x}", colour); }
 std::string solid(std::size_t colour) { return kPalette[colour].light; }
+
+/// Series with two heights at each x.
+bool has_high(Style style) { return style == Style::kBand || style == Style::kIntervals; }
 
 struct Range {
   double low{std::numeric_limits<double>::infinity()};
@@ -101,14 +107,14 @@ Range padded(Range range, bool logarithmic, bool from_zero) {
 
 std::string data_block(std::size_t index, const Series& series, double bar_offset) {
   std::string text = fmt::format("$d{} << EOD\n", index);
-  const bool has_high = series.style == Style::kBand;
+  const bool two = has_high(series.style);
   const std::size_t size = std::min(series.x.size(), series.y.size());
   for (std::size_t k = 0; k < size; ++k) {
     const bool finite = std::isfinite(series.x[k]) && std::isfinite(series.y[k]) &&
-                        (!has_high || (k < series.y_high.size() && std::isfinite(series.y_high[k])));
+                        (!two || (k < series.y_high.size() && std::isfinite(series.y_high[k])));
     if (!finite) {
       text += "\n";  // an empty line breaks the curve
-    } else if (has_high) {
+    } else if (two) {
       text += fmt::format("{:.9g} {:.7g} {:.7g}\n", series.x[k], series.y[k], series.y_high[k]);
     } else {
       text += fmt::format("{:.9g} {:.7g}\n", series.x[k] + bar_offset, series.y[k]);
@@ -122,17 +128,26 @@ std::string script_of(const PlotSpec& spec, std::string (*colour)(std::size_t)) 
   const std::vector<std::size_t> colours = colours_of(spec);
   const auto num_bars = static_cast<double>(std::count_if(
       spec.series.begin(), spec.series.end(), [](const Series& s) { return s.style == Style::kBars; }));
-  const Extent extent = extent_of(spec);
+  Extent extent = extent_of(spec);
+  if (spec.equal_axes) {  // a square, so that no side is squeezed
+    const double half = 0.53 * std::max(extent.x.high - extent.x.low, extent.y.high - extent.y.low);
+    for (Range* range : {&extent.x, &extent.y}) {
+      const double middle = 0.5 * (range->low + range->high);
+      *range = {middle - half, middle + half};
+    }
+  }
   const bool has_bars = num_bars > 0;
+  const bool has_categories = has_bars || !spec.categories.empty();
 
   std::string s;
   s += "set encoding utf8\nunset key\n";
   s += fmt::format("set border 3 lc rgb '{}' lw 1\nset tics nomirror out scale 0.5\n", colour(kInk));
-  s += fmt::format("set grid ytics {} lt 1 lc rgb '{}' lw 1\n", has_bars ? "" : "xtics", colour(kGrid));
+  s += fmt::format("set grid ytics {} lt 1 lc rgb '{}' lw 1\n", has_categories ? "" : "xtics", colour(kGrid));
   s += "set format y '%.6g'\nset format x '%.6g'\nset samples 2\nset style fill transparent solid 0.2 "
        "noborder\n";
   s += fmt::format("set tmargin {}\nset bmargin {}\nset rmargin 2\n", spec.y_label.empty() ? "0.8" : "1.7",
                    spec.x_label.empty() ? "1.5" : "2.8");
+  if (spec.equal_axes) s += "set size ratio -1\n";
   if (spec.log_x) s += "set logscale x\nset format x '%g'\n";
   if (spec.log_y) s += "set logscale y\nset format y '%g'\n";
   if (!spec.x_label.empty()) s += fmt::format("set xlabel {} offset 0,0.3\n", quote(spec.x_label));
@@ -140,8 +155,8 @@ std::string script_of(const PlotSpec& spec, std::string (*colour)(std::size_t)) 
   if (!spec.y_label.empty()) {
     s += fmt::format("set label {} at graph 0, graph 1 left offset -3,0.8\n", quote(spec.y_label));
   }
-  if (has_bars) {
-    s += fmt::format("set boxwidth {:.6g}\n", 0.8 / num_bars);
+  if (has_bars) s += fmt::format("set boxwidth {:.6g}\n", 0.8 / num_bars);
+  if (has_categories) {
     s += fmt::format("set xrange [-0.6:{:.6g}]\n",
                      std::max(1.0, static_cast<double>(spec.categories.size())) - 0.4);
     s += "set xtics (";
@@ -157,7 +172,7 @@ std::string script_of(const PlotSpec& spec, std::string (*colour)(std::size_t)) 
   if (spec.y_range) {
     s += fmt::format("set yrange [{:.7g}:{:.7g}]\n", spec.y_range->first, spec.y_range->second);
   } else {
-    const Range y = padded(extent.y, spec.log_y, has_bars);
+    const Range y = spec.equal_axes ? extent.y : padded(extent.y, spec.log_y, has_bars);
     s += fmt::format("set yrange [{:.7g}:{:.7g}]\n", y.low, y.high);
   }
   for (const Mark& mark : spec.marks) {
@@ -196,13 +211,18 @@ std::string script_of(const PlotSpec& spec, std::string (*colour)(std::size_t)) 
       case Style::kDashed: how = fmt::format("lines lw 1.6 dt (7,4) lc rgb '{}'", tint); break;
       case Style::kSteps: how = fmt::format("steps lw 1.6 lc rgb '{}'", tint); break;
       case Style::kPoints: how = fmt::format("points pt 7 ps 0.3 lc rgb '{}'", tint); break;
+      case Style::kDots: how = fmt::format("points pt 7 ps 0.65 lc rgb '{}'", tint); break;
+      case Style::kIntervals: how = fmt::format("vectors nohead lw 3 lc rgb '{}'", tint); break;
       case Style::kBand:
         how = fmt::format("filledcurves fs transparent solid 0.2 noborder lc rgb '{}'", tint);
         break;
       case Style::kBars: how = fmt::format("boxes fs solid 0.9 noborder lc rgb '{}'", tint); break;
     }
     plot += fmt::format("{}$d{} using {} with {} title {}", k ? ", " : "", k,
-                        thin.style == Style::kBand ? "1:2:3" : "1:2", how, quote(thin.label));
+                        thin.style == Style::kBand        ? "1:2:3"
+                        : thin.style == Style::kIntervals ? "1:2:(0):($3-$2)"
+                                                          : "1:2",
+                        how, quote(thin.label));
   }
   return s + plot + "\n";
 }
@@ -269,13 +289,14 @@ std::string compact(const std::string& svg) {
   std::string out;
   std::string open_group;    // a <g> that has no content yet
   std::string point_colour;  // of the run of points under way
+  double point_size = 0.0;
   std::string point_path;
   const auto flush_points = [&] {
     if (point_path.empty()) return;
     out += fmt::format(
-        "<path fill='none' stroke='{}' stroke-width='3.6' stroke-linecap='round' stroke-opacity='0.75' "
+        "<path fill='none' stroke='{}' stroke-width='{:.1f}' stroke-linecap='round' stroke-opacity='0.75' "
         "d='{}'/>\n",
-        point_colour, point_path);
+        point_colour, point_size, point_path);
     point_path.clear();
   };
   bool in_definitions = false;
@@ -302,10 +323,13 @@ std::string compact(const std::string& svg) {
     if (line == "</svg>") break;
     if (line.rfind("<use ", 0) == 0) {
       const std::string colour = attribute(line, "color");
-      double x = 0, y = 0;
-      if (std::sscanf(attribute(line, "transform").c_str(), "translate(%lf,%lf)", &x, &y) == 2) {
-        if (colour != point_colour) flush_points();
+      double x = 0, y = 0, scale = 0;
+      if (std::sscanf(attribute(line, "transform").c_str(), "translate(%lf,%lf) scale(%lf)", &x, &y,
+                      &scale) == 3) {
+        const double size = scale / 1.35 * 3.6;  // 1.35 is the scale of points of size 0.3
+        if (colour != point_colour || size != point_size) flush_points();
         point_colour = colour;
+        point_size = size;
         point_path += fmt::format("M{:.1f},{:.1f}h0", x, y);
       }
       continue;
@@ -327,7 +351,9 @@ std::string compact(const std::string& svg) {
       const std::size_t close = line.find('>');
       line = "<g>" + line.substr(close + 1);
     }
-    out += (line.rfind("<path", 0) == 0 ? with_short_numbers(line) : line) + '\n';
+    const bool drawn = line.rfind("<path", 0) == 0 || line.rfind("<polygon", 0) == 0 || line[0] == 'L' ||
+                       std::isdigit(static_cast<unsigned char>(line[0]));  // or goes on from the line before
+    out += (drawn ? with_short_numbers(line) : line) + '\n';
   }
   replace_all(out, "\"black\"", "\"var(--ink,#24292f)\"");
   replace_all(out, "'black'", "'var(--ink,#24292f)'");
@@ -356,29 +382,178 @@ struct Drawing {
   std::string error;
 };
 
-Drawing draw_svg(const PlotSpec& spec) {
-  const Extent extent = extent_of(spec);
-  if (extent.x.empty() || extent.y.empty()) return {{}, "nothing to draw: no finite value"};
+/// Script after `set terminal` with the colours that a function gives to the entries of the palette.
+using Script = std::function<std::string(std::string (*colour)(std::size_t))>;
+
+Drawing draw_svg(int width, int height, const Script& script) {
   const GnuplotResult result =
       run_gnuplot(fmt::format("set terminal svg size {},{} dynamic noenhanced rounded font 'sans-serif,12'\n",
-                              spec.width, spec.height) +
-                  script_of(spec, placeholder));
+                              width, height) +
+                  script(placeholder));
   if (!result.ok) return {{}, result.error};
   return {compact(result.output), {}};
 }
 
-std::string draw_png(const PlotSpec& spec) {
+Drawing draw_svg(const PlotSpec& spec) {
+  const Extent extent = extent_of(spec);
+  if (extent.x.empty() || extent.y.empty()) return {{}, "nothing to draw: no finite value"};
+  return draw_svg(spec.width, spec.height, [&](auto colour) { return script_of(spec, colour); });
+}
+
+std::string draw_png(int width, int height, const Script& script) {
   const GnuplotResult result = run_gnuplot(fmt::format("set terminal pngcairo size {},{} noenhanced rounded "
                                                        "fontscale 1.6 linewidth 1.6 background '#ffffff'\n",
-                                                       2 * spec.width, 2 * spec.height) +
-                                           script_of(spec, solid));
+                                                       2 * width, 2 * height) +
+                                           script(solid));
   return result.ok ? result.output : std::string{};
 }
 
-std::string not_drawn(const PlotSpec& spec, const std::string& reason) {
+std::string not_drawn(const std::string& title, const std::string& reason) {
   return fmt::format("<p class=\"noplot\">{} is not drawn: {}.</p>\n",
-                     spec.title.empty() ? "The plot" : "“" + escape_html(spec.title) + "”",
-                     escape_html(reason));
+                     title.empty() ? "The plot" : "“" + escape_html(title) + "”", escape_html(reason));
+}
+
+/// Fragment of a page: the drawing, or as a picture when it is large, or why there is none.
+std::string fragment(const Drawing& drawing, const std::string& title, const std::string& label, int width,
+                     int height, const Script& script) {
+  if (!drawing.error.empty()) return not_drawn(title, drawing.error);
+  if (drawing.body.size() <= kMaxSvgBytes) {
+    return fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">\n{}</svg>\n", width,
+                       height, escape_html(label), drawing.body);
+  }
+  const std::string png = draw_png(width, height, script);
+  if (png.empty()) return not_drawn(title, "gnuplot could not draw it as a picture");
+  return fmt::format("<img class=\"raster\" alt=\"{}\" src=\"data:image/png;base64,{}\">\n",
+                     escape_html(label), base64(png));
+}
+
+/// A file of its own: title, then `legend`, then the drawing.
+void write_standalone(const Drawing& drawing, const std::string& title, const std::string& legend, int width,
+                      int height, const std::string& path) {
+  constexpr int kHead = 44;
+  host::write_file_atomically(
+      path, fmt::format(
+                "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" "
+                "viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" font-family=\"sans-serif\" "
+                "font-size=\"12\" fill=\"#24292f\">\n<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n"
+                "<text x=\"12\" y=\"20\" font-size=\"14\" font-weight=\"bold\">{2}</text>\n{3}"
+                "<g transform=\"translate(0,{4})\">\n{5}</g>\n</svg>\n",
+                width, height + kHead, escape_html(title), legend, kHead, drawing.body));
+}
+
+/// Colour of a part of the way from low to high, 0..1: evenly growing lightness (in Oklab), so that equal steps of the
+/// value look like equal steps, also without colour.
+std::string level_colour(double part) {
+  // B. Ottosson, A perceptual color space for image processing: lightness, and two coordinates of hue and chroma.
+  const double lightness = 0.30 + 0.62 * part;
+  const double hue = (280.0 - 180.0 * part) * 3.14159265358979 / 180.0;  // violet blue to yellow
+  const double chroma = 0.10 + 0.05 * part;
+  const double a = chroma * std::cos(hue), b = chroma * std::sin(hue);
+  const double l = std::pow(lightness + 0.3963377774 * a + 0.2158037573 * b, 3.0);
+  const double m = std::pow(lightness - 0.1055613458 * a - 0.0638541728 * b, 3.0);
+  const double s = std::pow(lightness - 0.0894841775 * a - 1.2914855480 * b, 3.0);
+  const std::array<double, 3> linear{4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s,
+                                     -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
+                                     -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s};
+  std::string text = "#";
+  for (double c : linear) {
+    c = std::clamp(c, 0.0, 1.0);
+    c = c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1.0 / 2.4) - 0.055;
+    text += fmt::format("{:02x}", static_cast<int>(std::lround(255.0 * c)));
+  }
+  return text;
+}
+
+/// The whole script of a map after `set terminal`.
+std::string script_of(const MapSpec& spec, std::string (*colour)(std::size_t)) {
+  const std::string ink = "#101418", paper = "#ffffff";  // on the colours, which are the same on any ground
+  const std::size_t count = spec.levels.size() + 1;
+  const auto tint = [&](std::size_t k) {
+    return level_colour(count > 1 ? static_cast<double>(k) / static_cast<double>(count - 1) : 0.0);
+  };
+  const double width = spec.x.back() - spec.x.front();
+
+  std::string s = "set encoding utf8\nunset key\n";
+  s += fmt::format("set border 15 lc rgb '{}' lw 1\nset tics nomirror out scale 0.5\n", colour(kInk));
+  s += "set format y '%.6g'\nset format x '%.6g'\nset tmargin 1.7\nset rmargin 13\n";
+  s += fmt::format("set bmargin {}\n", spec.x_label.empty() ? "1.5" : "2.8");
+  s += fmt::format("set xrange [{:.9g}:{:.9g}]\nset yrange [{:.9g}:{:.9g}]\n", spec.x.front(), spec.x.back(),
+                   spec.y.front(), spec.y.back());
+  if (spec.x_tics > 0.0) s += fmt::format("set xtics {:.6g}\n", spec.x_tics);
+  if (spec.y_tics > 0.0) s += fmt::format("set ytics {:.6g}\n", spec.y_tics);
+  if (!spec.x_label.empty()) s += fmt::format("set xlabel {} offset 0,0.3\n", quote(spec.x_label));
+  if (!spec.y_label.empty()) {
+    s += fmt::format("set label {} at graph 0, graph 1 left offset -3,0.8\n", quote(spec.y_label));
+  }
+  // Key of colours.
+  if (!spec.value_label.empty()) {
+    s += fmt::format("set label {} at graph 1.02, graph 1 left offset 0,0.8\n", quote(spec.value_label));
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    const double low = static_cast<double>(k) / static_cast<double>(count);
+    s += fmt::format(
+        "set object rect from graph 1.025, graph {:.6g} to graph 1.05, graph {:.6g} noclip fc rgb '{}' fs "
+        "solid "
+        "noborder\n",
+        low, low + 1.0 / static_cast<double>(count), tint(k));
+    if (k > 0) {
+      s += fmt::format("set label {} at graph 1.058, graph {:.6g} left\n",
+                       quote(fmt::format("{:.4g}", spec.levels[k - 1])), low);
+    }
+  }
+  for (const MapSpec::Frame& f : spec.frames) {
+    s += fmt::format(
+        "set object rect from first {:.9g}, first {:.9g} to first {:.9g}, first {:.9g} front fs empty border "
+        "lc rgb '{}' lw 1.8 {}\n",
+        f.x_low, f.y_low, f.x_high, f.y_high, ink, f.dashed ? "dt (6,4)" : "");
+    s += fmt::format("set label {} at first {:.9g}, first {:.9g} left offset 0.6,-0.8 tc rgb '{}' front\n",
+                     quote(f.label), f.x_low, f.y_high, ink);
+  }
+  // A disc is as many pixels wide as high: its radius counts along x.
+  const double radius = 8.5 * width / std::max(1.0, 0.80 * spec.width);
+  for (const MapSpec::Place& p : spec.places) {
+    s += fmt::format(
+        "set object circle at first {:.9g}, first {:.9g} size first {:.6g} front fc rgb '{}' fs solid border "
+        "rgb '{}'\n",
+        p.x, p.y, radius, paper, ink);
+    s += fmt::format("set label {} at first {:.9g}, first {:.9g} center tc rgb '{}' front\n", quote(p.label),
+                     p.x, p.y, ink);
+  }
+
+  // What is not above the first level, then each level over the one before.
+  s += fmt::format("$d0 << EOD\n{0:.9g} {1:.9g}\n{2:.9g} {1:.9g}\n{2:.9g} {3:.9g}\n{0:.9g} {3:.9g}\nEOD\n",
+                   spec.x.front(), spec.y.front(), spec.x.back(), spec.y.back());
+  std::string plot =
+      fmt::format("plot $d0 using 1:2 with filledcurves closed fs solid noborder lc rgb '{}'", tint(0));
+  for (std::size_t k = 1; k < count; ++k) {
+    const std::vector<Outline> outlines = level_outlines(spec.x, spec.y, spec.values, spec.levels[k - 1]);
+    if (outlines.empty()) continue;
+    // One line through all outlines, back to where it began after each: what is walked to and fro encloses nothing,
+    // and holes, which run the other way round, stay empty.
+    s += fmt::format("$d{} << EOD\n", k);
+    const auto add = [&](const std::array<double, 2>& p) { s += fmt::format("{:.6g} {:.6g}\n", p[0], p[1]); };
+    for (const Outline& outline : outlines) {
+      for (const auto& p : outline) add(p);
+      add(outline.front());
+      add(outlines.front().front());
+    }
+    s += "EOD\n";
+    plot +=
+        fmt::format(", $d{} using 1:2 with filledcurves closed fs solid noborder lc rgb '{}'", k, tint(k));
+  }
+  return s + plot + "\n";
+}
+
+Drawing draw_svg(const MapSpec& spec) {
+  if (spec.x.size() < 2 || spec.y.size() < 2 ||
+      spec.values.rows() != static_cast<Eigen::Index>(spec.x.size()) ||
+      spec.values.cols() != static_cast<Eigen::Index>(spec.y.size())) {
+    return {{}, "nothing to draw: a map needs two values along each side and one for each pair of them"};
+  }
+  Drawing drawing = draw_svg(spec.width, spec.height, [&](auto colour) { return script_of(spec, colour); });
+  // Smooth edges; gnuplot asks for rough ones.
+  replace_all(drawing.body, " shape-rendering='crispEdges'", "");
+  return drawing;
 }
 
 /// Extremes of each pixel column, in the order in which they occur.
@@ -451,14 +626,14 @@ Series decimate(const Series& series, int width, int height, bool log_x, bool lo
   const std::size_t size = std::min(series.x.size(), series.y.size());
   clean.x.resize(size);
   clean.y.resize(size);
-  if (series.style == Style::kBand) clean.y_high.resize(size, kNaN);
+  if (has_high(series.style)) clean.y_high.resize(size, kNaN);
   // A value that cannot be shown is a gap.
   Range x_range, y_range;
   bool ordered = true;
   double previous = -std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < size; ++k) {
     const bool shown = can_be_shown(clean.x[k], log_x) && can_be_shown(clean.y[k], log_y) &&
-                       (series.style != Style::kBand || std::isfinite(clean.y_high[k]));
+                       (!has_high(series.style) || std::isfinite(clean.y_high[k]));
     if (!shown) {
       clean.x[k] = clean.y[k] = kNaN;
       continue;
@@ -468,7 +643,8 @@ Series decimate(const Series& series, int width, int height, bool log_x, bool lo
     x_range.include(clean.x[k]);
     y_range.include(clean.y[k]);
   }
-  if (series.style == Style::kBars || size <= static_cast<std::size_t>(2 * width) || x_range.empty())
+  if (series.style == Style::kBars || series.style == Style::kDots || series.style == Style::kIntervals ||
+      size <= static_cast<std::size_t>(2 * width) || x_range.empty())
     return clean;
 
   const auto scale = [](double value, const Range& range, bool logarithmic, int pixels) {
@@ -511,6 +687,7 @@ std::string legend_html(const PlotSpec& spec) {
     if (series.label.empty()) continue;
     const char* shape = series.style == Style::kDashed   ? "dash"
                         : series.style == Style::kPoints ? "dot"
+                        : series.style == Style::kDots   ? "dot"
                         : series.style == Style::kBand   ? "band"
                         : series.style == Style::kBars   ? "bar"
                                                          : "line";
@@ -521,17 +698,20 @@ std::string legend_html(const PlotSpec& spec) {
 }
 
 std::string render_plot(const PlotSpec& spec) {
+  return fragment(draw_svg(spec), spec.title, spec.title.empty() ? spec.y_label : spec.title, spec.width,
+                  spec.height, [&](auto colour) { return script_of(spec, colour); });
+}
+
+std::string render_plot(const MapSpec& spec) {
+  return fragment(draw_svg(spec), spec.title, spec.title.empty() ? spec.value_label : spec.title, spec.width,
+                  spec.height, [&](auto colour) { return script_of(spec, colour); });
+}
+
+bool write_svg(const MapSpec& spec, const std::string& path) {
   const Drawing drawing = draw_svg(spec);
-  if (!drawing.error.empty()) return not_drawn(spec, drawing.error);
-  const std::string label = escape_html(spec.title.empty() ? spec.y_label : spec.title);
-  if (drawing.body.size() <= kMaxSvgBytes) {
-    return fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">\n{}</svg>\n", spec.width,
-                       spec.height, label, drawing.body);
-  }
-  const std::string png = draw_png(spec);
-  if (png.empty()) return not_drawn(spec, "gnuplot could not draw it as a picture");
-  return fmt::format("<img class=\"raster\" alt=\"{}\" src=\"data:image/png;base64,{}\">\n", label,
-                     base64(png));
+  if (!drawing.error.empty()) return false;
+  write_standalone(drawing, spec.title, {}, spec.width, spec.height, path);
+  return true;
 }
 
 bool write_svg(const PlotSpec& spec, const std::string& path) {
@@ -552,15 +732,7 @@ bool write_svg(const PlotSpec& spec, const std::string& path) {
         escape_html(series.label));
     x += 28 + 7.2 * static_cast<double>(display_width(series.label)) + 22;
   }
-  constexpr int kHead = 44;
-  host::write_file_atomically(
-      path, fmt::format(
-                "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" "
-                "viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" font-family=\"sans-serif\" "
-                "font-size=\"12\" fill=\"#24292f\">\n<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n"
-                "<text x=\"12\" y=\"20\" font-size=\"14\" font-weight=\"bold\">{2}</text>\n{3}"
-                "<g transform=\"translate(0,{4})\">\n{5}</g>\n</svg>\n",
-                spec.width, spec.height + kHead, escape_html(spec.title), legend, kHead, drawing.body));
+  write_standalone(drawing, spec.title, legend, spec.width, spec.height, path);
   return true;
 }
 

@@ -157,12 +157,19 @@ Report& Report::table(const Table& table, const std::string& caption_text) {
 
 void Report::add_figure(PlotSpec spec, bool with_legend) {
   parts_.push_back({"<figure>" + caption(spec.title) + (with_legend ? legend_row(spec) : "") + "\n"});
-  parts_.push_back({{}, std::move(spec)});
+  parts_.push_back({{}, [spec = std::move(spec)] { return render_plot(spec); }});
   parts_.push_back({"</figure>\n"});
 }
 
 Report& Report::plot(const PlotSpec& spec) {
   add_figure(spec, true);
+  return *this;
+}
+
+Report& Report::plot(const MapSpec& spec) {
+  parts_.push_back({"<figure>" + caption(spec.title) + "\n"});
+  parts_.push_back({{}, [spec] { return render_plot(spec); }});
+  parts_.push_back({"</figure>\n"});
   return *this;
 }
 
@@ -185,7 +192,7 @@ std::string Report::html() const {
                       escape_html(title_), variables(), kStyle);
   page += fmt::format("<h1>{}</h1>\n", escape_html(title_));
   if (!subtitle_.empty()) page += fmt::format("<p class=\"subtitle\">{}</p>\n", escape_html(subtitle_));
-  for (const Part& part : parts_) page += part.drawing ? render_plot(*part.drawing) : part.html;
+  for (const Part& part : parts_) page += part.drawing ? part.drawing() : part.html;
   page += "<footer>Made by heft " HEFT_VERSION
           ". Units are SI unless a label says otherwise.</footer>\n</main>\n</body>\n</html>\n";
   return page;

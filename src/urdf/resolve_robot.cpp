@@ -29,6 +29,14 @@ void append_folders(std::string_view list, std::vector<std::string>& folders) {
   }
 }
 
+/// Where robots are looked for, first come first.
+std::vector<std::string> robot_folders() {
+  std::vector<std::string> folders;
+  if (const char* listed = std::getenv("HEFT_URDF_PATH"); listed != nullptr) append_folders(listed, folders);
+  append_folders(HEFT_ROBOT_FOLDERS, folders);
+  return folders;
+}
+
 std::vector<std::string> robots_in(const std::vector<std::string>& folders) {
   std::vector<std::string> names;
   for (const std::string& folder : folders) {
@@ -56,9 +64,7 @@ std::string resolve_robot(const std::string& name_or_path) {
   if (!is_name) {
     throw UrdfError(fmt::format("{}: there is no such file; expected a URDF; check the path", name_or_path));
   }
-  std::vector<std::string> folders;
-  if (const char* listed = std::getenv("HEFT_URDF_PATH"); listed != nullptr) append_folders(listed, folders);
-  append_folders(HEFT_ROBOT_FOLDERS, folders);
+  const std::vector<std::string> folders = robot_folders();
   for (const std::string& folder : folders) {
     for (const char* extension : {"", ".urdf"}) {
       const fs::path candidate = fs::path(folder) / (name_or_path + extension);
@@ -69,6 +75,17 @@ std::string resolve_robot(const std::string& name_or_path) {
       fmt::format("{}: no such file and no robot of that name; known robots: {}; searched {}; "
                   "check the spelling, give a path, or add a folder to HEFT_URDF_PATH",
                   name_or_path, fmt::join(robots_in(folders), ", "), fmt::join(folders, ", ")));
+}
+
+std::string resolve_measurements(const std::string& name) {
+  const std::vector<std::string> folders = robot_folders();
+  for (const std::string& folder : folders) {
+    if (const fs::path candidate = fs::path(folder) / name; is_file(candidate)) return candidate.string();
+  }
+  throw DataError(
+      fmt::format("{}: measurements that come with heft were not found; searched {}; install heft as a "
+                  "whole or add the folder that holds them to HEFT_URDF_PATH",
+                  name, fmt::join(folders, ", ")));
 }
 
 }  // namespace heft::urdf

@@ -21,8 +21,10 @@ enum class Style {
   kDashed,
   kSteps,  ///< held until the next sample
   kPoints,
-  kBand,  ///< filled between `y` and `y_high`
-  kBars   ///< one bar a category; several such series stand side by side
+  kDots,       ///< points that are few and large
+  kIntervals,  ///< an upright line from `y` to `y_high` at each x
+  kBand,       ///< filled between `y` and `y_high`
+  kBars        ///< one bar a category; several such series stand side by side
 };
 
 /// One curve. x and y have the same length; NaN leaves a gap.
@@ -30,7 +32,7 @@ struct Series {
   std::string label;  ///< in the legend; empty leaves it out
   std::vector<double> x;
   std::vector<double> y;
-  std::vector<double> y_high{};  ///< upper edge of a band
+  std::vector<double> y_high{};  ///< upper edge of a band, upper end of an interval
   Style style{Style::kLine};
   Hue hue{Hue::kAuto};
 };
@@ -57,12 +59,41 @@ struct PlotSpec {
   std::string y_label;
   std::vector<Series> series;
   std::vector<Mark> marks{};
-  std::vector<std::string> categories{};  ///< names along x for bars, at x = 0, 1, 2...
+  std::vector<std::string> categories{};  ///< names along x, at x = 0, 1, 2...; bars need them
   bool log_x{false};
   bool log_y{false};
+  bool equal_axes{false};                              ///< one unit is as long in both directions, for shapes
   std::optional<std::pair<double, double>> y_range{};  ///< else fitted to the data
   int width{920};                                      ///< [px]; the drawing scales with the page
   int height{300};
+};
+
+/// A quantity over two axes, as levels filled with colours of evenly growing lightness.
+struct MapSpec {
+  /// A rectangle with a short text in its upper left corner.
+  struct Frame {
+    double x_low{0.0}, x_high{0.0}, y_low{0.0}, y_high{0.0};
+    std::string label{};
+    bool dashed{false};
+  };
+  /// A place with a name of one or two letters.
+  struct Place {
+    double x{0.0}, y{0.0};
+    std::string label;
+  };
+
+  std::string title;
+  std::string x_label;
+  std::string y_label;
+  std::string value_label;     ///< over the key of colours
+  std::vector<double> x, y;    ///< of the grid, ascending
+  Eigen::MatrixXd values;      ///< x.size() × y.size(); NaN is left in the colour below the first level
+  std::vector<double> levels;  ///< ascending, borders between colours
+  std::vector<Frame> frames{};
+  std::vector<Place> places{};
+  double x_tics{0.0}, y_tics{0.0};  ///< distance of the numbers along the axes; 0: chosen
+  int width{920};                   ///< [px]
+  int height{420};
 };
 
 /// The drawing as an HTML fragment: an inline `<svg>` without outside references; a base64 PNG when the SVG
@@ -70,10 +101,12 @@ struct PlotSpec {
 /// either. Series are thinned first to what the eye can see (extremes of each pixel column), so the
 /// fragment stays small for any number of samples. Cost: one gnuplot process.
 std::string render_plot(const PlotSpec& spec);
+std::string render_plot(const MapSpec& spec);
 
 /// The same as a file of its own (.svg), for folders of figures.
 /// @return false when gnuplot is missing or failed and nothing was written.
 bool write_svg(const PlotSpec& spec, const std::string& path);
+bool write_svg(const MapSpec& spec, const std::string& path);
 
 /// The series as they are handed to gnuplot, thinned for a plot of `width` × `height` pixels.
 Series decimate(const Series& series, int width, int height, bool log_x = false, bool log_y = false);

@@ -2,7 +2,7 @@
 /// One self-contained HTML page: no outside file, no script, readable in the dark and on paper.
 #pragma once
 
-#include <optional>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -43,6 +43,7 @@ class Report {
   Report& preformatted(const std::string& text);
   Report& table(const Table& table, const std::string& caption = {});
   Report& plot(const PlotSpec& spec);
+  Report& plot(const MapSpec& spec);
   /// Small multiples (one plot a joint) with one legend, that of the first plot.
   Report& plots(const std::string& title, std::vector<PlotSpec> specs);
 
@@ -56,7 +57,7 @@ class Report {
   /// Finished HTML, or a plot that html() draws: a report that is never written costs no drawing.
   struct Part {
     std::string html;
-    std::optional<PlotSpec> drawing{};
+    std::function<std::string()> drawing{};
   };
   void add_figure(PlotSpec spec, bool with_legend);
 
