@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/host/file.hpp"
+#include "level_outline.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft::report {
@@ -215,6 +216,98 @@ TEST(Plot, NothingBelowZeroOnALogAxis) {
   PlotSpec spec{"Log", "x", "y", {{"", {1, 2, 3, 4}, {1, 0, -5, 100}}}};
   spec.log_y = true;
   EXPECT_THAT(render_plot(spec), HasSubstr("<svg"));
+}
+
+TEST(Plot, DrawsIntervalsDotsAndShapes) {
+  NEEDS_GNUPLOT();
+  PlotSpec spec{"Intervals", "", "y", {}};
+  spec.categories = {"one", "two"};
+  spec.series = {{"interval", {0, 1}, {1, 2}, {3, 5}, Style::kIntervals},
+                 {"dots", {0, 1}, {2, 3}, {}, Style::kDots}};
+  const std::string svg = render_plot(spec);
+  EXPECT_THAT(svg, HasSubstr("two"));
+  EXPECT_THAT(svg, HasSubstr("stroke-width='7.8'"));  // dots are larger than points
+  EXPECT_THAT(legend_html(spec), HasSubstr("class=\"dot\""));
+  PlotSpec shape{"Circle", "x", "y", {{"", {-3, 0, 3, 0, -3}, {0, 3, 0, -3, 0}}}};
+  shape.equal_axes = true;
+  EXPECT_THAT(render_plot(shape), HasSubstr("<svg"));
+}
+
+MapSpec small_map() {
+  MapSpec map;
+  map.title = "Rings";
+  map.x_label = "x";
+  map.y_label = "y";
+  map.value_label = "value";
+  for (int k = 0; k <= 60; ++k) map.x.push_back(-3.0 + 0.1 * k);
+  map.y = map.x;
+  map.values.resize(61, 61);
+  for (Eigen::Index i = 0; i < 61; ++i) {
+    for (Eigen::Index j = 0; j < 61; ++j) {
+      const double r = std::hypot(map.x[static_cast<std::size_t>(i)], map.y[static_cast<std::size_t>(j)]);
+      map.values(i, j) = 1.0 - std::abs(r - 1.5);  // above 0.5 between the circles of 1 and 2
+    }
+  }
+  map.levels = {0.5};
+  return map;
+}
+
+/// Against the clock positive.
+double area(const std::vector<Outline>& outlines) {
+  double sum = 0.0;
+  for (const Outline& o : outlines) {
+    for (std::size_t k = 0; k < o.size(); ++k) {
+      const auto& a = o[k];
+      const auto& b = o[(k + 1) % o.size()];
+      sum += 0.5 * (a[0] * b[1] - a[1] * b[0]);
+    }
+  }
+  return sum;
+}
+
+TEST(Map, OutlinesEncloseTheRegionWithoutItsHoles) {
+  const MapSpec map = small_map();
+  const std::vector<Outline> ring = level_outlines(map.x, map.y, map.values, 0.5);
+  EXPECT_EQ(ring.size(), 2U);
+  EXPECT_NEAR(area(ring), 3.14159265 * (2.0 * 2.0 - 1.0), 0.02);
+}
+
+TEST(Map, OutlinesFollowTheBorder) {
+  const MapSpec map = small_map();
+  // All but a disc of radius 1.5: out to the corners.
+  Eigen::MatrixXd far(61, 61);
+  for (Eigen::Index i = 0; i < 61; ++i) {
+    for (Eigen::Index j = 0; j < 61; ++j) {
+      far(i, j) = std::hypot(map.x[static_cast<std::size_t>(i)], map.y[static_cast<std::size_t>(j)]);
+    }
+  }
+  EXPECT_NEAR(area(level_outlines(map.x, map.y, far, 1.5)), 36.0 - 3.14159265 * 2.25, 0.02);
+  EXPECT_NEAR(area(level_outlines(map.x, map.y, far, -1.0)), 36.0, 1e-9);
+  EXPECT_TRUE(level_outlines(map.x, map.y, far, 9.0).empty());
+  far.setConstant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_TRUE(level_outlines(map.x, map.y, far, 0.0).empty());
+}
+
+TEST(Map, DrawsLevelsFramesAndPlaces) {
+  NEEDS_GNUPLOT();
+  MapSpec map = small_map();
+  map.frames = {{-2, 2, -2, 2, "zone A", true}};
+  map.places = {{0, 0, "7"}};
+  const std::string svg = render_plot(map);
+  for (const char* part : {"<svg", "zone A", ">7<", "0.5", "<polygon"}) EXPECT_THAT(svg, HasSubstr(part));
+  EXPECT_THAT(svg, Not(HasSubstr("crispEdges")));
+  const test::TemporaryFolder folder;
+  ASSERT_TRUE(write_svg(map, folder.path("map.svg")));
+  EXPECT_THAT(host::read_file(folder.path("map.svg"), "drawing"), HasSubstr("Rings"));
+  EXPECT_THAT(Report("Page").plot(map).html(), HasSubstr("<polygon"));
+}
+
+TEST(Map, SaysWhenThereIsNothingToDraw) {
+  MapSpec map = small_map();
+  map.y.pop_back();
+  EXPECT_THAT(render_plot(map), HasSubstr("nothing to draw"));
+  const WithoutPrograms nothing;
+  EXPECT_THAT(render_plot(small_map()), HasSubstr("gnuplot was not found"));
 }
 
 TEST(Plot, StandaloneDrawingCarriesTitleAndLegend) {

@@ -7,9 +7,10 @@
 #include <random>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "heft/data/motion_stream.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/excitation.hpp"
 #include "heft/model/dynamics.hpp"
@@ -166,7 +167,7 @@ void find_load_difference(const identify::Fit& less, const identify::Fit& more, 
   Eigen::MatrixXd A = weight.asDiagonal() * G;
   const Eigen::VectorXd scale = A.colwise().norm().cwiseMax(1e-12);
   A = A * scale.cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd inverse = A.completeOrthogonalDecomposition().pseudoInverse() * weight.asDiagonal();
+  const Eigen::MatrixXd inverse = pseudo_inverse(A) * weight.asDiagonal();
   const Eigen::RowVectorXd mass = inverse.row(0) / scale[0];
   result.load_difference = mass * (more.beta - less.beta);
   result.load_difference_std = std::sqrt((mass * covariance * mass.transpose()).value());

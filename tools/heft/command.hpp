@@ -5,9 +5,7 @@
 #include <functional>
 #include <vector>
 
-namespace CLI {
-class App;
-}
+#include "command_line.hpp"
 
 namespace heft::tools {
 
@@ -21,23 +19,24 @@ using Action = std::function<void()>;
 struct Command {
   const char* name;
   const char* summary;  ///< one line for `heft --help`
-  /// Adds the options to `app` and returns the work; null: the command is not in this version.
-  Action (*set_up)(CLI::App& app);
+  /// Adds the options to `line` and returns the work.
+  Action (*set_up)(CommandLine line);
 };
 
 /// All commands in the order of the help text.
 const std::vector<Command>& commands();
 
-Action set_up_dynamics(CLI::App& app);
-Action set_up_simulate(CLI::App& app);
-Action set_up_excite(CLI::App& app);
-Action set_up_validate(CLI::App& app);
-Action set_up_identify(CLI::App& app);
-Action set_up_diagnose(CLI::App& app);
-Action set_up_payload(CLI::App& app);
-Action set_up_export(CLI::App& app);
-Action set_up_track(CLI::App& app);
-Action set_up_reproduce(CLI::App& app);
-Action set_up_demo(CLI::App& app);
+Action set_up_dynamics(CommandLine line);
+Action set_up_simulate(CommandLine line);
+Action set_up_excite(CommandLine line);
+Action set_up_validate(CommandLine line);
+Action set_up_identify(CommandLine line);
+Action set_up_diagnose(CommandLine line);
+Action set_up_payload(CommandLine line);
+Action set_up_export(CommandLine line);
+Action set_up_track(CommandLine line);
+Action set_up_stiffness(CommandLine line);
+Action set_up_reproduce(CommandLine line);
+Action set_up_demo(CommandLine line);
 
 }  // namespace heft::tools

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -367,18 +366,18 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_demo(CLI::App& app) {
+Action set_up_demo(CommandLine line) {
   auto options = std::make_shared<Options>();
-  app.add_option("-o,--output", options->output,
-                 "folder for report.html and results.json; made if it is not there")
-      ->type_name("FOLDER")
-      ->capture_default_str();
-  app.add_option("--mass", options->mass, "[kg] load that the arm grips")
-      ->check(CLI::Range(0.1, 5.0))
-      ->capture_default_str();
-  app.add_option("--json", options->json, "write the results as JSON; - is standard output")
-      ->type_name("FILE");
-  app.footer("Needs no files: arm, path, sensors and load are built in. Takes a few seconds.");
+  line.add_option("-o,--output", options->output,
+                  "folder for report.html and results.json; made if it is not there")
+      .type_name("FOLDER")
+      .capture_default_str();
+  line.add_option("--mass", options->mass, "[kg] load that the arm grips")
+      .between(0.1, 5.0)
+      .capture_default_str();
+  line.add_option("--json", options->json, "write the results as JSON; - is standard output")
+      .type_name("FILE");
+  line.footer("Needs no files: arm, path, sensors and load are built in. Takes a few seconds.");
   return [options] { run(*options); };
 }
 

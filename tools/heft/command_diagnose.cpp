@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -253,33 +252,33 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_diagnose(CLI::App& app) {
+Action set_up_diagnose(CommandLine line) {
   auto options = std::make_shared<Options>();
-  add_robot_options(app, options->robot);
-  add_log_options(app, options->log);
-  app.add_option(
-         "--validate", options->validate,
-         "log to judge every effect on, of another motion than the training logs; may be given several "
-         "times")
-      ->type_name("LOG.csv");
-  app.add_option("--cutoff", options->cutoff,
-                 "low-pass on the positions [Hz] (default: the one that leaves the smallest residual)")
-      ->type_name("HZ")
-      ->check(CLI::PositiveNumber);
-  app.get_option("--band")->description(
+  add_robot_options(line, options->robot);
+  add_log_options(line, options->log);
+  line.add_option(
+          "--validate", options->validate,
+          "log to judge every effect on, of another motion than the training logs; may be given several "
+          "times")
+      .type_name("LOG.csv");
+  line.add_option("--cutoff", options->cutoff,
+                  "low-pass on the positions [Hz] (default: the one that leaves the smallest residual)")
+      .type_name("HZ")
+      .positive();
+  line.get_option("--band").description(
       "low-pass of the errors in band [Hz] (default: chosen from the motion)");
-  app.add_flag("--trace", options->trace, "tell on standard error what the search sees");
-  add_output_option(app, options->model, "model file with the effects found", false);
-  add_result_options(app, options->result);
-  app.parse_complete_callback([options] {
+  line.add_flag("--trace", options->trace, "tell on standard error what the search sees");
+  add_output_option(line, options->model, "model file with the effects found", false);
+  add_result_options(line, options->result);
+  line.parse_complete_callback([options] {
     if (!options->validate.empty()) return;
-    throw CLI::ValidationError(
+    throw UsageError(
         "give a log that the fit does not see with --validate LOG.csv: no effect is taken on the word of the "
         "log it "
         "was found in. With one log only, cut it in two, each part with the header line: "
         "(head -n 1 LOG.csv; tail -n +K LOG.csv) > second.csv");
   });
-  app.footer(
+  line.footer(
       "Rigid bodies, Coulomb and viscous friction are fitted; what is left is traced to the effects that "
       "they lack.\n"
       "An effect is taken when it lowers the error on data not used for its fit by more than chance and by "

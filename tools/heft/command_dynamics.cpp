@@ -7,7 +7,6 @@
 #include <string>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -177,19 +176,19 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_dynamics(CLI::App& app) {
+Action set_up_dynamics(CommandLine line) {
   auto options = std::make_shared<Options>();
-  add_robot_options(app, options->robot);
-  add_log_options(app, options->log);
-  app.add_option("--what", options->what,
-                 "torque (with rotor inertia and friction; rigid bodies only with --torque-at joint), "
-                 "gravity or regressor")
-      ->type_name("WHAT")
-      ->check(CLI::IsMember({"torque", "gravity", "regressor"}))
-      ->capture_default_str();
-  add_output_option(app, options->output, "result (CSV), one line a log row; - is standard output");
-  add_result_options(app, options->result);
-  app.footer(
+  add_robot_options(line, options->robot);
+  add_log_options(line, options->log);
+  line.add_option("--what", options->what,
+                  "torque (with rotor inertia and friction; rigid bodies only with --torque-at joint), "
+                  "gravity or regressor")
+      .type_name("WHAT")
+      .one_of({"torque", "gravity", "regressor"})
+      .capture_default_str();
+  add_output_option(line, options->output, "result (CSV), one line a log row; - is standard output");
+  add_result_options(line, options->result);
+  line.footer(
       "The log needs q1..qN; qd and qdd are derived when missing. Columns of the result after `time` (with "
       "several logs a\n"
       "column `log` with their number, from 1, stands first):\n"

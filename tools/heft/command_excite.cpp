@@ -10,7 +10,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -483,78 +482,75 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_excite(CLI::App& app) {
+Action set_up_excite(CommandLine line) {
   auto options = std::make_shared<Options>();
   identify::ExcitationOptions& design = options->design;
-  add_robot_options(app, options->robot);
-  app.add_option("--limits", options->limits, "limits that replace those of the URDF, and more (see below)")
-      ->type_name("LIMITS.json");
-  app.add_option("--duration", design.duration, "[s]")
-      ->type_name("S")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--period", design.period, "[s] of the first harmonic (default: the duration)")
-      ->type_name("S")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--harmonics", design.harmonics, "a joint")
-      ->type_name("N")
-      ->check(CLI::Range(1, 100))
-      ->capture_default_str();
-  app.add_option("--cost", options->cost,
-                 "d-optimal (smallest standard deviations) or condition (smallest condition number)")
-      ->type_name("COST")
-      ->check(CLI::IsMember({"d-optimal", "condition"}))
-      ->capture_default_str();
-  app.add_option("--rows", options->rows,
-                 "weight of a joint's rows: torque-limit (1 over its torque noise) or unit")
-      ->type_name("WEIGHT")
-      ->check(CLI::IsMember({"torque-limit", "unit"}))
-      ->capture_default_str();
-  app.add_option(
-         "--torque-at", options->torque_at,
-         "where torque will be measured: motor (with friction columns) or joint (a sensor behind the gear: "
-         "rigid bodies only)")
-      ->type_name("WHERE")
-      ->check(CLI::IsMember({"motor", "joint"}))
-      ->capture_default_str();
-  app.add_flag("--rotor-inertia", options->rotor_inertia, "rotor inertias are sought too");
-  app.add_flag("--offset", options->offset, "torque offsets are sought too");
-  app.add_flag("--payload-only", options->payload_only,
-               "the arm is known; only the last link's ten are sought");
-  app.add_option("--given", options->given,
-                 "log already taken, to which this motion is to add; may be given several times")
-      ->type_name("LOG.csv");
-  app.add_option("--band", options->band, "low-pass for derived motion of given logs [Hz] (default: chosen)")
-      ->type_name("HZ")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--start", options->start, "position at both ends (default: free)")
-      ->type_name("Q,Q,...")
-      ->delimiter(',');
-  app.add_flag("--no-floor", options->no_floor, "no floor");
-  app.add_option("--noise", options->noise_percent, "torque noise [% of the torque limit]")
-      ->type_name("PERCENT")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--rate", options->rate, "rows a second of the output [Hz]")
-      ->type_name("HZ")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--starts", design.starts, "random motions to search from")
-      ->type_name("N")
-      ->check(CLI::Range(1, 10000))
-      ->capture_default_str();
-  app.add_option("--seed", design.seed, "of the random motions")->type_name("N")->capture_default_str();
-  app.add_option("--threads", design.threads, "(default: one a processor; the result does not depend on it)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 256));
-  app.add_option("--compare", options->compare, "random motions inside the same limits to compare with")
-      ->type_name("N")
-      ->check(CLI::Range(0, 100000))
-      ->capture_default_str();
-  add_output_option(app, options->output,
+  add_robot_options(line, options->robot);
+  line.add_option("--limits", options->limits, "limits that replace those of the URDF, and more (see below)")
+      .type_name("LIMITS.json");
+  line.add_option("--duration", design.duration, "[s]").type_name("S").positive().capture_default_str();
+  line.add_option("--period", design.period, "[s] of the first harmonic (default: the duration)")
+      .type_name("S")
+      .positive();
+  line.add_option("--harmonics", design.harmonics, "a joint")
+      .type_name("N")
+      .between(1, 100)
+      .capture_default_str();
+  line.add_option("--cost", options->cost,
+                  "d-optimal (smallest standard deviations) or condition (smallest condition number)")
+      .type_name("COST")
+      .one_of({"d-optimal", "condition"})
+      .capture_default_str();
+  line.add_option("--rows", options->rows,
+                  "weight of a joint's rows: torque-limit (1 over its torque noise) or unit")
+      .type_name("WEIGHT")
+      .one_of({"torque-limit", "unit"})
+      .capture_default_str();
+  line.add_option(
+          "--torque-at", options->torque_at,
+          "where torque will be measured: motor (with friction columns) or joint (a sensor behind the gear: "
+          "rigid bodies only)")
+      .type_name("WHERE")
+      .one_of({"motor", "joint"})
+      .capture_default_str();
+  line.add_flag("--rotor-inertia", options->rotor_inertia, "rotor inertias are sought too");
+  line.add_flag("--offset", options->offset, "torque offsets are sought too");
+  line.add_flag("--payload-only", options->payload_only,
+                "the arm is known; only the last link's ten are sought");
+  line.add_option("--given", options->given,
+                  "log already taken, to which this motion is to add; may be given several times")
+      .type_name("LOG.csv");
+  line.add_option("--band", options->band, "low-pass for derived motion of given logs [Hz] (default: chosen)")
+      .type_name("HZ")
+      .positive();
+  line.add_option("--start", options->start, "position at both ends (default: free)")
+      .type_name("Q,Q,...")
+      .delimiter(',');
+  line.add_flag("--no-floor", options->no_floor, "no floor");
+  line.add_option("--noise", options->noise_percent, "torque noise [% of the torque limit]")
+      .type_name("PERCENT")
+      .positive()
+      .capture_default_str();
+  line.add_option("--rate", options->rate, "rows a second of the output [Hz]")
+      .type_name("HZ")
+      .positive()
+      .capture_default_str();
+  line.add_option("--starts", design.starts, "random motions to search from")
+      .type_name("N")
+      .between(1, 10000)
+      .capture_default_str();
+  line.add_option("--seed", design.seed, "of the random motions").type_name("N").capture_default_str();
+  line.add_option("--threads", design.threads, "(default: one a processor; the result does not depend on it)")
+      .type_name("N")
+      .between(1, 256);
+  line.add_option("--compare", options->compare, "random motions inside the same limits to compare with")
+      .type_name("N")
+      .between(0, 100000)
+      .capture_default_str();
+  add_output_option(line, options->output,
                     "motion (CSV): time, q*, qd*, qdd*, tau* (predicted torque); - is standard output");
-  add_result_options(app, options->result);
-  app.footer(
+  add_result_options(line, options->result);
+  line.footer(
       "A finite Fourier series per joint, at rest at both ends, inside all limits. Joints, start and weights "
       "may be "
       "set in\n"

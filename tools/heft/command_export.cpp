@@ -4,7 +4,6 @@
 #include <string>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include "arm_header.hpp"
 #include "command.hpp"
@@ -40,16 +39,16 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_export(CLI::App& app) {
+Action set_up_export(CommandLine line) {
   auto options = std::make_shared<Options>();
-  add_robot_options(app, options->robot);
-  app.add_option("--name", options->type_name, "name of the struct (default: made from the robot's name)")
-      ->type_name("TYPE");
-  app.add_option("--namespace", options->name_space,
-                 "namespace of the struct, such as app::arms (default: none)")
-      ->type_name("NAME");
-  add_output_option(app, options->output, "the header (.hpp); - is standard output");
-  app.footer(
+  add_robot_options(line, options->robot);
+  line.add_option("--name", options->type_name, "name of the struct (default: made from the robot's name)")
+      .type_name("TYPE");
+  line.add_option("--namespace", options->name_space,
+                  "namespace of the struct, such as app::arms (default: none)")
+      .type_name("NAME");
+  add_output_option(line, options->output, "the header (.hpp); - is standard output");
+  line.footer(
       "The header needs heft's core alone. Its struct is a description for the compile-time dynamics:\n"
       "a member kModel of type heft::ArmModel<double, N>, and beside it kCouplings, kEffects (for\n"
       "heft::EffectFeedForward), kElasticities and kTorqueDelay with what a model holds besides rigid bodies "

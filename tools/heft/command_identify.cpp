@@ -2,14 +2,15 @@
 /// heft identify: a model from logs, judged on logs it has not seen.
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -70,15 +71,17 @@ identify::Instruments instruments_of(const std::string& name) {
 /// "5,6" or "5,6,0.7": joint 5 also turns the motor of joint 6.
 GearCoupling<double> coupling_of(const std::string& text) {
   std::vector<double> numbers;
-  for (const std::string& part : CLI::detail::split(text, ',')) {
-    double value = 0.0;
-    if (!CLI::detail::lexical_cast(part, value))
-      throw CLI::ValidationError(fmt::format("--coupling {}: \"{}\" is no number", text, part));
+  std::istringstream parts(text);
+  for (std::string part; std::getline(parts, part, ',');) {
+    char* end = nullptr;
+    const double value = std::strtod(part.c_str(), &end);
+    if (part.empty() || end != part.c_str() + part.size())
+      throw UsageError(fmt::format("--coupling {}: \"{}\" is no number", text, part));
     numbers.push_back(value);
   }
   if (numbers.size() < 2 || numbers.size() > 3 || std::floor(numbers[0]) != numbers[0] ||
       std::floor(numbers[1]) != numbers[1]) {
-    throw CLI::ValidationError(
+    throw UsageError(
         fmt::format("--coupling {}: expected two joints and at most a ratio, as in 5,6 or 5,6,1.0 (joint 5 "
                     "also turns the motor of joint 6)",
                     text));
@@ -391,53 +394,53 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_identify(CLI::App& app) {
+Action set_up_identify(CommandLine line) {
   auto options = std::make_shared<Options>();
-  add_robot_options(app, options->robot);
-  add_log_options(app, options->log);
-  app.add_option("--validate", options->validate,
-                 "log to judge the model on, not used for the fit; may be given several times")
-      ->type_name("LOG.csv");
-  app.add_option("--split", options->split,
-                 "share of a single log that the fit gets when there is no --validate; the rest judges "
-                 "(default 0.7; 0: fit to all of it)")
-      ->type_name("SHARE")
-      ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--method", options->method,
-                 "ols, wls (joints weighted by their noise), irls (robust), iv (instruments), tls, physical "
-                 "(links that can exist)")
-      ->check(CLI::IsMember({"ols", "wls", "irls", "iv", "tls", "physical"}))
-      ->capture_default_str();
-  app.add_option("--instruments", options->instruments,
-                 "for iv and the test for bias: simulated along the smoothed motion, delayed, or reference "
-                 "(simulated along the commanded positions qref1.. of the log)")
-      ->check(CLI::IsMember({"simulated", "delayed", "reference"}))
-      ->capture_default_str();
-  app.add_option("--without", options->without, "leave columns out: rotor, coulomb, viscous, offset")
-      ->type_name("WHAT,...")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"rotor", "coulomb", "viscous", "offset"}));
-  app.add_option(
-         "--coupling", options->couplings,
-         "known gear coupling: joint I also turns the motor of joint J (ratio: J's turn for one of I)")
-      ->type_name("I,J[,RATIO]");
-  app.add_option("--ridge", options->ridge,
-                 "condition number from which a ridge towards the URDF steadies the fit; 0: never")
-      ->type_name("NUMBER")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  app.add_option("--standstill", options->standstill,
-                 "leave out rows of joints slower than this [rad/s, m/s]")
-      ->type_name("SPEED")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  add_output_option(app, options->model, "model file", false);
-  app.add_option("--write-urdf", options->write_urdf, "copy of the URDF with the identified parameters")
-      ->type_name("OUT.urdf");
-  app.add_flag("--allow-impossible", options->allow_impossible,
-               "write links into the URDF that no body can be");
-  add_result_options(app, options->result);
-  app.footer(
+  add_robot_options(line, options->robot);
+  add_log_options(line, options->log);
+  line.add_option("--validate", options->validate,
+                  "log to judge the model on, not used for the fit; may be given several times")
+      .type_name("LOG.csv");
+  line.add_option("--split", options->split,
+                  "share of a single log that the fit gets when there is no --validate; the rest judges "
+                  "(default 0.7; 0: fit to all of it)")
+      .type_name("SHARE")
+      .between(0.0, 1.0);
+  line.add_option("--method", options->method,
+                  "ols, wls (joints weighted by their noise), irls (robust), iv (instruments), tls, physical "
+                  "(links that can exist)")
+      .one_of({"ols", "wls", "irls", "iv", "tls", "physical"})
+      .capture_default_str();
+  line.add_option("--instruments", options->instruments,
+                  "for iv and the test for bias: simulated along the smoothed motion, delayed, or reference "
+                  "(simulated along the commanded positions qref1.. of the log)")
+      .one_of({"simulated", "delayed", "reference"})
+      .capture_default_str();
+  line.add_option("--without", options->without, "leave columns out: rotor, coulomb, viscous, offset")
+      .type_name("WHAT,...")
+      .delimiter(',')
+      .one_of({"rotor", "coulomb", "viscous", "offset"});
+  line.add_option(
+          "--coupling", options->couplings,
+          "known gear coupling: joint I also turns the motor of joint J (ratio: J's turn for one of I)")
+      .type_name("I,J[,RATIO]");
+  line.add_option("--ridge", options->ridge,
+                  "condition number from which a ridge towards the URDF steadies the fit; 0: never")
+      .type_name("NUMBER")
+      .not_negative()
+      .capture_default_str();
+  line.add_option("--standstill", options->standstill,
+                  "leave out rows of joints slower than this [rad/s, m/s]")
+      .type_name("SPEED")
+      .not_negative()
+      .capture_default_str();
+  add_output_option(line, options->model, "model file", false);
+  line.add_option("--write-urdf", options->write_urdf, "copy of the URDF with the identified parameters")
+      .type_name("OUT.urdf");
+  line.add_flag("--allow-impossible", options->allow_impossible,
+                "write links into the URDF that no body can be");
+  add_result_options(line, options->result);
+  line.footer(
       "Example: heft identify --urdf ur10e --log a.csv --log b.csv --validate c.csv -o arm.json --report "
       "arm.html\n"
       "A single log is cut in two, so that the error is always one on data not seen.");

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -403,42 +402,42 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_payload(CLI::App& app) {
+Action set_up_payload(CommandLine line) {
   auto options = std::make_shared<Options>();
-  add_robot_options(app, options->robot);
-  add_log_options(app, options->log);
-  app.add_option("--baseline", options->baselines,
-                 "log of the arm without load, to fit the model to; may be given several times")
-      ->type_name("NOLOAD.csv");
-  app.add_option("--zero", options->zeros,
-                 "log without load that the model was not fitted to: the mass found there is the model's "
-                 "error, and widens the "
-                 "interval; may be given several times (default with several --baseline: each by the model "
-                 "of the others)")
-      ->type_name("NOLOAD.csv");
-  app.add_option("--rows", options->rows, "K: use the torques of joints K..N")
-      ->type_name("K")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--true-mass", options->true_mass,
-                 "[kg] the load's mass where it is known: shown beside the estimate")
-      ->type_name("KG")
-      ->check(CLI::PositiveNumber);
-  add_output_option(app, options->output, "the model that --baseline gives (JSON), for --model next time",
+  add_robot_options(line, options->robot);
+  add_log_options(line, options->log);
+  line.add_option("--baseline", options->baselines,
+                  "log of the arm without load, to fit the model to; may be given several times")
+      .type_name("NOLOAD.csv");
+  line.add_option("--zero", options->zeros,
+                  "log without load that the model was not fitted to: the mass found there is the model's "
+                  "error, and widens the "
+                  "interval; may be given several times (default with several --baseline: each by the model "
+                  "of the others)")
+      .type_name("NOLOAD.csv");
+  line.add_option("--rows", options->rows, "K: use the torques of joints K..N")
+      .type_name("K")
+      .positive()
+      .capture_default_str();
+  line.add_option("--true-mass", options->true_mass,
+                  "[kg] the load's mass where it is known: shown beside the estimate")
+      .type_name("KG")
+      .positive();
+  add_output_option(line, options->output, "the model that --baseline gives (JSON), for --model next time",
                     false);
-  add_result_options(app, options->result);
-  app.parse_complete_callback([options] {
+  add_result_options(line, options->result);
+  line.parse_complete_callback([options] {
     if (options->robot.model.empty() == options->baselines.empty()) {
-      throw CLI::ValidationError(
+      throw UsageError(
           "the load is what the model of the arm without load does not explain: give either --model "
           "MODEL.json or --baseline NOLOAD.csv, a log to fit it to");
     }
     if (options->baselines.empty() && !options->output.empty()) {
-      throw CLI::ValidationError(
+      throw UsageError(
           "--output writes the model that --baseline gives; with --model there is nothing to write");
     }
   });
-  app.footer(
+  line.footer(
       "Logs need torque (tau1..tauN, or currents with --torque-constant). The arm without load is fitted by "
       "recursive\n"
       "least squares over all joints; its errors go into the interval. The interval holds for the torque "

@@ -4,7 +4,6 @@
 #include <string>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -121,15 +120,15 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_simulate(CLI::App& app) {
+Action set_up_simulate(CommandLine line) {
   auto options = std::make_shared<Options>();
-  app.add_option("--scenario", options->scenario,
-                 "what to simulate: robot, motion, controller, sensors, events (JSON)")
-      ->type_name("SCENARIO.json")
-      ->required();
-  add_output_option(app, options->output, "the log (CSV); - is standard output");
-  add_result_options(app, options->result);
-  app.footer(
+  line.add_option("--scenario", options->scenario,
+                  "what to simulate: robot, motion, controller, sensors, events (JSON)")
+      .type_name("SCENARIO.json")
+      .required();
+  add_output_option(line, options->output, "the log (CSV); - is standard output");
+  add_result_options(line, options->result);
+  line.footer(
       "The scenario names its robot as --urdf does elsewhere; a relative path is looked for beside the "
       "scenario first.\n"
       "Example: heft simulate --scenario pick.json -o pick.csv");

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "command.hpp"
@@ -279,22 +278,22 @@ void run(const Options& options) {
 
 }  // namespace
 
-Action set_up_track(CLI::App& app) {
+Action set_up_track(CommandLine line) {
   auto options = std::make_shared<Options>();
-  app.add_option("--scenario", options->scenario,
-                 "robot, motion, sensors, events (JSON), as heft simulate takes it")
-      ->type_name("SCENARIO.json")
-      ->required();
-  app.add_option(
-         "--model", options->model,
-         "model file with what the controllers believe, effects included; without it the scenario's robot "
-         "and friction, without load and effects")
-      ->type_name("MODEL.json");
-  app.add_option("--from", options->from, "[s] errors count from here on")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  add_result_options(app, options->result);
-  app.footer(
+  line.add_option("--scenario", options->scenario,
+                  "robot, motion, sensors, events (JSON), as heft simulate takes it")
+      .type_name("SCENARIO.json")
+      .required();
+  line.add_option(
+          "--model", options->model,
+          "model file with what the controllers believe, effects included; without it the scenario's robot "
+          "and friction, without load and effects")
+      .type_name("MODEL.json");
+  line.add_option("--from", options->from, "[s] errors count from here on")
+      .not_negative()
+      .capture_default_str();
+  add_result_options(line, options->result);
+  line.footer(
       "Compares PD, PD with gravity, computed torque with nominal values and computed torque with the load "
       "that is\n"
       "estimated while the arm moves. Adaptive control is not in this version.\n"

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "campaign.hpp"
@@ -432,51 +431,50 @@ void run_simulated(const Options& options) {
 
 }  // namespace
 
-Action set_up_validate(CLI::App& app) {
+Action set_up_validate(CommandLine line) {
   auto options = std::make_shared<Options>();
-  add_robot_options(app, options->robot);
-  add_log_options(app, options->log);
+  add_robot_options(line, options->robot);
+  add_log_options(line, options->log);
   // Asked for below, since a campaign needs none.
-  app.get_option("--log")->required(false);
-  app.add_flag("--campaign", options->campaign,
-               "simulate a measuring campaign of a robot (default: ur10e) whose true parameters are known, "
-               "identify it "
-               "and judge all five criteria");
-  app.add_option("--seed", options->seed, "of a campaign: its true arm, motions and noise")
-      ->type_name("N")
-      ->capture_default_str();
-  app.add_option("--repeats", options->repeats, "of a campaign: experiments without load")
-      ->type_name("N")
-      ->check(CLI::Range(2, 1000))
-      ->capture_default_str();
-  app.add_option("--duration", options->duration, "[s] of a campaign: length of an experiment")
-      ->type_name("S")
-      ->check(CLI::Range(5.0, 600.0))
-      ->capture_default_str();
-  add_output_option(app, options->output, "of a campaign: folder for its logs and models", false);
-  add_result_options(app, options->result);
-  app.parse_complete_callback([options, &app] {
-    options->torque_at_given = app.count("--torque-at") > 0;
+  line.get_option("--log").required(false);
+  line.add_flag("--campaign", options->campaign,
+                "simulate a measuring campaign of a robot (default: ur10e) whose true parameters are known, "
+                "identify it "
+                "and judge all five criteria");
+  line.add_option("--seed", options->seed, "of a campaign: its true arm, motions and noise")
+      .type_name("N")
+      .capture_default_str();
+  line.add_option("--repeats", options->repeats, "of a campaign: experiments without load")
+      .type_name("N")
+      .between(2, 1000)
+      .capture_default_str();
+  line.add_option("--duration", options->duration, "[s] of a campaign: length of an experiment")
+      .type_name("S")
+      .between(5.0, 600.0)
+      .capture_default_str();
+  add_output_option(line, options->output, "of a campaign: folder for its logs and models", false);
+  add_result_options(line, options->result);
+  line.parse_complete_callback([options, line] {
+    options->torque_at_given = line.count("--torque-at") > 0;
     if (options->campaign) {
       if (!options->log.logs.empty()) {
-        throw CLI::ValidationError("--campaign makes its own logs: leave out --log");
+        throw UsageError("--campaign makes its own logs: leave out --log");
       }
       return;
     }
     if (options->robot.model.empty() && options->robot.urdf.empty()) {
-      throw CLI::ValidationError("give the model to judge with --model MODEL.json, or --campaign");
+      throw UsageError("give the model to judge with --model MODEL.json, or --campaign");
     }
     if (options->log.logs.empty()) {
-      throw CLI::ValidationError("give the log to judge it on with --log LOG.csv");
+      throw UsageError("give the log to judge it on with --log LOG.csv");
     }
     for (const char* of_campaign : {"--seed", "--repeats", "--duration", "--output"}) {
-      if (app.count(of_campaign) > 0) {
-        throw CLI::ValidationError(
-            fmt::format("{} belongs to --campaign, which was not asked for", of_campaign));
+      if (line.count(of_campaign) > 0) {
+        throw UsageError(fmt::format("{} belongs to --campaign, which was not asked for", of_campaign));
       }
     }
   });
-  app.footer(
+  line.footer(
       "A model file of heft knows its robot; older ones need --urdf. With --urdf alone the URDF itself is "
       "judged.\n"
       "The criteria: parameter recovery < 15 %, torque prediction < 3 %, tracking error reduced > 40 %, "

@@ -13,7 +13,7 @@ const std::vector<Command>& commands() {
       {"payload", "estimate the load at the flange sample by sample, as the controller would",
        set_up_payload},
       {"track", "closed-loop tracking in the simulator, several controllers side by side", set_up_track},
-      {"stiffness", "joint stiffness from load and deflection measurements", nullptr},
+      {"stiffness", "joint stiffness from load and deflection measurements", set_up_stiffness},
       {"export", "write a robot and a model as a constexpr C++ header for firmware", set_up_export},
       {"reproduce", "rebuild a publication's tables and figures", set_up_reproduce},
       {"demo", "the whole loop end to end, ends with a report", set_up_demo},

@@ -2,22 +2,18 @@
 /// The heft command: finds the command asked for, runs it, turns what goes wrong into an exit code.
 #include <algorithm>
 #include <exception>
-#include <memory>
-#include <sstream>
+#include <map>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include "command.hpp"
+#include "command_line.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::tools {
 namespace {
-
-constexpr const char* kReadyGroup = "Commands";
-constexpr const char* kMissingGroup = "Not in this version yet";
 
 /// Number of letters to insert, delete or change to make `b` of `a`.
 std::size_t edit_distance(const std::string& a, const std::string& b) {
@@ -54,41 +50,9 @@ int wrong_usage(const std::string& message, const std::string& command = {}) {
   return kWrongUsage;
 }
 
-/// Help texts whose descriptions are wrapped beside the option's name.
-class WrappingFormatter : public CLI::Formatter {
- public:
-  WrappingFormatter() {
-    column_width(kNameWidth);
-    label("SUBCOMMAND", "COMMAND");
-    label("REQUIRED", "(required)");
-  }
-  std::string make_option_desc(const CLI::Option* option) const override {
-    std::istringstream words(CLI::Formatter::make_option_desc(option));
-    std::string word, text;
-    for (std::size_t column = 0; words >> word; column += word.size() + 1) {
-      if (column + word.size() > kTextWidth) {
-        text += '\n';
-        column = 0;
-      } else if (!text.empty()) {
-        text += ' ';
-      }
-      text += word;
-    }
-    return text;
-  }
-
- private:
-  static constexpr std::size_t kNameWidth = 34;
-  static constexpr std::size_t kTextWidth = 66;
-};
-
 int run(int argc, char** argv) {
-  CLI::App app{"heft: estimation and control of robot arms, from a log to firmware."};
-  app.name("heft");
-  app.formatter(std::make_shared<WrappingFormatter>());  // before the commands are added: they inherit it
-  app.set_version_flag("--version", "heft " HEFT_VERSION);
-  app.require_subcommand(1);
-  app.footer(
+  CommandParser parser(
+      "heft", "heft: estimation and control of robot arms, from a log to firmware.", "heft " HEFT_VERSION,
       "heft COMMAND --help explains a command.\n"
       "Results go to standard output, progress and notes to standard error. SI units throughout.\n"
       "Exit codes: 0 done; 1 internal failure; 2 wrong usage; 3 bad input; 4 the data cannot answer the "
@@ -97,52 +61,35 @@ int run(int argc, char** argv) {
   // A first word that is no command gets a better answer than the parser's.
   if (argc >= 2 && argv[1][0] != '-') {
     const std::string name = argv[1];
-    const Command* command = find_command(name);
-    if (command == nullptr) {
+    if (find_command(name) == nullptr) {
       const std::string nearest = nearest_command(name);
       return wrong_usage(fmt::format("there is no command '{}'{}", name,
                                      nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
     }
-    if (command->set_up == nullptr) {
-      return wrong_usage(
-          fmt::format("'{}' is not in this version ({}) yet: {}", name, HEFT_VERSION, command->summary));
-    }
   }
 
-  Action action;
-  std::string chosen;
+  std::map<std::string, Action> actions;
   for (const Command& command : commands()) {
-    CLI::App* sub = app.add_subcommand(command.name, command.summary);
-    if (command.set_up == nullptr) {
-      sub->group(kMissingGroup);
-      continue;
-    }
-    sub->group(kReadyGroup);
-    sub->callback([work = command.set_up(*sub), name = command.name, &action, &chosen] {
-      action = work;
-      chosen = name;
-    });
+    actions[command.name] = command.set_up(parser.add_command(command.name, command.summary));
   }
 
+  std::string chosen;
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) {
-      app.exit(error);  // --help, --version
-      return kDone;
-    }
+    chosen = parser.parse(argc, argv);
+  } catch (const UsageError& error) {
     if (argc < 2) {
-      fmt::print(stderr, "{}", app.help());
+      fmt::print(stderr, "{}", parser.help());
       return kWrongUsage;
     }
     const Command* command = find_command(argv[1]);
     return wrong_usage(error.what(), command ? command->name : "");
   }
+  if (chosen.empty()) return kDone;  // --help, --version
 
   try {
-    action();
+    actions.at(chosen)();
     return kDone;
-  } catch (const CLI::ParseError& error) {  // options that do not go together
+  } catch (const UsageError& error) {  // options that do not go together
     return wrong_usage(error.what(), chosen);
   } catch (const NotIdentifiableError& error) {
     fmt::print(stderr, "heft {}: {}\n", chosen, error.what());

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include "console.hpp"
 #include "heft/identify/validation.hpp"
@@ -13,29 +12,28 @@
 
 namespace heft::tools {
 
-void add_robot_options(CLI::App& app, RobotOptions& options) {
-  CLI::Option* urdf =
-      app.add_option(
-             "--urdf", options.urdf,
-             "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...); a model file that knows "
-             "its robot needs none")
-          ->type_name("ROBOT");
-  app.add_option("--model", options.model,
-                 "model file; its parameters replace those of the URDF, and without --urdf it is the robot")
-      ->type_name("MODEL.json");
-  app.add_option("--base", options.base, "link where the chain begins (default: the root)")
-      ->type_name("LINK")
-      ->needs(urdf);
-  app.add_option("--tip", options.tip, "link where the chain ends (default: the only leaf)")
-      ->type_name("LINK")
-      ->needs(urdf);
-  app.add_option("--mount", options.mount,
-                 "[rad] how the base stands: turned about the level world's x, then y, then z (default: "
-                 "0,0,0; a ceiling "
-                 "is 3.14159265358979,0,0)")
-      ->type_name("ROLL,PITCH,YAW")
-      ->delimiter(',')
-      ->expected(3);
+void add_robot_options(CommandLine line, RobotOptions& options) {
+  Option urdf = line.add_option("--urdf", options.urdf,
+                                "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...); a "
+                                "model file that knows "
+                                "its robot needs none")
+                    .type_name("ROBOT");
+  line.add_option("--model", options.model,
+                  "model file; its parameters replace those of the URDF, and without --urdf it is the robot")
+      .type_name("MODEL.json");
+  line.add_option("--base", options.base, "link where the chain begins (default: the root)")
+      .type_name("LINK")
+      .needs(urdf);
+  line.add_option("--tip", options.tip, "link where the chain ends (default: the only leaf)")
+      .type_name("LINK")
+      .needs(urdf);
+  line.add_option("--mount", options.mount,
+                  "[rad] how the base stands: turned about the level world's x, then y, then z (default: "
+                  "0,0,0; a ceiling "
+                  "is 3.14159265358979,0,0)")
+      .type_name("ROLL,PITCH,YAW")
+      .delimiter(',')
+      .expected(3);
 }
 
 /// Rotation about x by roll, then about the fixed y by pitch, then about the fixed z by yaw, row-major.
@@ -56,7 +54,7 @@ static std::array<double, 9> rotation_of(const std::vector<double>& angles) {
 
 LoadedRobot load_robot_and_fit(const RobotOptions& options) {
   if (options.urdf.empty() && options.model.empty()) {
-    throw CLI::ValidationError(
+    throw UsageError(
         "give the robot with --urdf ROBOT, or with --model MODEL.json one that a model file knows");
   }
   LoadedRobot loaded;
@@ -119,25 +117,25 @@ data::JointLimits limits_of(const model::Robot& robot) {
   return limits;
 }
 
-void add_log_options(CLI::App& app, LogOptions& options) {
-  app.add_option("--log", options.logs, "log (CSV); may be given several times")
-      ->type_name("LOG.csv")
-      ->required();
-  app.add_option("--torque-constant", options.torque_constant,
-                 "[N·m/A] one value, or one a joint: torque from the currents i1.. when tau1.. are missing")
-      ->type_name("K,K,...")
-      ->delimiter(',');
-  app.add_option("--torque-at", options.torque_at,
-                 "where the torque was measured: motor (rotor inertia and gear friction are in it) or joint "
-                 "(a sensor "
-                 "behind the gear)")
-      ->type_name("WHERE")
-      ->check(CLI::IsMember({"motor", "joint"}))
-      ->capture_default_str();
-  app.add_option("--band", options.band,
-                 "low-pass cut-off for derived signals [Hz] (default: chosen from the motion)")
-      ->type_name("HZ")
-      ->check(CLI::PositiveNumber);
+void add_log_options(CommandLine line, LogOptions& options) {
+  line.add_option("--log", options.logs, "log (CSV); may be given several times")
+      .type_name("LOG.csv")
+      .required();
+  line.add_option("--torque-constant", options.torque_constant,
+                  "[N·m/A] one value, or one a joint: torque from the currents i1.. when tau1.. are missing")
+      .type_name("K,K,...")
+      .delimiter(',');
+  line.add_option("--torque-at", options.torque_at,
+                  "where the torque was measured: motor (rotor inertia and gear friction are in it) or joint "
+                  "(a sensor "
+                  "behind the gear)")
+      .type_name("WHERE")
+      .one_of({"motor", "joint"})
+      .capture_default_str();
+  line.add_option("--band", options.band,
+                  "low-pass cut-off for derived signals [Hz] (default: chosen from the motion)")
+      .type_name("HZ")
+      .positive();
 }
 
 PreparedLog prepare_log(const std::string& path, const LogOptions& options,
@@ -172,10 +170,10 @@ PreparedLog prepare_log(const std::string& path, const LogOptions& options,
   return prepared;
 }
 
-void add_result_options(CLI::App& app, ResultOptions& options) {
-  app.add_option("--json", options.json, "write the results as JSON; - is standard output")
-      ->type_name("FILE");
-  app.add_option("--report", options.report, "write a page with tables and plots")->type_name("FILE.html");
+void add_result_options(CommandLine line, ResultOptions& options) {
+  line.add_option("--json", options.json, "write the results as JSON; - is standard output")
+      .type_name("FILE");
+  line.add_option("--report", options.report, "write a page with tables and plots").type_name("FILE.html");
 }
 
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
@@ -186,8 +184,8 @@ void finish(const Console& console, const std::string& output, const ResultOptio
   if (!options.report.empty()) console.print("Report: {}\n", options.report);
 }
 
-void add_output_option(CLI::App& app, std::string& output, const std::string& meaning, bool required) {
-  app.add_option("-o,--output", output, meaning)->type_name("FILE")->required(required);
+void add_output_option(CommandLine line, std::string& output, const std::string& meaning, bool required) {
+  line.add_option("-o,--output", output, meaning).type_name("FILE").required(required);
 }
 
 }  // namespace heft::tools

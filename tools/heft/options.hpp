@@ -6,16 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "command_line.hpp"
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
 #include "heft/data/log_checks.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/report/report.hpp"
-
-namespace CLI {
-class App;
-}
 
 namespace heft::tools {
 
@@ -29,10 +26,10 @@ struct RobotOptions {
   std::string tip;
   std::vector<double> mount;  ///< roll, pitch, yaw of the base in the world [rad]; empty: level
 };
-void add_robot_options(CLI::App& app, RobotOptions& options);
+void add_robot_options(CommandLine line, RobotOptions& options);
 /// The robot of --urdf with the parameters of --model, if given; without --urdf the robot that the model file
 /// describes. Notes go to standard error.
-/// @throws CLI::ValidationError (wrong usage) when neither is given, ModelError when there is no --urdf and the
+/// @throws UsageError (wrong usage) when neither is given, ModelError when there is no --urdf and the
 ///         model file does not know its kinematics.
 model::Robot load_robot(const RobotOptions& options);
 
@@ -66,7 +63,7 @@ struct LogOptions {
 
   TorqueAt measured_at() const { return torque_at == "joint" ? TorqueAt::kJoint : TorqueAt::kMotor; }
 };
-void add_log_options(CLI::App& app, LogOptions& options);
+void add_log_options(CommandLine line, LogOptions& options);
 
 /// A log with what a command needs of it; qd and qdd are derived where missing. Notes go to standard error.
 struct PreparedLog {
@@ -81,12 +78,13 @@ struct ResultOptions {
   std::string json;
   std::string report;
 };
-void add_result_options(CLI::App& app, ResultOptions& options);
+void add_result_options(CommandLine line, ResultOptions& options);
 /// Writes the report, if asked for, and says where the command's files lie.
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
             const report::Report& page);
 
 /// -o/--output.
-void add_output_option(CLI::App& app, std::string& output, const std::string& meaning, bool required = true);
+void add_output_option(CommandLine line, std::string& output, const std::string& meaning,
+                       bool required = true);
 
 }  // namespace heft::tools

@@ -6,13 +6,14 @@
 #include <numbers>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
 
@@ -357,11 +358,10 @@ class LoadObserver {
     const Eigen::Matrix3d central = about - steiner;
     // Second moments ½ tr(I) E − I: none below zero, none beyond the farthest point.
     const Eigen::Matrix3d second = 0.5 * central.trace() * Eigen::Matrix3d::Identity() - central;
-    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(second);
-    const Eigen::Vector3d moments =
-        solver.eigenvalues().cwiseMax(0.0).cwiseMin(m * farthest_ * farthest_ / 4);
-    const Eigen::Matrix3d cleaned =
-        solver.eigenvectors() * moments.asDiagonal() * solver.eigenvectors().transpose();
+    const Eigensystem principal = eigensystem_of(second);
+    const Eigen::Vector3d moments = principal.values.cwiseMax(0.0).cwiseMin(m * farthest_ * farthest_ / 4);
+    const Eigen::Matrix3d axes = principal.vectors;
+    const Eigen::Matrix3d cleaned = axes * moments.asDiagonal() * axes.transpose();
     const Eigen::Matrix3d inertia = cleaned.trace() * Eigen::Matrix3d::Identity() - cleaned + steiner;
     p = {m,
          m * c[0],

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/dynamics/regressor.hpp"

@@ -5,12 +5,13 @@
 #include <numbers>
 #include <random>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "heft/core/dynamics/terminal_rows.hpp"
 #include "heft/core/estimate/instruments.hpp"
 #include "heft/core/estimate/normal_equations.hpp"
 #include "heft/core/estimate/staged_solver.hpp"
+#include "heft/host/decompositions.hpp"
 #include "terminal_link_setup.hpp"
 
 namespace heft::tools {
@@ -187,7 +188,7 @@ std::vector<ProtocolPoint> run_protocol(const ProtocolSettings& settings) {
       take(ProtocolMethod::kInstrumentDesired, by_desired);
       take(ProtocolMethod::kInstrumentForward, by_forward);
       points.push_back(judge(ProtocolMethod::kLiteralQuasiDiagonal, j + 1,
-                             literal.ldlt().solve(literal_right), yardstick, column_rms));
+                             solve_symmetric(literal, literal_right), yardstick, column_rms));
     }
   }
   return points;
@@ -262,8 +263,7 @@ double condition_number(const FourierTrajectory& trajectory) {
   }
   const Base scale = normal.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix<double, kBase, kBase> scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Base eigenvalues =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kBase, kBase>>(scaled).eigenvalues();
+  const Base eigenvalues = eigenvalues_of(scaled);
   return std::sqrt(eigenvalues[kBase - 1] / eigenvalues[0]);
 }
 

@@ -6,13 +6,14 @@
 #include <limits>
 #include <random>
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/estimate/covariance_recursion.hpp"
 #include "heft/core/estimate/factored_equations.hpp"
 #include "heft/core/estimate/terminal_link_estimator.hpp"
+#include "heft/host/decompositions.hpp"
 #include "terminal_link_setup.hpp"
 
 namespace heft::tools {
@@ -96,9 +97,9 @@ MassColumnCheck check_mass_column() {
   const Eigen::Matrix<double, 12, 1> scale = normal.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix<double, 12, 12> scaled = scale.asDiagonal() * normal * scale.asDiagonal();
   const Eigen::Matrix<double, 12, 1> b = scale.cwiseProduct(right);
-  const VectorXd all = scale.cwiseProduct(scaled.ldlt().solve(b));
+  const VectorXd all = scale.cwiseProduct(solve_symmetric(scaled, b).col(0));
   const VectorXd some =
-      scale.head<11>().cwiseProduct(scaled.topLeftCorner<11, 11>().ldlt().solve(b.head<11>()));
+      scale.head<11>().cwiseProduct(solve_symmetric(scaled.topLeftCorner<11, 11>(), b.head<11>()).col(0));
 
   const auto& with = model::KawasakiArmWithPayload::kModel;
   const auto& without = model::KawasakiArm::kModel;
@@ -280,7 +281,7 @@ std::vector<RankCheck> check_ranks() {
         A.col(c).setZero();
       }
     }
-    const VectorXd sigma = Eigen::JacobiSVD<MatrixXd, Eigen::HouseholderQRPreconditioner>(A).singularValues();
+    const VectorXd sigma = singular_values(triangle_of(A));
     RankCheck check;
     check.k = k;
     check.columns = 11 * links;

@@ -5,7 +5,9 @@
 #include <numbers>
 #include <random>
 
-#include <Eigen/LU>
+#include <Eigen/Core>
+
+#include "heft/host/decompositions.hpp"
 
 namespace heft::tools::terminal_link {
 
@@ -175,7 +177,8 @@ const Eigen::Matrix<double, kBase, kBase>& publication_map() {
 }
 
 const Eigen::Matrix<double, kBase, kBase>& publication_map_inverse() {
-  static const Eigen::Matrix<double, kBase, kBase> inverse = publication_map().inverse();
+  static const Eigen::Matrix<double, kBase, kBase> inverse =
+      solve_square(publication_map(), Eigen::MatrixXd::Identity(kBase, kBase));
   return inverse;
 }
 

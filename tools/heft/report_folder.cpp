@@ -1,0 +1,57 @@
+#include "report_folder.hpp"
+
+#include <fmt/format.h>
+
+#include "console.hpp"
+#include "heft/host/file.hpp"
+#include "output_folder.hpp"
+
+namespace heft::tools {
+namespace {
+
+std::string csv_cell(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+}  // namespace
+
+std::string fixed(double value, int digits) {
+  const std::string text = fmt::format("{:.{}f}", value, digits);
+  return text.find_first_of("123456789") == std::string::npos && text.front() == '-' ? text.substr(1) : text;
+}
+
+std::string to_csv(const report::Table& table) {
+  std::string text;
+  const auto add = [&](const std::vector<std::string>& row) {
+    for (std::size_t c = 0; c < row.size(); ++c) text += (c ? "," : "") + csv_cell(row[c]);
+    text += "\n";
+  };
+  add(table.headers());
+  for (const auto& row : table.rows()) add(row);
+  return text;
+}
+
+ReportFolder::ReportFolder(const std::string& path) : path_(make_output_folder(path)) {}
+
+void ReportFolder::csv(const std::string& name, const report::Table& table) const {
+  host::write_file_atomically(file(name), to_csv(table));
+}
+
+void ReportFolder::figure(const std::string& name, const report::PlotSpec& spec) const {
+  warn_unless(report::write_svg(spec, file(name)));
+}
+
+void ReportFolder::figure(const std::string& name, const report::MapSpec& spec) const {
+  warn_unless(report::write_svg(spec, file(name)));
+}
+
+void ReportFolder::warn_unless(bool written) const {
+  if (written || warned_) return;
+  note("gnuplot is missing or failed: figures are not written as files");
+  warned_ = true;
+}
+
+}  // namespace heft::tools

@@ -1,0 +1,38 @@
+/// @file
+/// A folder with a report: the page, tables as CSV, figures as SVG, results as JSON.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "heft/report/plot.hpp"
+#include "heft/report/table.hpp"
+
+namespace heft::tools {
+
+/// Fixed digits without a negative zero.
+std::string fixed(double value, int digits);
+
+/// Headers and rows with commas between; quoted where a cell needs it.
+std::string to_csv(const report::Table& table);
+
+/// Names files in the folder and writes them, each whole or not at all.
+class ReportFolder {
+ public:
+  /// Makes the folder if it is not there.
+  /// @throws InputError when it cannot be made or is a file
+  explicit ReportFolder(const std::string& path);
+  std::string file(const std::string& name) const { return (path_ / name).string(); }
+  void csv(const std::string& name, const report::Table& table) const;
+  /// Notes once on standard error when gnuplot is missing and no figure is written.
+  void figure(const std::string& name, const report::PlotSpec& spec) const;
+  void figure(const std::string& name, const report::MapSpec& spec) const;
+
+ private:
+  void warn_unless(bool written) const;
+
+  std::filesystem::path path_;
+  mutable bool warned_{false};
+};
+
+}  // namespace heft::tools

@@ -1,0 +1,343 @@
+#include "stiffness_forward.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Geometry>
+#include <nlohmann/json.hpp>
+
+#include "console.hpp"
+#include "heft/data/log.hpp"
+#include "heft/host/decompositions.hpp"
+#include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
+#include "heft/identify/cartesian_stiffness.hpp"
+#include "heft/identify/dexterity.hpp"
+#include "heft/model/model_file.hpp"
+
+namespace heft::tools {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using report::Table;
+
+namespace {
+
+/// A force at `point` of the tool frame as a wrench about the tip, base axes.
+identify::Vector6d wrench_of(const Vector3d& force, const std::vector<double>& point,
+                             const model::ToolPlacement& tip) {
+  const Vector3d lever =
+      point.empty() ? Vector3d(Vector3d::Zero()) : Vector3d(tip.rotation * Vector3d(point.data()));
+  identify::Vector6d wrench;
+  wrench << force, lever.cross(force);
+  return wrench;
+}
+
+std::vector<double> numbers(const VectorXd& v) { return {v.data(), v.data() + v.size()}; }
+
+/// Outlines of the deflection ellipsoid in the three planes of the base.
+void add_ellipsoid(const Eigen::Matrix3d& compliance, const std::string& pose, report::Report& page) {
+  const char* axes = "xyz";
+  std::vector<report::PlotSpec> specs;
+  for (int first = 0; first < 3; ++first) {
+    const int a = first == 2 ? 0 : first, b = first == 0 ? 1 : 2;  // xy, yz, xz
+    Eigen::Matrix<double, 3, 2> plane;
+    plane << Vector3d::Unit(a), Vector3d::Unit(b);
+    const MatrixXd outline = 1e6 * identify::ellipsoid_outline(compliance, plane);
+    report::PlotSpec spec;
+    spec.title = fmt::format("{}{} plane", axes[a], axes[b]);
+    spec.x_label = fmt::format("{} [µm/N]", axes[a]);
+    spec.y_label = fmt::format("{} [µm/N]", axes[b]);
+    spec.series = {report::line("deflection under 1 N in every direction", outline.col(0), outline.col(1))};
+    spec.equal_axes = true;
+    spec.width = 300;
+    spec.height = 300;
+    specs.push_back(spec);
+  }
+  page.plots(fmt::format("Where the tool goes under 1 N at pose {}", pose), specs);
+}
+
+void write_compensated(const std::string& path, data::Log log, const MatrixXd& compensated) {
+  log.q = compensated;
+  // Velocities and accelerations belong to the positions that were.
+  log.qd.resize(log.q.rows(), 0);
+  log.qdd.resize(log.q.rows(), 0);
+  data::write_log(path, log);
+}
+
+}  // namespace
+
+namespace {
+
+/// 1, 1e3 or 1e6, and the letter for it.
+std::pair<double, const char*> prefix_of(double value) {
+  if (std::abs(value) >= 1e6) return {1e6, "M"};
+  if (std::abs(value) >= 1e3) return {1e3, "k"};
+  return {1.0, ""};
+}
+
+const char* unit_of(bool prismatic) { return prismatic ? "N/m" : "N·m/rad"; }
+
+}  // namespace
+
+std::string stiffness_in_words(double stiffness, bool prismatic) {
+  if (std::isnan(stiffness)) return "–";
+  if (std::isinf(stiffness)) return "∞";
+  const auto [scale, letter] = prefix_of(stiffness);
+  return fmt::format("{} {}{}", report::number(stiffness / scale, 3), letter, unit_of(prismatic));
+}
+
+std::string stiffness_interval_in_words(double low, double high, bool prismatic) {
+  if (std::isnan(low)) return "–";
+  if (!std::isfinite(high))
+    return low > 0.0 ? "at least " + stiffness_in_words(low, prismatic) : std::string("–");
+  const auto [scale, letter] = prefix_of(low);
+  return fmt::format("{} to {} {}{}", report::number(low / scale, 3), report::number(high / scale, 3), letter,
+                     unit_of(prismatic));
+}
+
+void write_elastic_model(const std::string& path, model::Robot robot, const VectorXd& stiffness,
+                         const std::string& method, const std::vector<std::string>& sources,
+                         const std::vector<std::string>& notes) {
+  robot.elasticities.clear();
+  for (int j = 0; j < robot.num_joints(); ++j) {
+    if (!std::isfinite(stiffness[j]) || stiffness[j] <= 0.0) continue;
+    // Damping and the rotor's share of the inertia do not show in deflections at rest.
+    robot.elasticities.push_back(
+        {j, stiffness[j], 0.0, robot.joints[static_cast<std::size_t>(j)].actuation.rotor_inertia});
+  }
+  model::ModelFile file = model::make_model(robot);
+  file.provenance.method = method;
+  file.provenance.logs = sources;
+  file.provenance.notes = notes;
+  model::write_model(path, file);
+}
+
+std::string describe_tool(const model::Kinematics& kinematics, const VectorXd& stiffness,
+                          const std::vector<NamedPose>& poses, const StiffnessCommandOptions& options,
+                          nlohmann::ordered_json& json, report::Report& page) {
+  std::string text;
+  const model::Robot& robot = kinematics.robot();
+  const bool loaded = options.payload.mass > 0.0;
+  std::vector<std::string> headers{"pose",          "largest deflection [µm/N]",
+                                   "along x, y, z", "smallest [µm/N]",
+                                   "along x, y, z", "mean stiffness [N/mm]"};
+  if (loaded) headers.push_back(fmt::format("sag under {:g} kg [mm]", options.payload.mass));
+  Table table(headers);
+  nlohmann::ordered_json at_poses = nlohmann::ordered_json::array();
+  const auto direction = [](const VectorXd& v) {
+    return fmt::format("{:.2f}, {:.2f}, {:.2f}", v[0], v[1], v[2]);
+  };
+  for (const NamedPose& pose : poses) {
+    const identify::CartesianStiffness c = identify::cartesian_stiffness(kinematics, pose.q, stiffness);
+    const Eigen::Matrix3d block = c.compliance.topLeftCorner<3, 3>();
+    const identify::PrincipalDeflections p = identify::principal_deflections(block);
+    std::vector<std::string> row{pose.name,
+                                 report::number(1e6 * p.magnitudes[0], 3),
+                                 direction(p.directions.col(0)),
+                                 report::number(1e6 * p.magnitudes[2], 3),
+                                 direction(p.directions.col(2)),
+                                 report::number(3e-3 / block.trace(), 3)};
+    nlohmann::ordered_json entry{{"pose", pose.name},
+                                 {"compliance", nlohmann::ordered_json::array()},
+                                 {"largest_deflection", p.magnitudes[0]},
+                                 {"largest_direction", numbers(p.directions.col(0))},
+                                 {"smallest_deflection", p.magnitudes[2]},
+                                 {"smallest_direction", numbers(p.directions.col(2))},
+                                 {"has_stiffness", c.has_stiffness}};
+    for (int r = 0; r < 6; ++r) entry["compliance"].push_back(numbers(c.compliance.row(r)));
+    if (loaded) {
+      const identify::ToolDeflection sag =
+          identify::exact_deflection(kinematics, pose.q, stiffness,
+                                     wrench_of(options.payload.mass * Vector3d(robot.gravity.data()),
+                                               options.payload.com, kinematics.tip(pose.q)));
+      row.push_back(report::number(1e3 * sag.tool.head<3>().norm(), 3));
+      entry["sag"] = numbers(sag.tool);
+    }
+    table.add_row(row);
+    at_poses.push_back(entry);
+  }
+  if (!poses.empty()) {
+    text += "\nThe tool under load (base axes; deflection under a force of 1 N):\n" + table.to_text(2);
+    page.heading("The tool under load");
+    page.paragraph(
+        "Joint stiffnesses make a stiffness of the tool that changes with the pose. A force along a "
+        "principal direction "
+        "moves the tool along itself; all others move it sideways as well.");
+    page.table(table, "Extreme deflections of the tool point, base axes");
+    const identify::CartesianStiffness c =
+        identify::cartesian_stiffness(kinematics, poses.front().q, stiffness);
+    add_ellipsoid(c.compliance.topLeftCorner<3, 3>(), poses.front().name, page);
+    json["tool"] = at_poses;
+  }
+  if (options.path.empty()) return text;
+
+  data::LogRequirements needs;
+  needs.num_joints = robot.num_joints();
+  needs.robot_name = robot.name;
+  const data::Log log = data::read_log(options.path, needs);
+  identify::SagLoad load;
+  load.payload_mass = options.payload.mass;
+  if (!options.payload.com.empty()) load.payload_com = Vector3d(options.payload.com.data());
+  const identify::PathSag sag = identify::sag_along_path(kinematics, log.q, stiffness, load);
+  const VectorXd distance = 1e3 * sag.tool.leftCols(3).rowwise().norm();
+  const double largest = distance.maxCoeff(),
+               rms = std::sqrt(distance.squaredNorm() / static_cast<double>(distance.size()));
+  text += fmt::format(
+      "\nAlong {}: {:g} kg on the tool make it sag by up to {} mm ({} mm rms); with the compensated "
+      "positions {} mm are "
+      "left.\n",
+      options.path, options.payload.mass, report::number(largest, 3), report::number(rms, 3),
+      report::number(1e3 * sag.left, 2));
+  json["path"] = {{"log", options.path},
+                  {"payload", options.payload.mass},
+                  {"sag_max", 1e-3 * largest},
+                  {"sag_rms", 1e-3 * rms},
+                  {"left", sag.left}};
+  page.heading("Along the path");
+  report::PlotSpec spec;
+  spec.title = "Sag of the tool";
+  spec.x_label = "time [s]";
+  spec.y_label = "displacement [mm]";
+  const VectorXd x = 1e3 * sag.tool.col(0), y = 1e3 * sag.tool.col(1), z = 1e3 * sag.tool.col(2);
+  spec.series = {report::line("x", log.time, x), report::line("y", log.time, y),
+                 report::line("z", log.time, z)};
+  page.plot(spec);
+  page.note(fmt::format("Largest distance {} mm; with the compensated positions {} mm are left.",
+                        report::number(largest, 3), report::number(1e3 * sag.left, 2)));
+  if (!options.compensated.empty()) {
+    write_compensated(options.compensated, log, sag.compensated);
+    text += fmt::format("Compensated positions: {}\n", options.compensated);
+  }
+  return text;
+}
+
+namespace {
+
+VectorXd known_stiffness(const StiffnessCommandOptions& options, const model::Robot& robot) {
+  const int n = robot.num_joints();
+  if (static_cast<int>(options.stiffness.size()) != n) {
+    throw InputError(
+        fmt::format("--stiffness: found {} values, robot '{}' has {} joints; expected one a joint (inf for a "
+                    "rigid one)",
+                    options.stiffness.size(), robot.name, n));
+  }
+  return Eigen::Map<const VectorXd>(options.stiffness.data(), n);
+}
+
+}  // namespace
+
+void stiffness_forward(const StiffnessCommandOptions& options) {
+  const Console console{options.result.json, options.model, options.compensated};
+  const model::Robot robot = load_robot(options.robot);
+  const model::Kinematics kinematics(robot);
+  const VectorXd stiffness = known_stiffness(options, robot);
+  report::Report page("Joint stiffness", robot.name);
+  nlohmann::ordered_json json{{"source", "given"}, {"stiffness", options.stiffness}};
+  std::vector<NamedPose> poses;
+  if (options.path.empty()) {
+    // No pose is named: the middle of the joint ranges.
+    VectorXd q = VectorXd::Zero(robot.num_joints());
+    for (int j = 0; j < robot.num_joints(); ++j) {
+      const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+      if (std::isfinite(joint.lower + joint.upper)) q[j] = 0.5 * (joint.lower + joint.upper);
+    }
+    poses.push_back({"middle of the ranges", q});
+  } else {
+    data::LogRequirements needs;
+    needs.num_joints = robot.num_joints();
+    needs.robot_name = robot.name;
+    const data::Log log = data::read_log(options.path, needs);
+    poses.push_back({"first of the path", log.q.row(0).transpose()});
+  }
+  const std::string text = describe_tool(kinematics, stiffness, poses, options, json, page);
+  if (!options.model.empty()) {
+    write_elastic_model(options.model, robot, stiffness, "stiffness", {}, {"stiffnesses as given"});
+  }
+  write_json(options.result.json, json);
+  console.print("{}", text);
+  finish(console, options.model, options.result, page);
+}
+
+void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
+  const Console console{options.result.json, options.model};
+  const model::Robot robot = load_robot(options.robot);
+  const model::Kinematics kinematics(robot);
+  const int n = robot.num_joints();
+  const auto length_at = identify::characteristic_length(kinematics);
+  const double length = std::isfinite(length_at.length) ? length_at.length : 1.0;
+
+  const Vector3d pull(options.pull.data());
+
+  // Three translations and three rotations of a tracker; a radian weighs as much as the characteristic length.
+  MatrixXd directions = MatrixXd::Identity(6, 6);
+  directions.bottomRows(3) *= length;
+  constexpr int kCandidates = 3000;
+  const auto candidates = identify::pose_candidates(kinematics, length, kCandidates, [&](const VectorXd& q) {
+    MatrixXd J;
+    const model::ToolPlacement tip = kinematics.tip_and_jacobian(q, J);
+    return identify::compliance_rows(J, wrench_of(pull, options.payload.com, tip), directions);
+  });
+  // Well away from singular poses: the better half.
+  std::vector<double> sorted;
+  for (const auto& candidate : candidates) sorted.push_back(candidate.dexterity);
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
+                   sorted.end());
+  const double least = sorted[sorted.size() / 2];
+  const identify::PoseChoice choice = identify::choose_poses(candidates, options.plan, least);
+
+  std::string csv = "pose";
+  for (int j = 1; j <= n; ++j) csv += fmt::format(",q{}", j);
+  csv += ",frame,fx,fy,fz,mx,my,mz,dx,dy,dz,rx,ry,rz\n";
+  std::vector<std::string> headers{"pose"};
+  for (int j = 1; j <= n; ++j) {
+    const bool slides = robot.joints[static_cast<std::size_t>(j - 1)].joint.type == JointType::kPrismatic;
+    headers.push_back(fmt::format("q{} [{}]", j, slides ? "m" : "°"));
+  }
+  headers.push_back("1/k_F");
+  Table table(headers);
+  int number = 0;
+  for (const int index : choice.chosen) {
+    const identify::PoseCandidate& candidate = candidates[static_cast<std::size_t>(index)];
+    const identify::Vector6d wrench = wrench_of(pull, options.payload.com, kinematics.tip(candidate.q));
+    csv += fmt::format("{},{:.6f},base,{:.6f},,,,,,\n", ++number, fmt::join(numbers(candidate.q), ","),
+                       fmt::join(numbers(wrench), ","));
+    std::vector<std::string> row{fmt::format("{}", number)};
+    for (int j = 0; j < n; ++j) {
+      const bool slides = robot.joints[static_cast<std::size_t>(j)].joint.type == JointType::kPrismatic;
+      row.push_back(
+          fmt::format("{:.1f}", slides ? candidate.q[j] : candidate.q[j] * 180.0 / std::numbers::pi));
+    }
+    row.push_back(report::number(candidate.dexterity, 2));
+    table.add_row(row);
+  }
+  const MatrixXd covariance = solve_symmetric(choice.information, MatrixXd::Identity(n, n));
+  std::vector<double> deviation;
+  Table expected({"joint", "deviation of its compliance per µm of reading noise [rad/(N·m), m/N]"});
+  for (int j = 0; j < n; ++j) {
+    deviation.push_back(1e-6 * std::sqrt(covariance(j, j)));
+    expected.add_row({fmt::format("{}", j + 1), report::number(deviation.back(), 2)});
+  }
+  report::Report page("Poses to measure stiffness at", robot.name);
+  page.verdict(
+      fmt::format("{} poses of {} tried: each joint's compliance known as well as so many poses allow.",
+                  options.plan, candidates.size()));
+  page.table(table, "Poses");
+  page.table(expected, "What to expect of readings by a tracker");
+  if (!options.model.empty()) host::write_file_atomically(options.model, csv);
+  write_json(options.result.json, {{"poses", options.plan}, {"compliance_deviation_per_um", deviation}});
+  console.print(
+      "{} poses of {} tried, chosen for the smallest volume of uncertainty (D-optimal) among the half with "
+      "the best "
+      "dexterity, {:.3g} N on the tool. Not checked for collisions.\n{}\nExpected of a tracker:\n{}",
+      options.plan, candidates.size(), pull.norm(), table.to_text(2), expected.to_text(2));
+  finish(console, options.model, options.result, page);
+}
+
+}  // namespace heft::tools
