@@ -124,6 +124,11 @@ Option CommandLine::add_option(const std::string& names, std::vector<double>& va
   return Option(app_->add_option(names, value, meaning));
 }
 
+Option CommandLine::add_option(const std::string& names, std::vector<int>& value,
+                               const std::string& meaning) {
+  return Option(app_->add_option(names, value, meaning));
+}
+
 Option CommandLine::add_flag(const std::string& names, bool& value, const std::string& meaning) {
   return Option(app_->add_flag(names, value, meaning));
 }

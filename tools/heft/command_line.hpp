@@ -69,6 +69,7 @@ class CommandLine {
   Option add_option(const std::string& names, std::uint64_t& value, const std::string& meaning);
   Option add_option(const std::string& names, std::vector<std::string>& value, const std::string& meaning);
   Option add_option(const std::string& names, std::vector<double>& value, const std::string& meaning);
+  Option add_option(const std::string& names, std::vector<int>& value, const std::string& meaning);
   /// An option without a value.
   Option add_flag(const std::string& names, bool& value, const std::string& meaning);
 

@@ -61,6 +61,11 @@ Action set_up_stiffness(CommandLine line) {
                   "choose this many poses to measure at under --pull; -o writes a file to be filled in")
       .type_name("N")
       .between(1, 200);
+  line.add_option("--map", options->map, "--plan: two joints of the map of dexterity in the report")
+      .type_name("J,K")
+      .delimiter(',')
+      .expected(2)
+      .capture_default_str();
   line.add_option(
           "--pull", options->pull,
           "force on the tool [N], base axes, at --com (a weight alone never loads an upright first axis)")

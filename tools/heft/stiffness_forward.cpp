@@ -265,6 +265,66 @@ void stiffness_forward(const StiffnessCommandOptions& options) {
   finish(console, options.model, options.result, page);
 }
 
+namespace {
+
+/// Dexterity over two joints through a pose, and its zones.
+std::string describe_map(const model::Kinematics& kinematics, const VectorXd& q, double length,
+                         const std::vector<int>& joints, nlohmann::ordered_json& json, report::Report& page) {
+  const model::Robot& robot = kinematics.robot();
+  constexpr int kSteps = 121;
+  std::vector<identify::MapAxis> axes;
+  std::vector<double> units;
+  std::vector<std::string> names;
+  for (const int joint : joints) {
+    if (joint < 1 || joint > robot.num_joints()) {
+      throw InputError(
+          fmt::format("--map {}: robot '{}' has joints 1 to {}; expected two of them such as 2,3",
+                      fmt::join(joints, ","), robot.name, robot.num_joints()));
+    }
+    const model::RobotJoint& j = robot.joints[static_cast<std::size_t>(joint - 1)];
+    const bool slides = j.joint.type == JointType::kPrismatic;
+    // More than a turn shows nothing new.
+    const double low = slides ? j.lower : std::max(j.lower, -std::numbers::pi);
+    const double high = slides ? j.upper : std::min(j.upper, std::numbers::pi);
+    axes.push_back({joint - 1, low, high, kSteps});
+    units.push_back(slides ? 1.0 : 180.0 / std::numbers::pi);
+    names.push_back(fmt::format("q{} [{}]", joint, slides ? "m" : "°"));
+  }
+  const identify::DexterityMap map = identify::dexterity_map(kinematics, q, axes[0], axes[1], length);
+  report::MapSpec spec;
+  spec.title = "1/k_F through pose 1";
+  spec.x_label = names[0];
+  spec.y_label = names[1];
+  spec.value_label = "1/k_F";
+  for (const double v : map.first_values) spec.x.push_back(units[0] * v);
+  for (const double v : map.second_values) spec.y.push_back(units[1] * v);
+  spec.values = map.dexterity;
+  for (int k = 1; 0.1 * k < map.dexterity.maxCoeff(); ++k) spec.levels.push_back(0.1 * k);
+  spec.places.push_back({units[0] * q[axes[0].joint], units[1] * q[axes[1].joint], "1"});
+
+  const double threshold = 0.7 * map.dexterity.maxCoeff();
+  Table table({names[0], names[1], "largest 1/k_F", "share of the map [%]"});
+  json["zones"] = nlohmann::ordered_json::array();
+  constexpr std::size_t kMost = 6;
+  for (const identify::DexterityZone& zone : identify::zones(map, threshold)) {
+    if (json["zones"].size() == kMost) break;
+    table.add_row({fmt::format("{:.4g} to {:.4g}", units[0] * zone.first_low, units[0] * zone.first_high),
+                   fmt::format("{:.4g} to {:.4g}", units[1] * zone.second_low, units[1] * zone.second_high),
+                   report::number(zone.best, 2), report::number(100.0 * zone.share, 2)});
+    json["zones"].push_back({{"first", {zone.first_low, zone.first_high}},
+                             {"second", {zone.second_low, zone.second_high}},
+                             {"largest", zone.best}});
+  }
+  page.heading("Dexterity");
+  page.plot(spec);
+  const std::string caption =
+      fmt::format("Zones of good dexterity through pose 1 (1/k_F above {:.2g})", threshold);
+  page.table(table, caption);
+  return fmt::format("\n{}:\n{}", caption, table.to_text(2));
+}
+
+}  // namespace
+
 void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   const Console console{options.result.json, options.model};
   const model::Robot robot = load_robot(options.robot);
@@ -311,8 +371,8 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
     std::vector<std::string> row{fmt::format("{}", number)};
     for (int j = 0; j < n; ++j) {
       const bool slides = robot.joints[static_cast<std::size_t>(j)].joint.type == JointType::kPrismatic;
-      row.push_back(
-          fmt::format("{:.1f}", slides ? candidate.q[j] : candidate.q[j] * 180.0 / std::numbers::pi));
+      row.push_back(slides ? fmt::format("{:.3f}", candidate.q[j])
+                           : fmt::format("{:.1f}", candidate.q[j] * 180.0 / std::numbers::pi));
     }
     row.push_back(report::number(candidate.dexterity, 2));
     table.add_row(row);
@@ -330,13 +390,16 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
                   options.plan, candidates.size()));
   page.table(table, "Poses");
   page.table(expected, "What to expect of readings by a tracker");
+  nlohmann::ordered_json json{{"poses", options.plan}, {"compliance_deviation_per_um", deviation}};
+  const VectorXd& first = candidates[static_cast<std::size_t>(choice.chosen.front())].q;
+  const std::string zones = describe_map(kinematics, first, length, options.map, json, page);
   if (!options.model.empty()) host::write_file_atomically(options.model, csv);
-  write_json(options.result.json, {{"poses", options.plan}, {"compliance_deviation_per_um", deviation}});
+  write_json(options.result.json, json);
   console.print(
       "{} poses of {} tried, chosen for the smallest volume of uncertainty (D-optimal) among the half with "
       "the best "
-      "dexterity, {:.3g} N on the tool. Not checked for collisions.\n{}\nExpected of a tracker:\n{}",
-      options.plan, candidates.size(), pull.norm(), table.to_text(2), expected.to_text(2));
+      "dexterity, {:.3g} N on the tool. Not checked for collisions.\n{}\nExpected of a tracker:\n{}{}",
+      options.plan, candidates.size(), pull.norm(), table.to_text(2), expected.to_text(2), zones);
   finish(console, options.model, options.result, page);
 }
 

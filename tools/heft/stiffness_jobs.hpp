@@ -35,8 +35,9 @@ struct StiffnessCommandOptions {
   std::string path;         ///< log whose poses the loaded tool is to follow
   std::string compensated;  ///< that log with compensated positions
 
-  int plan{0};               ///< poses to choose
-  std::vector<double> pull;  ///< force on the tool while measuring, base axes [N]
+  int plan{0};                 ///< poses to choose
+  std::vector<int> map{2, 3};  ///< joints (from 1) of the map of dexterity through the first pose
+  std::vector<double> pull;    ///< force on the tool while measuring, base axes [N]
 };
 
 /// --measurements: compliances from load and deflection.
