@@ -349,6 +349,8 @@ Scenario parse_scenario(std::string_view json, const std::string& file, const Ro
   for (const GearCoupling<double>& coupling : s.robot.couplings) {
     if (coupling.coulomb_friction > 0.0) s.solver.method = SolverMethod::kBdf;
   }
+  // So are the springs of elastic joints: motor and link swing at tens of hertz.
+  if (!s.robot.elasticities.empty()) s.solver.method = SolverMethod::kBdf;
 
   if (top.is_text("torque_limit")) {
     if (top.word("torque_limit", {"robot", "none"}) == "robot") s.torque_limit = effort_limits_of(s.robot);

@@ -394,9 +394,13 @@ double angular_frequency(const VectorXd& time, const VectorXd& value, double lev
   return 2.0 * std::numbers::pi * turns / (last - first);
 }
 
-TEST(ElasticJoint, RingsAtTheFrequenciesOfTheClosedForm) {
+/// Adams and BDF alike.
+class ElasticJointBy : public testing::TestWithParam<SolverMethod> {};
+
+TEST_P(ElasticJointBy, RingsAtTheFrequenciesOfTheClosedForm) {
   const double K = 800.0, motor = 0.5, link = 2.0, force = 3.0;
   SimulationSettings s;
+  s.solver.method = GetParam();
   s.robot = test::slider(link);
   s.robot.elasticities = {{0, K, 0.0, motor}};
   s.duration = 3.0;
@@ -439,6 +443,11 @@ TEST(ElasticJoint, RingsAtTheFrequenciesOfTheClosedForm) {
   // K F/K (1 − cos ωt) = 4 N
   EXPECT_NEAR(slipped.events[0].time, std::acos(1.0 - 4.0 / force) / expected, 1e-6);
 }
+
+INSTANTIATE_TEST_SUITE_P(Solvers, ElasticJointBy, testing::Values(SolverMethod::kAdams, SolverMethod::kBdf),
+                         [](const auto& method) {
+                           return method.param == SolverMethod::kAdams ? "adams" : "bdf";
+                         });
 
 TEST(ElasticJoint, TendsToTheRigidOneAsItsStiffnessGrows) {
   model::Robot robot = test::six_joint_arm();
