@@ -56,10 +56,11 @@ function(heft_steering_sources)
   endif()
 endfunction()
 
-# heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ...)
-# One googletest binary; every TEST becomes a ctest entry NAME.Suite.Test with the labels given.
+# heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ... [OPTIMISED])
+# One googletest binary; every TEST becomes a ctest entry NAME.Suite.Test with the labels given. What is tested is
+# compiled as it ships; the test beside it with less effort, which is a third of its compile time, unless OPTIMISED.
 function(heft_add_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBRARIES;LABELS;DEFINITIONS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED" "TIMEOUT" "SOURCES;LIBRARIES;LABELS;DEFINITIONS" ${ARGN})
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
@@ -68,6 +69,9 @@ function(heft_add_test name)
   endif()
   add_executable(test_${name} ${ARG_SOURCES})
   target_link_libraries(test_${name} PRIVATE ${ARG_LIBRARIES} GTest::gtest GTest::gtest_main GTest::gmock heft_warnings)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND NOT ARG_OPTIMISED)
+    target_compile_options(test_${name} PRIVATE $<$<CONFIG:Release>:-O1>)
+  endif()
   target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
   target_compile_definitions(test_${name} PRIVATE
     HEFT_DATA_DIR="${HEFT_DATA_DIR}" HEFT_REFERENCE_DIR="${HEFT_REFERENCE_DIR}"
