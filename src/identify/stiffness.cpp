@@ -106,13 +106,6 @@ LoadedPose merged(const std::vector<LoadedPose>& repeats) {
   return pose;
 }
 
-std::vector<std::vector<int>> groups_of(const StiffnessOptions& options, int n) {
-  if (!options.groups.empty()) return options.groups;
-  std::vector<std::vector<int>> own;
-  for (int j = 0; j < n; ++j) own.push_back({j});
-  return own;
-}
-
 std::string joint_list(const std::vector<int>& joints) {
   std::vector<int> numbers;
   for (const int j : joints) numbers.push_back(j + 1);
@@ -190,6 +183,17 @@ std::vector<LoadedPose> loaded_poses(const model::Kinematics& kinematics,
   return poses;
 }
 
+std::vector<std::vector<int>> groups_of(const StiffnessOptions& options, int n) {
+  if (!options.groups.empty()) return options.groups;
+  std::vector<std::vector<int>> own;
+  for (int j = 0; j < n; ++j) own.push_back({j});
+  return own;
+}
+
+bool is_rotation(const LoadedPose& pose, Index reading) {
+  return pose.rows.row(reading).head<3>().isZero(0.0);
+}
+
 double shared_length(const std::vector<LoadedPose>& poses) {
   double square = 0.0;
   for (const LoadedPose& pose : poses) {
@@ -237,7 +241,7 @@ Design stiffness_design(const model::Kinematics& kinematics, const std::vector<L
         for (const int j : groups[static_cast<std::size_t>(g)]) design.B(row, g) += seen(r, j) * torque[j];
       }
       design.y[row] = pose.values[r] - beyond[r];
-      const bool rotation = pose.rows.row(r).head<3>().isZero(0.0);
+      const bool rotation = is_rotation(pose, r);
       design.scale[row] = rotation ? length : 1.0;
       design.weight[row] = stated ? 1.0 / pose.sigmas[r] : design.scale[row];
       design.name_of_row.push_back(name_of_pose[k]);
@@ -282,9 +286,8 @@ Solution solve(const Design& design) {
   return solution;
 }
 
-MatrixXd left_out_operator(const Design& design, std::vector<bool>* possible) {
+MatrixXd left_out_operator(const Design& design, const Solution& solution, std::vector<bool>* possible) {
   const Index m = design.B.rows();
-  const Solution solution = solve(design);
   const MatrixXd W = design.weight.asDiagonal() * design.B;
   const MatrixXd H = W * solution.inverse * W.transpose();
   MatrixXd M = MatrixXd::Zero(m, m);
@@ -421,7 +424,7 @@ StiffnessFit fit_stiffness(const model::Kinematics& kinematics, const std::vecto
 
   // Influence: leave out all poses of one name.
   std::vector<bool> possible;
-  const MatrixXd M = left_out_operator(design, &possible);
+  const MatrixXd M = left_out_operator(design, solution, &possible);
   const VectorXd left_out = M * design.y;
   bool all_possible = true;
   double pooled = 0.0;
@@ -455,7 +458,7 @@ StiffnessFit fit_stiffness(const model::Kinematics& kinematics, const std::vecto
       influence.dexterity = pose.dexterity;
       for (Index r = 0; r < pose.values.size(); ++r) {
         if (!std::isfinite(pose.scatter[r])) continue;
-        const double scale = pose.rows.row(r).head<3>().isZero(0.0) ? length : 1.0;
+        const double scale = is_rotation(pose, r) ? length : 1.0;
         pooled += std::pow(scale * pose.scatter[r], 2) / pose.repeats;
         ++pooled_count;
       }

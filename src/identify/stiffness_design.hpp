@@ -11,6 +11,12 @@
 
 namespace heft::identify {
 
+/// Joints of each compliance: as asked for, or each joint its own.
+std::vector<std::vector<int>> groups_of(const StiffnessOptions& options, int n);
+
+/// Whether a reading is of a rotation.
+bool is_rotation(const LoadedPose& pose, Eigen::Index reading);
+
 /// y = B x, m readings.
 struct Design {
   Eigen::MatrixXd B;
@@ -37,7 +43,9 @@ Solution solve(const Design& design);
 
 /// M with M y = scale (y − B x without the poses of the row's own name), m × m: errors on poses left out, without
 /// fitting again. Rows of poses that cannot be left out are 0.
+/// @param solution  of the design
 /// @param possible  of each name, whether the others determine its readings; may be null
-Eigen::MatrixXd left_out_operator(const Design& design, std::vector<bool>* possible);
+Eigen::MatrixXd left_out_operator(const Design& design, const Solution& solution,
+                                  std::vector<bool>* possible);
 
 }  // namespace heft::identify

@@ -30,10 +30,6 @@ constexpr double kChance = 0.05;
 /// Share of the error on poses left out that an effect has to take away.
 constexpr double kLeastGain = 0.10;
 
-bool is_rotation(const LoadedPose& pose, Index reading) {
-  return pose.rows.row(reading).head<3>().isZero(0.0);
-}
-
 /// The reading's row when it is taken along u.
 void point_along(LoadedPose& pose, Index reading, const Vector3d& u) {
   pose.rows.row(reading) << u.transpose(), pose.point.cross(u).transpose();
@@ -131,19 +127,13 @@ class Shuffles {
 double rms(const VectorXd& v) { return std::sqrt(v.squaredNorm() / static_cast<double>(v.size())); }
 
 /// Way::energy of a design.
-VectorXd energy_of(const Design& design, const std::vector<LoadedPose>& poses,
-                   const StiffnessOptions& options, int n) {
-  const Solution solution = solve(design);
+VectorXd energy_of(const Design& design, const Solution& solution, const std::vector<LoadedPose>& poses,
+                   const std::vector<std::vector<int>>& groups) {
   VectorXd squares = VectorXd::Zero(design.B.cols());
   for (const LoadedPose& pose : poses) {
     const VectorXd torque = pose.J.transpose() * pose.wrench;
-    for (int j = 0; j < n; ++j) {
-      Index group = options.groups.empty() ? j : -1;
-      for (std::size_t g = 0; g < options.groups.size(); ++g) {
-        const auto& members = options.groups[g];
-        if (std::find(members.begin(), members.end(), j) != members.end()) group = static_cast<Index>(g);
-      }
-      if (group >= 0) squares[group] += torque[j] * torque[j];
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      for (const int j : groups[g]) squares[static_cast<Index>(g)] += torque[j] * torque[j];
     }
   }
   const MatrixXd W = design.weight.asDiagonal() * design.B;
@@ -179,9 +169,10 @@ std::vector<Way> ways_of(const model::Kinematics& kinematics, const std::vector<
       design = stiffness_design(kinematics, way.poses, way.options, {}, length);
     }
     std::vector<bool> possible;
-    way.M = left_out_operator(design, &possible);
+    const Solution solution = solve(design);
+    way.M = left_out_operator(design, solution, &possible);
     if (std::find(possible.begin(), possible.end(), false) != possible.end()) continue;
-    way.energy = energy_of(design, way.poses, way.options, kinematics.num_joints());
+    way.energy = energy_of(design, solution, way.poses, groups_of(way.options, kinematics.num_joints()));
     ways.push_back(std::move(way));
   }
   return ways;
@@ -340,7 +331,7 @@ StiffnessDiagnosis diagnose_stiffness(const model::Kinematics& kinematics,
     Design constant = design;
     constant.B = VectorXd::Ones(y.size());
     std::vector<bool> possible;
-    const MatrixXd M = left_out_operator(constant, &possible);
+    const MatrixXd M = left_out_operator(constant, solve(constant), &possible);
     diagnosis.mean_rms =
         std::find(possible.begin(), possible.end(), false) == possible.end() ? rms(M * y) : kInfinity;
   }
@@ -388,7 +379,7 @@ StiffnessDiagnosis diagnose_stiffness(const model::Kinematics& kinematics,
 
   // What the best of all effects gains where there is none: the readings of the base model with its residuals
   // shuffled among the poses (Freedman and Lane), every effect tried anew.
-  const MatrixXd base_M = left_out_operator(design, nullptr);
+  const MatrixXd base_M = left_out_operator(design, solve(design), nullptr);
   std::vector<double> chance_gains;
   for (std::size_t s = 0; s < shuffles.size() && std::isfinite(before); ++s) {
     const VectorXd shuffled = diagnosis.before.prediction + shuffles(s, diagnosis.before.residual);

@@ -400,7 +400,7 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   }
   constexpr std::size_t kMostPoses = 12;
   if (named.size() > kMostPoses) named.resize(kMostPoses);
-  text += describe_tool(kinematics, stiffness, named, options, json, page);
+  text += describe_tool(kinematics, stiffness, named, read_path(options, robot), options, json, page);
 
   if (!options.model.empty()) {
     write_elastic_model(options.model, robot, stiffness, "stiffness", options.measurements,

@@ -11,7 +11,6 @@
 #include <nlohmann/json.hpp>
 
 #include "console.hpp"
-#include "heft/data/log.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
@@ -119,9 +118,18 @@ void write_elastic_model(const std::string& path, model::Robot robot, const Vect
   model::write_model(path, file);
 }
 
+data::Log read_path(const StiffnessCommandOptions& options, const model::Robot& robot) {
+  if (options.path.empty()) return {};
+  data::LogRequirements needs;
+  needs.num_joints = robot.num_joints();
+  needs.robot_name = robot.name;
+  return data::read_log(options.path, needs);
+}
+
 std::string describe_tool(const model::Kinematics& kinematics, const VectorXd& stiffness,
-                          const std::vector<NamedPose>& poses, const StiffnessCommandOptions& options,
-                          nlohmann::ordered_json& json, report::Report& page) {
+                          const std::vector<NamedPose>& poses, const data::Log& path,
+                          const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
+                          report::Report& page) {
   std::string text;
   const model::Robot& robot = kinematics.robot();
   const bool loaded = options.payload.mass > 0.0;
@@ -176,16 +184,12 @@ std::string describe_tool(const model::Kinematics& kinematics, const VectorXd& s
     add_ellipsoid(c.compliance.topLeftCorner<3, 3>(), poses.front().name, page);
     json["tool"] = at_poses;
   }
-  if (options.path.empty()) return text;
+  if (path.num_samples() == 0) return text;
 
-  data::LogRequirements needs;
-  needs.num_joints = robot.num_joints();
-  needs.robot_name = robot.name;
-  const data::Log log = data::read_log(options.path, needs);
   identify::SagLoad load;
   load.payload_mass = options.payload.mass;
   if (!options.payload.com.empty()) load.payload_com = Vector3d(options.payload.com.data());
-  const identify::PathSag sag = identify::sag_along_path(kinematics, log.q, stiffness, load);
+  const identify::PathSag sag = identify::sag_along_path(kinematics, path.q, stiffness, load);
   const VectorXd distance = 1e3 * sag.tool.leftCols(3).rowwise().norm();
   const double largest = distance.maxCoeff(),
                rms = std::sqrt(distance.squaredNorm() / static_cast<double>(distance.size()));
@@ -206,13 +210,13 @@ std::string describe_tool(const model::Kinematics& kinematics, const VectorXd& s
   spec.x_label = "time [s]";
   spec.y_label = "displacement [mm]";
   const VectorXd x = 1e3 * sag.tool.col(0), y = 1e3 * sag.tool.col(1), z = 1e3 * sag.tool.col(2);
-  spec.series = {report::line("x", log.time, x), report::line("y", log.time, y),
-                 report::line("z", log.time, z)};
+  spec.series = {report::line("x", path.time, x), report::line("y", path.time, y),
+                 report::line("z", path.time, z)};
   page.plot(spec);
   page.note(fmt::format("Largest distance {} mm; with the compensated positions {} mm are left.",
                         report::number(largest, 3), report::number(1e3 * sag.left, 2)));
   if (!options.compensated.empty()) {
-    write_compensated(options.compensated, log, sag.compensated);
+    write_compensated(options.compensated, path, sag.compensated);
     text += fmt::format("Compensated positions: {}\n", options.compensated);
   }
   return text;
@@ -240,8 +244,9 @@ void stiffness_forward(const StiffnessCommandOptions& options) {
   const VectorXd stiffness = known_stiffness(options, robot);
   report::Report page("Joint stiffness", robot.name);
   nlohmann::ordered_json json{{"source", "given"}, {"stiffness", options.stiffness}};
+  const data::Log path = read_path(options, robot);
   std::vector<NamedPose> poses;
-  if (options.path.empty()) {
+  if (path.num_samples() == 0) {
     // No pose is named: the middle of the joint ranges.
     VectorXd q = VectorXd::Zero(robot.num_joints());
     for (int j = 0; j < robot.num_joints(); ++j) {
@@ -250,13 +255,9 @@ void stiffness_forward(const StiffnessCommandOptions& options) {
     }
     poses.push_back({"middle of the ranges", q});
   } else {
-    data::LogRequirements needs;
-    needs.num_joints = robot.num_joints();
-    needs.robot_name = robot.name;
-    const data::Log log = data::read_log(options.path, needs);
-    poses.push_back({"first of the path", log.q.row(0).transpose()});
+    poses.push_back({"first of the path", path.q.row(0).transpose()});
   }
-  const std::string text = describe_tool(kinematics, stiffness, poses, options, json, page);
+  const std::string text = describe_tool(kinematics, stiffness, poses, path, options, json, page);
   if (!options.model.empty()) {
     write_elastic_model(options.model, robot, stiffness, "stiffness", {}, {"stiffnesses as given"});
   }

@@ -9,11 +9,15 @@
 #include <Eigen/Core>
 #include <nlohmann/json_fwd.hpp>
 
+#include "heft/data/log.hpp"
 #include "heft/model/kinematics.hpp"
 #include "heft/report/report.hpp"
 #include "stiffness_jobs.hpp"
 
 namespace heft::tools {
+
+/// The log of --path; without samples when there is none.
+data::Log read_path(const StiffnessCommandOptions& options, const model::Robot& robot);
 
 /// A pose to look at.
 struct NamedPose {
@@ -24,10 +28,12 @@ struct NamedPose {
 /// Cartesian stiffness and extreme deflections at the poses; sag under the payload there and along the path, and the
 /// compensated path.
 /// @param stiffness  of each joint, infinite for a rigid one
+/// @param path       as read_path gives it
 /// @return text for the terminal
 std::string describe_tool(const model::Kinematics& kinematics, const Eigen::VectorXd& stiffness,
-                          const std::vector<NamedPose>& poses, const StiffnessCommandOptions& options,
-                          nlohmann::ordered_json& json, report::Report& page);
+                          const std::vector<NamedPose>& poses, const data::Log& path,
+                          const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
+                          report::Report& page);
 
 /// "9.12 kN·m/rad", "∞"; the unit of a prismatic joint is N/m.
 std::string stiffness_in_words(double stiffness, bool prismatic);
