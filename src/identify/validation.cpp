@@ -367,8 +367,18 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
     return motion.torque(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
                          qd.middleRows(first, count), qdd.middleRows(first, count), options.sign_width);
   };
+  bool started = false;
   log.for_each(
       [&](const data::MotionChunk& piece) {
+        if (!started) {
+          on_rows.start_from(piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_tau,
+                             options.sign_width);
+          on_grid.start_from(
+              piece.time.segment(piece.begin, piece.count), piece.q.middleRows(piece.begin, piece.count),
+              piece.qd.middleRows(piece.begin, piece.count), piece.qdd.middleRows(piece.begin, piece.count),
+              piece.tau.middleRows(piece.begin, piece.count), options.sign_width);
+          started = true;
+        }
         const Eigen::MatrixXd predicted = predict(on_rows, piece.row_time, piece.row_q, piece.row_qd,
                                                   piece.row_qdd, 0, piece.row_time.size());
         scorer.add_rows(piece.row_time, piece.row_tau, predicted);
@@ -400,14 +410,16 @@ model::FitRecord fit_record(const Fit& fit, const std::string& torque_at, const 
   record.noise_std = fit.noise_std;
   record.samples = fit.samples;
   record.missing = fit.missing;
-  if (training != nullptr) {
-    record.rmse = training->rmse;
-    record.rmse_in_band = training->rmse_in_band;
-    record.rmse_percent_of_max = training->percent_of_max;
-    record.r2 = training->r2;
-    record.band_hz = training->band;
-  }
+  if (training != nullptr) put_training(*training, record);
   return record;
+}
+
+void put_training(const Score& training, model::FitRecord& record) {
+  record.rmse = training.rmse;
+  record.rmse_in_band = training.rmse_in_band;
+  record.rmse_percent_of_max = training.percent_of_max;
+  record.r2 = training.r2;
+  record.band_hz = training.band;
 }
 
 model::Robot at_sensor(model::Robot robot) {

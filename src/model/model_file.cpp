@@ -276,11 +276,17 @@ void read_effect(const Node& node, std::size_t num_joints, ModelFile& model) {
     std::size_t i = 0;
     for (const EffectParameter& parameter : decltype(type)::kParameters) {
       const std::string name(parameter.name);
-      effect.parameters[i++] = parameters.at(name.c_str(), std::string(parameter.unit)).number();
+      effect.parameters[i++] = parameter.optional
+                                   ? parameters.number_or_zero(name.c_str())
+                                   : parameters.at(name.c_str(), std::string(parameter.unit)).number();
     }
   });
   if (!has_torque(effect)) {
     parameters.fail("found values that give no finite torque", "widths, times and distances above zero");
+  }
+  if (effect.kind == joint_effect_kind<Hysteresis>() &&
+      !(effect.parameters[1] >= 0 && effect.parameters[1] <= 1)) {
+    parameters.at("sharp", "").fail(fmt::format("found {}", effect.parameters[1]), "a part, 0 to 1");
   }
   model.effects.push_back(effect);
 }
@@ -342,6 +348,8 @@ FitRecord read_fit(const Node& node, std::size_t num_joints) {
   fit.rmse_percent_of_max = node.numbers_or_none("rmse_percent_of_max", num_joints);
   fit.r2 = node.numbers_or_none("r2", num_joints);
   fit.band_hz = node.number_or("band_hz", 0.0);
+  fit.cutoff_hz = node.number_or("cutoff_hz", 0.0);
+  fit.sign_width = node.number_or("sign_width", 0.0);
   fit.samples = static_cast<long>(node.number_or("samples", 0.0));
   fit.missing = node.texts_or_empty("missing");
   return fit;
@@ -373,6 +381,8 @@ Json to_json(const FitRecord& fit) {
   add("rmse_percent_of_max", fit.rmse_percent_of_max);
   add("r2", fit.r2);
   if (fit.band_hz > 0) json["band_hz"] = fit.band_hz;
+  if (fit.cutoff_hz > 0) json["cutoff_hz"] = fit.cutoff_hz;
+  if (fit.sign_width > 0) json["sign_width"] = fit.sign_width;
   json["samples"] = fit.samples;
   json["missing"] = fit.missing;
   return json;

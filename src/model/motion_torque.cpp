@@ -289,4 +289,27 @@ const Eigen::MatrixXd& MotionTorque::link_qd() const { return impl_->out_qd; }
 const Eigen::MatrixXd& MotionTorque::link_qdd() const { return impl_->out_qdd; }
 void MotionTorque::reset() { impl_->reset(); }
 
+void MotionTorque::start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
+                              const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
+                              const Eigen::MatrixXd& tau, double sign_width) {
+  Impl& s = *impl_;
+  s.reset();
+  const bool any = std::any_of(s.robot.effects.begin(), s.robot.effects.end(), [](const auto& effect) {
+    return effect.kind == joint_effect_kind<Hysteresis>();
+  });
+  if (!any || time.size() == 0) return;
+  Index rows = 0;
+  while (rows < time.size() && time[rows] - time[0] < kSeenAtRest) ++rows;
+  const Eigen::MatrixXd left = tau.topRows(rows) - torque(time.head(rows), q.topRows(rows), qd.topRows(rows),
+                                                          qdd.topRows(rows), sign_width);
+  s.reset();
+  for (std::size_t k = 0; k < s.robot.effects.size(); ++k) {
+    const JointEffect<double>& effect = s.robot.effects[k];
+    if (!(qd.col(effect.joint).head(rows).cwiseAbs().maxCoeff() < kRestSpeed)) continue;
+    s.memory[k] =
+        joint_effect_memory_at_rest(effect, left.col(effect.joint).mean(),
+                                    s.robot.joints[static_cast<std::size_t>(effect.joint)].actuation);
+  }
+}
+
 }  // namespace heft::model

@@ -67,13 +67,17 @@ void read_joint_effect(const SettingsReader& reader, int kind, const model::Robo
     for (std::size_t k = 0; k < parameters.size(); ++k) {
       const std::string name(parameters[k].name);
       // An angle, a neutral position or a share left out is zero.
-      const bool optional = name == "phase" || name == "q0" || name == "alpha_c" || name == "alpha_v";
+      const bool optional =
+          parameters[k].optional || name == "phase" || name == "q0" || name == "alpha_c" || name == "alpha_v";
       effect.parameters[k] =
           optional ? reader.number_or(name, 0.0) : reader.number(name, range_of(parameters[k].name));
     }
   });
   if (kind == joint_effect_kind<LoadFriction>() && effect.parameters[0] >= 1.0) {
     reader.refuse("mu", "", "a number of at least 0 and below 1", "lower it");
+  }
+  if (kind == joint_effect_kind<Hysteresis>() && !(effect.parameters[1] >= 0 && effect.parameters[1] <= 1)) {
+    reader.refuse("sharp", "", "a part, 0 to 1", "1 is Coulomb friction that turns over at once");
   }
   const auto i = static_cast<std::size_t>(effect.joint);
   JointEffects& effects = settings.loads[i].effects;

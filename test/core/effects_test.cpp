@@ -41,12 +41,12 @@ TEST(JointEffects, ColumnsTimesCoefficientsAreTheTorque) {
         const auto columns = Effect::columns(shape, x);
         auto c = columns;
         for (double& value : c) value = test::uniform(random, -2, 2);
-        // An effect that replaces the Coulomb term is that term's coefficient times the change of column.
-        if constexpr (requires { Effect::kReplacesCoulomb; }) c[0] = joint.coulomb_friction;
+        // An effect that takes the place of the Coulomb term is at most all of it.
+        if constexpr (requires { Effect::kReplacesCoulomb; }) {
+          c[0] = test::uniform(random, 0, joint.coulomb_friction);
+        }
         double expected = 0;
         for (std::size_t i = 0; i < c.size(); ++i) expected += c[i] * columns[i];
-        if constexpr (requires { Effect::kReplacesCoulomb; })
-          expected -= joint.coulomb_friction * x.direction;
         const double torque = Effect::torque(Effect::parameters(c, shape, joint), x, joint);
         EXPECT_NEAR(torque, expected, 1e-12 * (1 + std::abs(expected))) << id;
       }
@@ -65,11 +65,26 @@ TEST(JointEffects, MemoryRateIsTheSlopeOfMemory) {
   EXPECT_EQ(joint_effect_memory(JointEffect<double>{joint_effect_kind<Offset>(), 0, {}}, 0.7, 0.1), 0.7);
 }
 
+TEST(JointEffects, MemoryAtRestHoldsTheJoint) {
+  const JointActuation<double> joint{0.1, 3.0, 1.5, 0.2};
+  const JointEffect<double> dahl{joint_effect_kind<Hysteresis>(), 0, {0.02, 0.4}};
+  EffectPoint<double> rest;
+  for (const double held : {-1.7, -0.3, 0.0, 1.2}) {
+    rest.memory = joint_effect_memory_at_rest(dahl, held, joint);
+    EXPECT_NEAR(joint_effect_torque(dahl, rest, joint), held, 1e-14);
+  }
+  // Friction holds with no more than the part of F_c that turns over gradually, 3 (1 - 0.4); and not with nonsense.
+  EXPECT_EQ(joint_effect_memory_at_rest(dahl, 5.0, joint), 1.0);
+  EXPECT_EQ(joint_effect_memory_at_rest(dahl, -5.0, joint), -1.0);
+  EXPECT_EQ(joint_effect_memory_at_rest(dahl, std::nan(""), joint), 0.0);
+  EXPECT_EQ(joint_effect_memory_at_rest({joint_effect_kind<Offset>(), 0, {1.0}}, 1.0, joint), 0.0);
+}
+
 template <typename Scalar>
 void expect_formulas(Scalar tolerance) {
   EffectFeedForward<Scalar, 2, 4> effects;
   const std::array<JointEffect<double>, 3> found{{{joint_effect_kind<Stribeck>(), 0, {1.1, 0.4}},
-                                                  {joint_effect_kind<Hysteresis>(), 1, {0.03}},
+                                                  {joint_effect_kind<Hysteresis>(), 1, {0.03, 0.25}},
                                                   {joint_effect_kind<FrictionDrift>(), 1, {0.5, 0.4, 3.0}}}};
   ASSERT_EQ(effects.configure(found), Status::kOk);
   ASSERT_EQ(effects.count(), 3);
@@ -92,7 +107,7 @@ void expect_formulas(Scalar tolerance) {
     }
     last = q;
     EXPECT_NEAR(tau[0], 10 + 1.1 * std::exp(-v * v / 0.16) * sign, tolerance);
-    EXPECT_NEAR(tau[1], 20 + 0.8 * (z - sign) + std::exp(-t / 3) * (0.4 * sign + 0.12 * v), tolerance);
+    EXPECT_NEAR(tau[1], 20 + 0.8 * 0.75 * (z - sign) + std::exp(-t / 3) * (0.4 * sign + 0.12 * v), tolerance);
   }
 }
 

@@ -149,6 +149,36 @@ TEST(MotionTorque, CarriesHysteresisThroughReversals) {
   }
 }
 
+TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {
+  // A joint rests for 0.6 s, held by 0.7 of what can hold it, and then moves on: z = 1 - (1 - 0.7) e^{-s/x0}.
+  const double x0 = 0.03, Fc = 0.8, sharp = 0.25, z0 = 0.7;
+  Robot robot = arm_with_friction();
+  const Eigen::Index rows = 100;
+  Motion m{Eigen::VectorXd::LinSpaced(rows, 0.0, 0.99), Eigen::MatrixXd::Zero(rows, 2),
+           Eigen::MatrixXd::Zero(rows, 2), Eigen::MatrixXd::Zero(rows, 2)};
+  for (Eigen::Index k = 60; k < rows; ++k) {
+    m.q(k, 1) = 0.002 * static_cast<double>(k - 59);
+    m.qd(k, 1) = 0.2;
+  }
+  Eigen::MatrixXd measured = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd);
+  for (Eigen::Index k = 0; k < rows; ++k) {
+    const double z = 1 - (1 - z0) * std::exp(-m.q(k, 1) / x0);
+    measured(k, 1) += Fc * (1 - sharp) * (z - sign(m.qd(k, 1)));
+  }
+  robot.effects = {effect_of<Hysteresis>(1, {x0, sharp})};
+  MotionTorque motion(robot);
+  motion.start_from(m.time, m.q, m.qd, m.qdd, measured);
+  EXPECT_LT((motion.torque(m.time, m.q, m.qd, m.qdd) - measured).cwiseAbs().maxCoeff(), 1e-12);
+  // Without it the first rows miss what holds the joint; a joint that moves at once tells nothing.
+  motion.reset();
+  EXPECT_NEAR((measured - motion.torque(m.time, m.q, m.qd, m.qdd))(0, 1), Fc * (1 - sharp) * z0, 1e-12);
+  m.qd.col(1).setConstant(0.2);
+  motion.start_from(m.time, m.q, m.qd, m.qdd, measured);
+  const Eigen::MatrixXd moving = motion.torque(m.time, m.q, m.qd, m.qdd);
+  motion.reset();
+  EXPECT_EQ(moving, motion.torque(m.time, m.q, m.qd, m.qdd));
+}
+
 TEST(MotionTorque, SmoothsTheSignOfEffectsLikeThatOfFriction) {
   const Motion m = swing(50, 50.0);
   const double width = 2.0;

@@ -198,6 +198,8 @@ TEST(Scenario, EveryJointEffectActsAtItsJoint) {
        [](double, double q, double, double) { return 0.5 * std::sin(30.0 * q + 1.0); }},
       {R"("kind": "hysteresis", "x0": 0.02)",
        [](double, double q, double, double) { return -1.0 * std::exp(-q / 0.02); }},
+      {R"("kind": "hysteresis", "x0": 0.02, "sharp": 0.25)",
+       [](double, double q, double, double) { return -0.75 * std::exp(-q / 0.02); }},
       {R"("kind": "friction_drift", "alpha_c": 0.5, "alpha_v": 2.0, "T": 0.3)",
        [](double t, double, double v, double) { return std::exp(-t / 0.3) * (0.5 * 1.0 + 2.0 * 0.4 * v); }}};
   for (const Case& one : cases) {

@@ -938,7 +938,8 @@ class CaseMaker {
     }
     const double target = log_uniform(random_, 1.2, 4.5);
     if (kind == "elasticity") return add_elasticity(target);
-    if (kind == "hysteresis") return add_hysteresis(target);
+    if (kind == "hysteresis") return add_hysteresis(target, 0.0);
+    if (kind == "hysteresis_in_part") return add_hysteresis(target, 0.4);
     for (int attempt = 0; attempt < 90; ++attempt) {
       const int joint = belongs_to_joint(kind) ? pick(random_, n_) : -1;
       if (joint >= 0 && taken(joint)) continue;
@@ -1044,9 +1045,11 @@ class CaseMaker {
         {e.joint, e.parameters["stiffness"], e.parameters["damping"], e.parameters["motor_inertia"]});
   }
 
-  void add_hysteresis(double target) {
+  /// @param sharp  part of the friction that turns over at once
+  void add_hysteresis(double target, double sharp) {
     UndeclaredEffect e;
     e.kind = "hysteresis";
+    e.parameters["sharp"] = sharp;
     double best = 1e9;
     for (int attempt = 0; attempt < 12; ++attempt) {
       const int joint = pick(random_, n_);
@@ -1060,7 +1063,7 @@ class CaseMaker {
             const double step = motion_.q(k, joint) - motion_.q(k - 1, joint);
             z = Hysteresis::memory<double>({x0}, z, step);
           }
-          return actuation(joint).coulomb_friction * (z - direction(k, joint));
+          return actuation(joint).coulomb_friction * (1.0 - sharp) * (z - direction(k, joint));
         });
         const double here = left_over(tau)[joint];
         if (std::abs(std::log(here / target)) < best) {

@@ -303,6 +303,8 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
               AllOf(HasSubstr("/effects/0/parameters"), HasSubstr("above zero")));
   EXPECT_THAT(message(R"([{"kind": "hysteresis", "joint": 1, "parameters": {"x0": 0}}])"),
               AllOf(HasSubstr("/effects/0/parameters"), HasSubstr("above zero")));
+  EXPECT_THAT(message(R"([{"kind": "hysteresis", "joint": 1, "parameters": {"x0": 0.01, "sharp": 1.5}}])"),
+              AllOf(HasSubstr("/effects/0/parameters/sharp"), HasSubstr("found 1.5"), HasSubstr("0 to 1")));
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"damping": 1}}])"),
               HasSubstr("/effects/0/parameters/stiffness: missing"));
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": -1}}])"),

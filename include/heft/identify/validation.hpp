@@ -126,6 +126,8 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
 /// @param torque_at  where the torque was measured: "motor" or "joint"
 /// @param training   score of fit.robot on the logs of the fit; null: unknown
 model::FitRecord fit_record(const Fit& fit, const std::string& torque_at, const Score* training = nullptr);
+/// Errors on the training logs into a record.
+void put_training(const Score& training, model::FitRecord& record);
 
 /// The robot as a sensor behind the gears sees it: without rotor inertia, friction, couplings, joint effects and
 /// the delay of the drives' channel; an elastic joint keeps its spring and loses the motor's inertia.

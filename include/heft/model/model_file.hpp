@@ -101,6 +101,8 @@ struct FitRecord {
   // On the training logs, as the contract of the JSON results defines them. Size 0: unknown.
   Eigen::VectorXd rmse, rmse_in_band, rmse_percent_of_max, r2;
   double band_hz{0.0};               ///< of the low-pass behind rmse_in_band; 0: none
+  double cutoff_hz{0.0};             ///< of the low-pass on the positions of the logs; 0: chosen for each log
+  double sign_width{0.0};            ///< of friction's sign [rad/s, m/s]; 0: ScoreOptions' own
   long samples{0};                   ///< rows of all logs
   std::vector<std::string> missing;  ///< what the logs did not tell, and the motion that would
 };
@@ -117,7 +119,7 @@ struct ModelFile {
   std::vector<JointEffect<double>> effects;      ///< joints counted from 0
   std::vector<Elasticity<double>> elasticities;  ///< joints counted from 0
   double torque_delay{0.0};                      ///< as in Robot [s]
-  std::optional<KinematicsRecord> kinematics;          ///< makes the file a whole robot
+  std::optional<KinematicsRecord> kinematics;    ///< makes the file a whole robot
   /// Of the 14n full parameters in the regressor's order: ten a link, then rotor inertia, Coulomb, viscous
   /// and offset blocks. NaN (JSON null) where the data say nothing.
   std::optional<Eigen::VectorXd> standard_deviations;

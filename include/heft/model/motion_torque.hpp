@@ -10,6 +10,11 @@
 
 namespace heft::model {
 
+/// A log's first stretch, in which a joint at rest is seen to be held [s].
+inline constexpr double kSeenAtRest = 0.5;
+/// A joint that stays below this speed is at rest [rad/s, m/s].
+inline constexpr double kRestSpeed = 5e-3;
+
 /// Motor torque along a motion, with everything that a Robot holds: rigid bodies, actuation, gear couplings,
 /// joint effects (those with memory are carried from row to row), elastic joints and the delay of the torque
 /// channel. Without memory, drift, elasticity and delay every row is Dynamics::joint_torque.
@@ -47,6 +52,13 @@ class MotionTorque {
   const Eigen::MatrixXd& link_qdd() const;
   /// Forgets memory and deflection.
   void reset();
+  /// Resets, and begins friction's memory (Hysteresis) where the log shows it: a joint that rests through the first
+  /// kSeenAtRest is held by friction with what is measured there beyond the model. The rows are not predicted;
+  /// torque() begins with them.
+  /// @param time,q,qd,qdd  as in torque(), the log's first rows; more than kSeenAtRest of them is not looked at
+  /// @param tau            m × n, measured [N·m, N]; rows that are not finite leave a joint's memory at 0
+  void start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
+                  const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau, double sign_width = 0.0);
 
  private:
   struct Impl;

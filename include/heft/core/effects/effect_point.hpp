@@ -14,8 +14,9 @@
 ///   parameters(c, shape, joint)  physical parameters of fitted coefficients
 ///   torque(p, point, joint)   the effect's torque; equals columns times coefficients
 ///
-/// and may state `memory(p, z, travel)`, `memory_rate(p, z, direction, velocity)` (a state that the motion
-/// carries, starting at 0) and `kReplacesCoulomb` (its column stands in for the Coulomb column).
+/// and may state `memory(p, z, travel)`, `memory_rate(p, z, direction, velocity)`, `memory_at_rest(p, held, joint)`
+/// (a state that the motion carries, starting at 0 or from what is seen to hold a joint at rest) and
+/// `kReplacesCoulomb` (its column, added to the Coulomb column, may take that one's place wholly).
 #pragma once
 
 #include <array>
@@ -43,6 +44,7 @@ struct EffectParameter {
   std::string_view name;
   std::string_view unit;            ///< on a revolute joint
   std::string_view prismatic_unit;  ///< on a prismatic joint
+  bool optional{false};             ///< may be left out of a file: 0 then
 };
 
 /// Largest number of physical parameters of a joint effect.

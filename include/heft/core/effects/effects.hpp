@@ -92,4 +92,18 @@ Scalar joint_effect_memory(const JointEffect<Scalar>& effect, Scalar memory, Sca
   return after;
 }
 
+/// State of an effect on a joint at rest that friction holds with `held` [N·m, N]; 0 for an effect that has none.
+template <typename Scalar>
+Scalar joint_effect_memory_at_rest(const JointEffect<Scalar>& effect, Scalar held,
+                                   const JointActuation<Scalar>& actuation) {
+  Scalar memory(0);
+  visit_joint_effect(effect.kind, [&](auto type) {
+    using Effect = decltype(type);
+    if constexpr (EffectWithMemory<Effect>) {
+      memory = Effect::memory_at_rest(effect.parameters, held, actuation);
+    }
+  });
+  return memory;
+}
+
 }  // namespace heft
