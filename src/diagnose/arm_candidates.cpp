@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <span>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -36,8 +37,17 @@ Trial judge(const Workbench& bench, const Candidate& candidate) {
   return bench.problem->judge(bench.problem->moments(candidate.columns));
 }
 
-double gain(const Workbench& bench, const Columns& columns) {
-  return bench.problem->gain(bench.problem->moments(columns));
+/// Takes the best of several shapes where it is better than what there is.
+/// @param columns_of  columns of a shape
+template <typename ColumnsOf>
+void take_best(const Workbench& bench, std::span<const double> shapes, const ColumnsOf& columns_of,
+               double& best, double& best_gain) {
+  std::vector<Columns> candidates;
+  for (const double shape : shapes) candidates.push_back(columns_of(shape));
+  const std::vector<double> gains = bench.problem->gains(candidates);
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    if (gains[i] > best_gain) best_gain = gains[i], best = shapes[i];
+  }
 }
 
 // ------------------------------------------------------------------------------------------------- delay
@@ -58,10 +68,8 @@ Candidate delay_candidate(const Workbench& bench) {
   double best = 0.0, best_gain = 0.0;
   const std::array<double, 9> grid{-0.004, 0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.018, 0.027};
   c.tried = static_cast<int>(grid.size());
-  for (const double delay : grid) {
-    const double g = gain(bench, delay_columns(bench, predicted, delay));
-    if (g > best_gain) best_gain = g, best = delay;
-  }
+  take_best(
+      bench, grid, [&](double delay) { return delay_columns(bench, predicted, delay); }, best, best_gain);
   // The coefficient of a shift that is right is 1; a smaller shift than tried shows as a smaller coefficient.
   for (int pass = 0; pass < 4 && best != 0.0; ++pass) {
     c.columns = delay_columns(bench, predicted, best);
@@ -200,7 +208,10 @@ Candidate payload_candidate(const Workbench& bench) {
   }
   c.entries = entries;
   const Columns all = columns_of(entries);
-  const auto gain_from = [&](Index row) { return gain(bench, from_row(all, row)); };
+  const ColumnMoments all_moments = bench.problem->moments(all);
+  const auto gain_from = [&](Index row) {
+    return bench.problem->gain(bench.problem->moments_from(row, all, all_moments));
+  };
   const Index margin = static_cast<Index>(2.0 * table.sample_rate);
   Index best = 0;
   double best_gain = 0.0;
@@ -278,11 +289,12 @@ std::vector<Candidate> elasticity_candidates(const Workbench& bench, const std::
     constexpr double kFrom = 3.0, kTo = 45.0;
     c.tried = kSteps;
     const double step = std::pow(kTo / kFrom, 1.0 / (kSteps - 1));
-    for (int k = 0; k < kSteps; ++k) {
-      const double hz = kFrom * std::pow(step, k);
-      const double g = gain(bench, columns_of(stiffness_of(hz), damping_of(stiffness_of(hz), ratio), false));
-      if (g > best_gain) best_gain = g, best = hz;
-    }
+    const auto at_frequency = [&](double hz) {
+      return columns_of(stiffness_of(hz), damping_of(stiffness_of(hz), ratio), false);
+    };
+    std::array<double, kSteps> frequencies{};
+    for (int k = 0; k < kSteps; ++k) frequencies[static_cast<std::size_t>(k)] = kFrom * std::pow(step, k);
+    take_best(bench, frequencies, at_frequency, best, best_gain);
     if (best == 0.0) {
       c.refused = "explains nothing";
       found.push_back(std::move(c));
@@ -291,17 +303,14 @@ std::vector<Candidate> elasticity_candidates(const Workbench& bench, const std::
     double width = step;
     for (int pass = 0; pass < 5; ++pass) {
       width = std::sqrt(width);
-      for (const double hz : {best / width, best * width}) {
-        const double g =
-            gain(bench, columns_of(stiffness_of(hz), damping_of(stiffness_of(hz), ratio), false));
-        if (g > best_gain) best_gain = g, best = hz;
-      }
+      take_best(bench, std::array{best / width, best * width}, at_frequency, best, best_gain);
     }
-    for (const double other : {0.005, 0.01, 0.04, 0.08}) {
-      const double g =
-          gain(bench, columns_of(stiffness_of(best), damping_of(stiffness_of(best), other), false));
-      if (g > best_gain) best_gain = g, ratio = other;
-    }
+    take_best(
+        bench, std::array{0.005, 0.01, 0.04, 0.08},
+        [&](double other) {
+          return columns_of(stiffness_of(best), damping_of(stiffness_of(best), other), false);
+        },
+        ratio, best_gain);
     c.shape = stiffness_of(best);
     c.second = damping_of(c.shape, ratio);
     c.columns = columns_of(c.shape, c.second, true);

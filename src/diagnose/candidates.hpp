@@ -22,11 +22,12 @@ struct Candidate {
   double shape{0.0};  ///< the value that the torque is not linear in
   int tried{1};       ///< shapes compared, for multiplicity
   Columns columns;
-  int replaces{-1};  ///< base column that its first column stands in for
+  int replaces{-1};  ///< base column that its column stands in for; -1: it comes on top of the base
   Trial trial;
   bool stale{false};         ///< judged before another effect was taken
   std::vector<int> entries;  ///< payload_change: inertial parameters that the coefficients are
   double second{0.0};        ///< another shape (damping)
+  double level{0.0};         ///< friction that it makes up in the last fit [N·m, N]
   std::string refused;       ///< why it cannot be; empty: it can
   std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;            ///< contact [N]
@@ -42,9 +43,12 @@ struct Workbench {
   const std::vector<Eigen::MatrixXd>* rows;  ///< of the base model, also those that do not count
   const model::Robot* robot;                 ///< with the base parameters of the present fit
   const Eigen::MatrixXd* load;               ///< m × n: rigid-body torque of the present fit
+  /// logs × n: torque that friction holds a resting joint with when the log begins; not finite where it moves
+  const Eigen::MatrixXd* held;
 };
 
-/// Best candidate of every kind of joint effect on a joint, judged.
+/// Best candidate of every kind of joint effect on a joint, judged; an effect that can take the place of the Coulomb
+/// friction stands there twice, wholly and in part.
 std::vector<Candidate> joint_candidates(const Workbench& bench, int joint);
 
 /// Physical parameters of fitted coefficients of a joint effect.
@@ -52,7 +56,10 @@ EffectParameters<double> effect_parameters(int effect, const Eigen::VectorXd& co
                                            const JointActuation<double>& actuation);
 
 /// Column values of one joint effect, m × k; rows that do not count are not masked yet.
-Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape);
+/// @param whole  the effect takes the place of the Coulomb friction: its column holds that one's as well
+/// @param level  the friction that it makes up, which tells where its memory begins [N·m, N]
+Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape, bool whole,
+                                     double level);
 
 /// Candidates of the whole arm, judged: delay, base tilt, payload change, couplings.
 std::vector<Candidate> arm_candidates(const Workbench& bench);

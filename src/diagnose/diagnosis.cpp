@@ -37,6 +37,11 @@ constexpr double kHolds = 0.6;
 constexpr double kQuickestWarming = 3.0;
 /// A simpler effect on the same joint with this part of the gain goes before.
 constexpr double kSimpler = 0.95;
+/// Most that all effects may raise the error of a joint on a validation log.
+constexpr double kMayRise = 0.02;
+/// Most that it may raise its own joint's error in band there: what is bought with the slow part of the torque
+/// mends the derived motion rather than the model.
+constexpr double kMayRiseInBand = 0.05;
 /// A residual that stands this much above noise (squared errors) has structure.
 constexpr double kStructured = 0.1;
 /// Rivals within this part of an effect's gain are listed; within the second they explain the same.
@@ -67,6 +72,11 @@ int tried_of(const std::vector<Candidate>& candidates) {
   int tried = 0;
   for (const Candidate& c : candidates) tried += c.tried;
   return tried;
+}
+
+/// The same effect in the same place, and as large a part of the friction.
+bool same_effect(const Candidate& a, const Candidate& b) {
+  return a.kind == b.kind && a.joint == b.joint && (a.replaces >= 0) == (b.replaces >= 0);
 }
 
 std::string name_of(const Candidate& c) {
@@ -112,6 +122,8 @@ std::vector<identify::Score> score_table(const MotionTable& table,
     setup.max_torque = summary.max_torque;
     setup.sample_rate = static_cast<double>(count - 1) / (setup.end - setup.begin);
     setup.band = band;
+    setup.moving_from = summary.moving_from - summary.begin;
+    setup.moving_to = summary.moving_to - summary.begin;
     identify::TorqueScorer scorer(setup);
     scorer.add_rows(table.time.segment(begin, count), table.tau.middleRows(begin, count),
                     predicted.middleRows(begin, count));
@@ -127,10 +139,13 @@ MatrixXd predicted_by(const MotionTable& table, const model::Robot& robot) {
   MatrixXd predicted(table.rows(), table.num_joints);
   for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
     const Index begin = table.run_begin[r], count = table.run_begin[r + 1] - begin;
-    torque.reset();
-    predicted.middleRows(begin, count) = torque.torque(
-        table.time.segment(begin, count), table.q.middleRows(begin, count), table.qd.middleRows(begin, count),
-        table.qdd.middleRows(begin, count), table.sign_width.maxCoeff());
+    const double width = table.sign_width.maxCoeff();
+    torque.start_from(table.time.segment(begin, count), table.q.middleRows(begin, count),
+                      table.qd.middleRows(begin, count), table.qdd.middleRows(begin, count),
+                      table.tau.middleRows(begin, count), width);
+    predicted.middleRows(begin, count) =
+        torque.torque(table.time.segment(begin, count), table.q.middleRows(begin, count),
+                      table.qd.middleRows(begin, count), table.qdd.middleRows(begin, count), width);
   }
   return predicted;
 }
@@ -180,6 +195,7 @@ class Session {
   Diagnosis run() {
     Diagnosis result;
     result.cutoff = cutoff_;
+    result.sign_width = train_table_.sign_width.maxCoeff();
     result.before = engine_->robot();
     const MatrixXd train_before = engine_->predicted();
     const MatrixXd judged_before = predicted_by(judged_table_, result.before);
@@ -187,16 +203,15 @@ class Session {
 
     forward();
     backward();
-    refuse_what_does_not_carry_over();
+    refuse_what_does_not_carry_over(judged_before);
     findings(result);
 
     result.after = engine_->robot();
     const MatrixXd train_after = engine_->predicted();
     const MatrixXd judged_after = predicted_by(judged_table_, result.after);
-    const double band = options_.band > 0.0 ? options_.band : default_band();
     const auto pooled = [&](const MotionTable& table, const std::vector<data::MotionStream>& streams,
                             const MatrixXd& p, std::vector<identify::Score>* each) {
-      const std::vector<identify::Score> scores = score_table(table, streams, p, band);
+      const std::vector<identify::Score> scores = score_table(table, streams, p, band());
       if (each != nullptr) *each = scores;
       return identify::pool(scores);
     };
@@ -204,6 +219,8 @@ class Session {
     result.train_after = pooled(engine_->table(), train_, train_after, nullptr);
     result.validate_before = pooled(judged_table_, judged_, judged_before, &result.validate_each_before);
     result.validate_after = pooled(judged_table_, judged_, judged_after, &result.validate_each_after);
+    const MatrixXd nothing = MatrixXd::Zero(judged_after.rows(), judged_after.cols());
+    result.validate_torque = pooled(judged_table_, judged_, nothing, nullptr);
     result.train = traces(engine_->table(), train_before, train_after);
     result.validate = traces(judged_table_, judged_before, judged_after);
     unexplained(result);
@@ -213,7 +230,13 @@ class Session {
     });
     std::stable_sort(refusals_.begin(), refusals_.end(),
                      [](const Refusal& a, const Refusal& b) { return a.gain > b.gain; });
-    result.refusals = std::move(refusals_);
+    // What was refused in two forms is told once, as its stronger one.
+    std::vector<Refusal> once;
+    for (Refusal& r : refusals_) {
+      const auto same = [&](const Refusal& o) { return o.kind == r.kind && o.joint == r.joint; };
+      if (std::none_of(once.begin(), once.end(), same)) once.push_back(std::move(r));
+    }
+    result.refusals = std::move(once);
     result.notes = std::move(notes_);
     result.candidates = tried_;
     for (const double s : engine_->table().run_seconds) result.seconds += s;
@@ -233,10 +256,14 @@ class Session {
 
   /// The cut-off that leaves the smallest residual: a low one loses motion, a high one lets encoder noise in.
   void choose_cutoff(const std::vector<data::Log>& train) {
+    double from_motion = 0.0;
+    for (const data::MotionStream& stream : streams_of(train, 0.0)) {
+      from_motion = std::max(from_motion, stream.summary().cutoff);
+      bandwidth_ = std::max(bandwidth_, stream.summary().bandwidth);
+    }
     cutoff_ = options_.cutoff;
     if (cutoff_ > 0.0) return;
     double least = 0.0;
-    const double from_motion = streams_of({train.front()}, 0.0).front().summary().cutoff;
     int step = 0;
     for (const double hz : {from_motion, 6.0, 12.0, 20.0, 32.0}) {
       tell("motion", step++ / 5.0);
@@ -251,11 +278,7 @@ class Session {
     if (!(cutoff_ > 0.0)) cutoff_ = from_motion;
   }
 
-  double default_band() const {
-    double bandwidth = 0.0;
-    for (const auto& s : train_) bandwidth = std::max(bandwidth, s.summary().bandwidth);
-    return identify::default_band(bandwidth);
-  }
+  double band() const { return options_.band > 0.0 ? options_.band : identify::default_band(bandwidth_); }
 
   /// Why a candidate is not taken; empty: it can be.
   std::string objection(const Candidate& c, int tried, const VectorXd& noise_floor,
@@ -416,7 +439,7 @@ class Session {
       const VectorXd noise = white_noise(without.table(), without.problem().residual());
       const Candidate *same = nullptr, *best = nullptr;
       for (const Candidate& c : candidates) {
-        if (c.kind == own.kind && c.joint == own.joint) same = &c;
+        if (same_effect(c, own)) same = &c;
         if (best == nullptr && objection(c, tried, noise, without.accepted).empty()) best = &c;
       }
       if (best != nullptr) best = simplest(candidates, best, tried, noise, without.accepted);
@@ -443,51 +466,136 @@ class Session {
   }
 
   std::unique_ptr<Engine> rebuilt_without(std::size_t index) const {
+    return rebuilt(static_cast<std::ptrdiff_t>(index), engine_->weights_held, engine_->masses_held);
+  }
+  /// @param without  effect to leave out; -1: none
+  std::unique_ptr<Engine> rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held) const {
     auto engine = std::make_unique<Engine>(robot_, train_table_, engine_->steady());
+    engine->weights_held = weights_held;
+    engine->masses_held = masses_held;
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
-      if (e != index) engine->accepted.push_back(engine_->accepted[e]);
+      if (static_cast<std::ptrdiff_t>(e) != without) engine->accepted.push_back(engine_->accepted[e]);
     }
     if (!engine->accepted.empty()) engine->build();
     return engine;
   }
 
+  /// Sum over joints of ln(error on the validation logs).
+  double judged(const Engine& engine) const {
+    return rms_error(judged_table_, predicted_by(judged_table_, engine.robot())).array().log().sum();
+  }
+
+  /// Against an effect that another joint pays for: holds weights or masses where that does better than to leave it out.
+  bool held(std::size_t effect) {
+    double least = judged(*rebuilt_without(effect));
+    std::unique_ptr<Engine> best;
+    for (const bool masses : {false, true}) {
+      if (masses ? engine_->masses_held : engine_->weights_held) continue;
+      auto tried = rebuilt(-1, engine_->weights_held || !masses, engine_->masses_held || masses);
+      const double now = judged(*tried);
+      if (now < least) least = now, best = std::move(tried);
+    }
+    if (best == nullptr) return false;
+    engine_ = std::move(best);
+    evidence_.clear();
+    trace(engine_->masses_held ? "with the masses of the fit without effects"
+                               : "with the weights of the fit without effects",
+          predicted_by(judged_table_, engine_->robot()));
+    return true;
+  }
+
+  std::vector<VectorXd> judged_errors(const MatrixXd& predicted) const {
+    std::vector<VectorXd> errors;
+    for (std::size_t r = 0; r + 1 < judged_table_.run_begin.size(); ++r) {
+      errors.push_back(rms_error(judged_table_, r, predicted));
+    }
+    return errors;
+  }
+
   /// The validation logs have a veto: an effect that raises the error there goes.
-  void refuse_what_does_not_carry_over() {
-    for (bool again = true; again && !engine_->accepted.empty();) {
-      again = false;
+  /// @param base  prediction of the fit without effects
+  void refuse_what_does_not_carry_over(const MatrixXd& base) {
+    const std::vector<VectorXd> at_first = judged_errors(base);
+    while (!engine_->accepted.empty()) {
       const MatrixXd with = predicted_by(judged_table_, engine_->robot());
-      for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
-        const Candidate own = engine_->accepted[e];
-        if (own.kind == "contact") continue;
+      const std::vector<VectorXd> after = judged_errors(with);
+      const std::vector<identify::Score> in_band = score_table(judged_table_, judged_, with, band());
+      std::vector<std::vector<VectorXd>> without_each;
+      bool refused = false;
+      for (std::size_t e = 0; e < engine_->accepted.size() && !refused; ++e) {
         const MatrixXd without = predicted_by(judged_table_, rebuilt_without(e)->robot());
-        Index main = 0;
-        fall(own.trial).maxCoeff(&main);
-        std::string helps, hurts;
-        for (std::size_t r = 0; r + 1 < judged_table_.run_begin.size(); ++r) {
-          const VectorXd after = rms_error(judged_table_, r, with),
-                         before = rms_error(judged_table_, r, without);
-          // All joints together: what an effect takes from one joint it may not put on the others.
-          const double together = (after.array() / before.array().max(1e-300)).log().sum();
-          if (after[main] > before[main] || together > 0.0) {
-            hurts = judged_table_.runs[r];
-          } else {
-            helps = judged_table_.runs[r];
-          }
-        }
-        const bool raises = rms_error(judged_table_, with)[main] >= rms_error(judged_table_, without)[main];
-        if (hurts.empty() && !raises) continue;
-        refusals_.push_back({own.kind, own.joint,
-                             helps.empty() || hurts.empty()
-                                 ? "raises the error on the validation logs"
-                                 : fmt::format("helps on {} and hurts on {}", helps, hurts),
-                             1.0 - std::pow(1.0 - fall(own.trial).maxCoeff(), 2)});
-        engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(e));
-        engine_->build();
-        evidence_.clear();
-        again = true;
-        break;
+        without_each.push_back(judged_errors(without));
+        const std::string why = harm(engine_->accepted[e], after, without_each.back(), in_band,
+                                     score_table(judged_table_, judged_, without, band()));
+        if (why.empty()) continue;
+        take_out(e, why);
+        refused = true;
+      }
+      if (refused) continue;
+      const auto [paying, run, culprit] = who_pays(at_first, after, without_each);
+      if (culprit < 0) return;
+      const auto at = static_cast<std::size_t>(culprit);
+      if (held(at)) continue;
+      take_out(at, fmt::format("raises the error of joint {} on {}", paying + 1, judged_table_.runs[run]));
+    }
+  }
+
+  /// What an effect does to its own joint, and to all together, on the validation logs; empty: no harm.
+  std::string harm(const Candidate& own, const std::vector<VectorXd>& after,
+                   const std::vector<VectorXd>& before, const std::vector<identify::Score>& in_band,
+                   const std::vector<identify::Score>& in_band_before) const {
+    if (own.kind == "contact") return {};
+    Index main = 0;
+    fall(own.trial).maxCoeff(&main);
+    std::string helps, hurts;
+    double squares_after = 0.0, squares_before = 0.0;
+    for (std::size_t r = 0; r < after.size(); ++r) {
+      const VectorXd ratio = after[r].array() / before[r].array().max(1e-300);
+      const double slow =
+          in_band[r].rmse_in_band[main] / std::max(1e-300, in_band_before[r].rmse_in_band[main]) - 1.0;
+      // All joints together: what an effect takes from one joint it may not put on the others.
+      const bool bad = ratio[main] > 1.0 || slow > kMayRiseInBand || ratio.array().log().sum() > 0.0;
+      (bad ? hurts : helps) = judged_table_.runs[r];
+      squares_after += after[r][main] * after[r][main];
+      squares_before += before[r][main] * before[r][main];
+    }
+    if (hurts.empty() && squares_after < squares_before) return {};
+    return helps.empty() || hurts.empty() ? "raises the error on the validation logs"
+                                          : fmt::format("helps on {} and hurts on {}", helps, hurts);
+  }
+
+  struct Paying {
+    Index joint{-1};
+    std::size_t run{0};
+    int culprit{-1};  ///< effect that raises its error most; -1: none
+  };
+  /// A joint whose error on a validation log is above that of the fit without effects.
+  static Paying who_pays(const std::vector<VectorXd>& at_first, const std::vector<VectorXd>& after,
+                         const std::vector<std::vector<VectorXd>>& without_each) {
+    Paying found;
+    double most = kMayRise;
+    for (std::size_t r = 0; r < after.size(); ++r) {
+      Index joint = 0;
+      const VectorXd rise = (after[r].array() / at_first[r].array().max(1e-300)).matrix();
+      if (!(rise.maxCoeff(&joint) - 1.0 > most)) continue;
+      most = rise[joint] - 1.0;
+      found = {joint, r, -1};
+      double worst = 1.0;
+      for (std::size_t e = 0; e < without_each.size(); ++e) {
+        const double ratio = after[r][joint] / std::max(1e-300, without_each[e][r][joint]);
+        if (ratio > worst) worst = ratio, found.culprit = static_cast<int>(e);
       }
     }
+    return found;
+  }
+
+  void take_out(std::size_t effect, const std::string& why) {
+    const Candidate own = engine_->accepted[effect];
+    refusals_.push_back({own.kind, own.joint, why, 1.0 - std::pow(1.0 - fall(own.trial).maxCoeff(), 2)});
+    engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(effect));
+    engine_->build();
+    evidence_.clear();
+    trace("without " + name_of(own), predicted_by(judged_table_, engine_->robot()));
   }
 
   void findings(Diagnosis& result) {
@@ -507,7 +615,7 @@ class Session {
       f.joint = own.joint;
       Trial trial = own.trial;
       for (const Candidate& c : candidates) {
-        if (c.kind == own.kind && c.joint == own.joint && c.trial.valid) trial = c.trial;
+        if (same_effect(c, own) && c.trial.valid) trial = c.trial;
       }
       Candidate judged = own;
       judged.trial = trial;
@@ -636,7 +744,7 @@ class Session {
 
   model::Robot robot_;
   DiagnoseOptions options_;
-  double cutoff_{0.0};
+  double cutoff_{0.0}, bandwidth_{0.0};  ///< [Hz]
   std::vector<data::MotionStream> train_, judged_;
   MotionTable train_table_, judged_table_;
   std::unique_ptr<Engine> engine_;

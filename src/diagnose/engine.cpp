@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "deflection.hpp"
 #include "heft/core/effects/effects.hpp"
 #include "heft/core/friction/friction.hpp"
+#include "heft/model/motion_torque.hpp"
 
 namespace heft::diagnose {
 
@@ -44,10 +46,12 @@ Engine::Engine(const model::Robot& robot, MotionTable table, double steady)
       motion_(rigid_motion(table_)),
       steady_(steady) {
   build();
+  base_noise_ = problem_->noise();
+  base_theta_ = problem_->theta();
 }
 
 Workbench Engine::bench() const {
-  return {problem_.get(), &base_, &table_, &motion_, &rows_, &rigid_, &load_};
+  return {problem_.get(), &base_, &table_, &motion_, &rows_, &rigid_, &load_, &held_};
 }
 
 void Engine::build() {
@@ -67,13 +71,19 @@ void Engine::build() {
       }
     }
   }
-  motion_ = delayed(table_, delay);
+  const bool cut = !(table_.keep.array() == keep_.array()).all();
+  if (plain_ == nullptr || elastic || cut || delay != delay_ || masses_held != plain_holds_masses_) {
+    motion_ = delayed(table_, delay);
+    delay_ = delay;
+    plain_ = nullptr;
+  }
   refit(false);
-  // Some effects are made of the load torque, which the fit gives.
+  // Some effects are made of the load torque, or begin with the friction that holds a joint; the fit gives both.
   const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
-    return e.kind == "load_friction" || e.kind == "base_tilt";
+    return e.kind == "load_friction" || e.kind == "base_tilt" || e.kind == "hysteresis";
   });
   for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
+  if (cut) plain_ = nullptr;
 }
 
 void Engine::refit(bool deflect) {
@@ -98,16 +108,27 @@ void Engine::refit(bool deflect) {
       motion_.link_qdd.col(j) = motion_.qdd.col(j) - d.acceleration;
     }
   }
-  rows_ = base_.rows(motion_);
-  problem_ = std::make_unique<Problem>(table_, rows_, base_.places(), base_.prior(), steady_, table_.tau);
-  steady_ = problem_->steady();  // chosen once, or fits with and without an effect could not be compared
+  if (deflect || plain_ == nullptr) {
+    rows_ = base_.rows(motion_);
+    VectorXd prior = base_.prior(), hold = VectorXd::Zero(prior.size());
+    for (int c = 0; masses_held && c < base_.columns(); ++c) {
+      constexpr double kHeld = 1e6;
+      if (base_.is_link(c)) prior[c] = base_theta_[c], hold[c] = kHeld;
+    }
+    plain_ = std::make_unique<Problem>(table_, rows_, base_.places(), prior, steady_, table_.tau, hold);
+    plain_holds_masses_ = masses_held;
+    steady_ = plain_->steady();  // chosen once, or fits with and without an effect could not be compared
+  }
+  problem_ = std::make_unique<Problem>(*plain_);
+  if (deflect) plain_ = nullptr;
   first_column_.assign(accepted.size(), -1);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     Candidate& effect = accepted[e];
     if (effect.kind == "delay" || effect.kind == "contact") continue;
     if (effect.effect >= 0) {
       if (load_.size() > 0) {
-        effect.columns.values = {joint_effect_columns(bench(), effect.effect, effect.joint, effect.shape)};
+        effect.columns.values = {joint_effect_columns(bench(), effect.effect, effect.joint, effect.shape,
+                                                      effect.replaces >= 0, effect.level)};
       }
     } else if (effect.kind == "elasticity") {
       if (deflect) {
@@ -128,6 +149,8 @@ void Engine::refit(bool deflect) {
       first_column_[e] = problem_->append(effect.columns);
     }
   }
+  if (weights_held) problem_->hold_weights(base_noise_);
+  if (!accepted.empty()) problem_->reweight();
   // Rigid-body torque of the fit, also where rows do not count.
   const VectorXd theta = problem_->theta();
   rigid_ = base_.robot(theta);
@@ -136,6 +159,35 @@ void Engine::refit(bool deflect) {
     if (!base_.is_link(c)) links[c] = 0.0;
   }
   load_ = base_.torque(rows_, links);
+  see_what_is_held();
+}
+
+/// Torque that a joint at rest is held with at the begin of each log: what is measured less what all but friction's
+/// memory makes up.
+void Engine::see_what_is_held() {
+  const auto runs = static_cast<Index>(table_.runs.size());
+  const MatrixXd left = table_.tau - predicted();
+  held_.resize(runs, table_.num_joints);
+  for (Index r = 0; r < runs; ++r) {
+    const Index begin = table_.run_begin[static_cast<std::size_t>(r)];
+    Index end = begin;
+    while (end < table_.run_begin[static_cast<std::size_t>(r) + 1] && table_.time[end] < model::kSeenAtRest) {
+      ++end;
+    }
+    for (int j = 0; j < table_.num_joints; ++j) {
+      const bool rests = end > begin && motion_.qd.col(j).segment(begin, end - begin).cwiseAbs().maxCoeff() <
+                                            model::kRestSpeed;
+      held_(r, j) =
+          rests ? left.col(j).segment(begin, end - begin).mean() : std::numeric_limits<double>::quiet_NaN();
+    }
+    for (std::size_t e = 0; e < accepted.size(); ++e) {
+      Candidate& effect = accepted[e];
+      if (effect.kind != "hysteresis" || first_column_[e] < 0) continue;
+      effect.level = coefficients(e)[0];
+      held_(r, effect.joint) +=
+          effect.level * effect.columns.values[0].col(0).segment(begin, end - begin).mean();
+    }
+  }
 }
 
 void Engine::tune() {

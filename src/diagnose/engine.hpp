@@ -29,6 +29,11 @@ class Engine {
   void judge_again(Candidate& candidate) const;
 
   std::vector<Candidate> accepted;
+  /// A joint that an effect has made quiet weighs no more than it did without effects. It would draw the masses that
+  /// all joints share towards what is left in it, at the expense of the others.
+  bool weights_held{false};
+  /// The masses stay those of the fit without effects: no joint pays for an effect of another one.
+  bool masses_held{false};
 
   const Problem& problem() const { return *problem_; }
   const MotionTable& table() const { return table_; }
@@ -43,6 +48,7 @@ class Engine {
  private:
   Workbench bench() const;
   void refit(bool deflect);
+  void see_what_is_held();
 
   model::Robot given_;
   MotionTable table_;
@@ -50,9 +56,15 @@ class Engine {
   BaseModel base_;
   Motion motion_;
   std::vector<Eigen::MatrixXd> rows_;  ///< of the base model, also those that do not count
+  std::unique_ptr<Problem>
+      plain_;  ///< of the base alone, where motion and rows that count are those of `rows_`
+  bool plain_holds_masses_{false};
+  double delay_{0.0};  ///< of `motion_` [s]
   std::unique_ptr<Problem> problem_;
-  model::Robot rigid_;    ///< with the fitted base parameters
-  Eigen::MatrixXd load_;  ///< rigid-body torque of the fit, m × n
+  model::Robot rigid_;                       ///< with the fitted base parameters
+  Eigen::MatrixXd load_;                     ///< rigid-body torque of the fit, m × n
+  Eigen::MatrixXd held_;                     ///< see Workbench
+  Eigen::VectorXd base_noise_, base_theta_;  ///< of the fit without effects
   double steady_{0.0};
   std::vector<int> first_column_;  ///< of each accepted effect; -1: has none
 };

@@ -17,13 +17,14 @@ concept ReplacesCoulomb = requires {
 };
 
 template <typename Effect>
-MatrixXd columns_of(const Workbench& bench, int joint, double shape) {
+MatrixXd columns_of(const Workbench& bench, int joint, double shape, bool whole, double level) {
   const MotionTable& table = *bench.table;
   constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
   MatrixXd values(table.rows(), kCount);
   EffectPoint<double> x;
   EffectParameters<double> p{};
-  if constexpr (EffectWithMemory<Effect>) p = Effect::parameters({}, shape, JointActuation<double>{});
+  const JointActuation<double> friction{0.0, level, 0.0, 0.0};
+  if constexpr (EffectWithMemory<Effect>) p = Effect::parameters({level}, shape, friction);
   std::size_t run = 0;
   for (Index i = 0; i < table.rows(); ++i) {
     x.time = table.time[i];
@@ -33,14 +34,18 @@ MatrixXd columns_of(const Workbench& bench, int joint, double shape) {
     x.load = (*bench.load)(i, joint);
     const double q = bench.motion->q(i, joint);
     if constexpr (EffectWithMemory<Effect>) {
-      const bool starts = run < table.run_begin.size() && table.run_begin[run] == i;
-      if (starts) ++run;
-      x.memory = starts ? 0.0 : Effect::memory(p, x.memory, q - x.q);
+      if (run < table.run_begin.size() && table.run_begin[run] == i) {
+        x.memory = Effect::memory_at_rest(p, (*bench.held)(static_cast<Index>(run), joint), friction);
+        ++run;
+      } else {
+        x.memory = Effect::memory(p, x.memory, q - x.q);
+      }
     }
     x.q = q;
     const auto row = Effect::columns(shape, x);
     for (Index c = 0; c < kCount; ++c) values(i, c) = row[static_cast<std::size_t>(c)];
   }
+  if (whole) values.col(0) += bench.motion->direction.col(joint);
   return values;
 }
 
@@ -70,7 +75,12 @@ std::vector<double> grid_of(const ShapeRange& range, const MotionTable& table, i
 template <typename Effect>
 class Search {
  public:
-  Search(const Workbench& bench, int joint) : bench_(bench), joint_(joint) {}
+  /// @param whole  it takes the place of the Coulomb friction
+  Search(const Workbench& bench, int joint, bool whole)
+      : bench_(bench),
+        joint_(joint),
+        whole_(whole),
+        level_(bench.robot->joints[static_cast<std::size_t>(joint)].actuation.coulomb_friction) {}
 
   Candidate run() {
     Candidate candidate;
@@ -95,10 +105,8 @@ class Search {
     }
     candidate.shape = best;
     candidate.columns.joints = {joint_};
-    candidate.columns.values = {columns_of<Effect>(bench_, joint_, best)};
-    if constexpr (ReplacesCoulomb<Effect>) {
-      candidate.replaces = bench_.base->coulomb(joint_);
-    }
+    candidate.columns.values = {columns_of<Effect>(bench_, joint_, best, whole_, level_)};
+    if (whole_) candidate.replaces = bench_.base->coulomb(joint_);
     if (candidate.refused.empty()) {
       candidate.trial = bench_.problem->judge(bench_.problem->moments(candidate.columns), candidate.replaces);
       for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
@@ -112,6 +120,12 @@ class Search {
           Effect::kNotNegative[0]) {
         candidate.refused = "would be negative";
       }
+      if constexpr (ReplacesCoulomb<Effect>) {
+        if (!whole_ && candidate.trial.valid &&
+            !(candidate.trial.coefficients[0] < candidate.trial.base[bench_.base->coulomb(joint_)])) {
+          candidate.refused = "would be more than all of the friction";
+        }
+      }
     }
     return candidate;
   }
@@ -120,16 +134,17 @@ class Search {
   std::vector<double> gains_of(const std::vector<double>& shapes) const {
     constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
     std::vector<double> gains;
-    if constexpr (ReplacesCoulomb<Effect>) {
+    if (whole_) {
+      std::vector<Columns> list;
       for (const double shape : shapes) {
-        Columns columns{{joint_}, {columns_of<Effect>(bench_, joint_, shape)}};
-        gains.push_back(bench_.problem->gain(bench_.problem->moments(columns), bench_.base->coulomb(joint_)));
+        list.push_back({{joint_}, {columns_of<Effect>(bench_, joint_, shape, true, level_)}});
       }
+      gains = bench_.problem->gains(list, bench_.base->coulomb(joint_));
     } else {
       MatrixXd all(bench_.table->rows(), kCount * static_cast<Index>(shapes.size()));
       for (std::size_t s = 0; s < shapes.size(); ++s) {
         all.middleCols(kCount * static_cast<Index>(s), kCount) =
-            columns_of<Effect>(bench_, joint_, shapes[s]);
+            columns_of<Effect>(bench_, joint_, shapes[s], false, level_);
       }
       for (const auto& [gain, coefficients] : bench_.problem->scan(joint_, all, static_cast<int>(kCount))) {
         bool allowed = true;
@@ -163,13 +178,17 @@ class Search {
 
   const Workbench& bench_;
   int joint_;
+  bool whole_;
+  double level_;  ///< the joint's Coulomb friction in the present fit
 };
 
 }  // namespace
 
-MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape) {
+MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape, bool whole,
+                              double level) {
   MatrixXd values;
-  visit_joint_effect(effect, [&](auto type) { values = columns_of<decltype(type)>(bench, joint, shape); });
+  visit_joint_effect(
+      effect, [&](auto type) { values = columns_of<decltype(type)>(bench, joint, shape, whole, level); });
   return values;
 }
 
@@ -188,8 +207,13 @@ EffectParameters<double> effect_parameters(int effect, const VectorXd& coefficie
 std::vector<Candidate> joint_candidates(const Workbench& bench, int joint) {
   std::vector<Candidate> found;
   for (int effect = 0; effect < kNumJointEffects; ++effect) {
-    visit_joint_effect(effect,
-                       [&](auto type) { found.push_back(Search<decltype(type)>(bench, joint).run()); });
+    visit_joint_effect(effect, [&](auto type) {
+      using Effect = decltype(type);
+      found.push_back(Search<Effect>(bench, joint, ReplacesCoulomb<Effect>).run());
+      if constexpr (ReplacesCoulomb<Effect>) {
+        found.push_back(Search<Effect>(bench, joint, false).run());
+      }
+    });
   }
   return found;
 }

@@ -72,7 +72,8 @@ struct Solved {
   double error;
 };
 
-Solved solve(const MatrixXd& moments, int without, double steady, bool with_inverse) {
+/// @param ridge  on top of `steady`, of the first columns, scaled as `steady` is
+Solved solve(const MatrixXd& moments, int without, double steady, const VectorXd& ridge, bool with_inverse) {
   const Index p = moments.rows() - 1;
   VectorXd scale = moments.diagonal().head(p).cwiseSqrt();
   for (Index c = 0; c < p; ++c) {
@@ -81,6 +82,7 @@ Solved solve(const MatrixXd& moments, int without, double steady, bool with_inve
   MatrixXd A =
       scale.cwiseInverse().asDiagonal() * moments.topLeftCorner(p, p) * scale.cwiseInverse().asDiagonal();
   A.diagonal().array() += steady;
+  A.diagonal().head(ridge.size()) += ridge;
   if (without >= 0) A(without, without) += 1e12;
   const VectorXd right = moments.col(p).head(p).cwiseQuotient(scale);
   MatrixXd L;
@@ -118,7 +120,7 @@ double squared_error(const MatrixXd& base, const std::vector<int>& places, const
 }  // namespace
 
 Problem::Problem(const MotionTable& table, std::vector<MatrixXd> rows, std::vector<std::vector<int>> places,
-                 const VectorXd& prior, double steady, const MatrixXd& tau)
+                 const VectorXd& prior, double steady, const MatrixXd& tau, const VectorXd& hold)
     : table_(&table),
       rows_(std::move(rows)),
       places_(std::move(places)),
@@ -128,7 +130,8 @@ Problem::Problem(const MotionTable& table, std::vector<MatrixXd> rows, std::vect
       tau_(tau.cwiseProduct(table.keep)),
       moments_(table.blocks.size(), std::vector<MatrixXd>(rows_.size())),
       counted_(table.keep.colwise().sum().transpose()),
-      noise_(VectorXd::Zero(num_joints())) {
+      noise_(VectorXd::Zero(num_joints())),
+      ridge_(hold.size() > 0 ? hold : VectorXd(VectorXd::Zero(prior.size()))) {
   for (int j = 0; j < num_joints(); ++j) {
     const auto s = static_cast<std::size_t>(j);
     rows_[s].array().colwise() *= table.keep.col(j).array();
@@ -145,7 +148,7 @@ void Problem::choose_steady() {
     steady_ = steady;
     VectorXd error = VectorXd::Zero(num_joints());
     for (std::size_t out = 0; out < folds_.size(); ++out) {
-      const VectorXd theta = solve(total_ - folds_[out], -1, steady_, false).theta;
+      const VectorXd theta = solve(total_ - folds_[out], -1, steady_, ridge_, false).theta;
       for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
         if (static_cast<std::size_t>(table_->blocks[b].fold) != out) continue;
         for (int j = 0; j < num_joints(); ++j) {
@@ -195,7 +198,8 @@ int Problem::append(const Columns& columns) {
   columns_ += columns.count();
   prior_.conservativeResize(columns_);
   prior_.tail(columns.count()).setZero();
-  reweight();
+  ridge_.conservativeResize(columns_);
+  ridge_.tail(columns.count()).setZero();
   return first;
 }
 
@@ -207,7 +211,6 @@ void Problem::replace(int joint, int column, const VectorXd& values) {
     }
   }
   collect(joint);
-  reweight();
 }
 
 void Problem::sum_base() {
@@ -230,6 +233,7 @@ void Problem::sum_base() {
   MatrixXd A = scale_.cwiseInverse().asDiagonal() * total_.topLeftCorner(columns_, columns_) *
                scale_.cwiseInverse().asDiagonal();
   A.diagonal().array() += steady_;
+  A.diagonal() += ridge_;
   cholesky(A, factor_);
   VectorXd z = total_.col(columns_).head(columns_).cwiseQuotient(scale_);
   solve_lower(factor_, z);
@@ -245,12 +249,23 @@ void Problem::reweight() {
       noise_[j] = std::max(std::sqrt(tau_.col(j).squaredNorm() / std::max(1.0, counted_[j])), 1e-9);
     }
   }
-  for (int pass = 0; pass < 3; ++pass) {
+  // Directions that the motion hardly shows follow the weights for long.
+  constexpr int kMostPasses = 20;
+  constexpr double kSettled = 1e-4;
+  double change = 1.0;
+  for (int pass = 0; pass < kMostPasses && change > kSettled; ++pass) {
+    change = 0.0;
     sum_base();
-    const MatrixXd r = residual();
     for (int j = 0; j < num_joints(); ++j) {
-      const double rms = std::sqrt(r.col(j).squaredNorm() / std::max(1.0, counted_[j]));
-      noise_[j] = std::max(rms, 1e-9);
+      const auto s = static_cast<std::size_t>(j);
+      double squares = 0.0;
+      for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+        squares += squared_error(moments_[b][s], places_[s], theta_, nullptr, b, -1, columns_);
+      }
+      const double least = least_noise_.size() > 0 ? least_noise_[j] : 1e-9;
+      const double rms = std::max(std::sqrt(std::max(0.0, squares) / std::max(1.0, counted_[j])), least);
+      change = std::max(change, std::abs(rms / noise_[j] - 1.0));
+      noise_[j] = rms;
     }
   }
   sum_base();
@@ -296,33 +311,74 @@ std::vector<std::pair<double, VectorXd>> Problem::scan(int joint, const MatrixXd
 }
 
 ColumnMoments Problem::moments(const Columns& columns) const {
-  ColumnMoments m;
-  m.count = columns.count();
-  m.joints = columns.joints;
-  m.cross.resize(table_->blocks.size());
-  m.square.resize(table_->blocks.size());
-  for (std::size_t a = 0; a < columns.joints.size(); ++a) {
-    const int joint = columns.joints[a];
+  return std::move(moments_of({&columns, 1}).front());
+}
+
+std::vector<ColumnMoments> Problem::moments_of(std::span<const Columns> candidates) const {
+  const Columns& first = candidates.front();
+  const Index k = first.count();
+  const std::size_t blocks = table_->blocks.size();
+  ColumnMoments empty;
+  empty.count = static_cast<int>(k);
+  empty.joints = first.joints;
+  empty.cross.resize(blocks);
+  empty.square.resize(blocks);
+  std::vector<ColumnMoments> all(candidates.size(), empty);
+  MatrixXd C(table_->rows(), k * static_cast<Index>(candidates.size()));
+  for (std::size_t a = 0; a < first.joints.size(); ++a) {
+    const int joint = first.joints[a];
     const auto j = static_cast<std::size_t>(joint);
-    const MatrixXd C = columns.values[a].array().colwise() * table_->keep.col(joint).array();
-    const Index p = rows_[j].cols();
-    for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+      C.middleCols(k * static_cast<Index>(i), k) =
+          candidates[i].values[a].array().colwise() * table_->keep.col(joint).array();
+    }
+    for (std::size_t b = 0; b < blocks; ++b) {
       const Block& block = table_->blocks[b];
       const auto Cb = C.middleRows(block.begin, block.count);
-      MatrixXd cross(p + 1, m.count);
-      cross.topRows(p).noalias() = rows_[j].middleRows(block.begin, block.count).transpose() * Cb;
-      cross.row(p).noalias() = tau_.col(joint).segment(block.begin, block.count).transpose() * Cb;
-      m.cross[b].push_back(std::move(cross));
-      m.square[b].push_back(Cb.transpose() * Cb);
+      const MatrixXd cross = rows_[j].middleRows(block.begin, block.count).transpose() * Cb;
+      const Eigen::RowVectorXd torque = tau_.col(joint).segment(block.begin, block.count).transpose() * Cb;
+      for (std::size_t i = 0; i < candidates.size(); ++i) {
+        const Index at = k * static_cast<Index>(i);
+        MatrixXd own(cross.rows() + 1, k);
+        own << cross.middleCols(at, k), torque.segment(at, k);
+        all[i].cross[b].push_back(std::move(own));
+        all[i].square[b].push_back(Cb.middleCols(at, k).transpose() * Cb.middleCols(at, k));
+      }
+    }
+  }
+  return all;
+}
+
+ColumnMoments Problem::moments_from(Index row, const Columns& columns, const ColumnMoments& all) const {
+  ColumnMoments m = all;
+  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    const Block& block = table_->blocks[b];
+    if (block.begin >= row) break;
+    // Rows of this block that are still counted.
+    const Index from = std::min(row, block.begin + block.count), count = block.begin + block.count - from;
+    for (std::size_t a = 0; a < columns.joints.size(); ++a) {
+      const int joint = columns.joints[a];
+      const MatrixXd Cb = columns.values[a].middleRows(from, count).array().colwise() *
+                          table_->keep.col(joint).segment(from, count).array();
+      MatrixXd& cross = m.cross[b][a];
+      cross << rows_[static_cast<std::size_t>(joint)].middleRows(from, count).transpose() * Cb,
+          tau_.col(joint).segment(from, count).transpose() * Cb;
+      m.square[b][a] = Cb.transpose() * Cb;
     }
   }
   return m;
 }
 
+std::vector<double> Problem::gains(const std::vector<Columns>& candidates, int without) const {
+  std::vector<double> result;
+  for (const ColumnMoments& m : moments_of(candidates)) result.push_back(gain(m, without));
+  return result;
+}
+
 double Problem::gain(const ColumnMoments& m, int without) const {
   MatrixXd whole = widened(total_, m.count);
   for (std::size_t b = 0; b < table_->blocks.size(); ++b) add_columns(m, b, places_, noise_, columns_, whole);
-  return std::max(0.0, error_ - solve(whole, without, steady_, false).error);
+  return std::max(0.0, error_ - solve(whole, without, steady_, ridge_, false).error);
 }
 
 Trial Problem::judge(const ColumnMoments& m, int without) const {
@@ -341,9 +397,10 @@ Trial Problem::judge(const ColumnMoments& m, int without) const {
   MatrixXd whole = MatrixXd::Zero(columns_ + k + 1, columns_ + k + 1);
   for (const MatrixXd& fold : wide) whole += fold;
 
-  const Solved fit = solve(whole, without, steady_, true);
+  const Solved fit = solve(whole, without, steady_, ridge_, true);
   trial.gain = error_ - fit.error;
   trial.coefficients = fit.theta.tail(k);
+  trial.base = fit.theta.head(columns_) + prior_;
   const MatrixXd tail = fit.inverse.bottomRightCorner(k, k);
   for (int c = 0; c < k; ++c) {
     // Part of the column that the base leaves: 1 / (inverse entry), against its whole.
@@ -445,8 +502,8 @@ Trial Problem::judge(const ColumnMoments& m, int without) const {
   for (std::size_t a = 0; a < m.joints.size(); ++a)
     place_of_joint[static_cast<std::size_t>(m.joints[a])] = static_cast<int>(a);
   for (std::size_t f_out = 0; f_out < folds_.size(); ++f_out) {
-    const Solved alone = solve(total_ - folds_[f_out], -1, steady_, false);
-    const Solved with = solve(whole - wide[f_out], without, steady_, false);
+    const Solved alone = solve(total_ - folds_[f_out], -1, steady_, ridge_, false);
+    const Solved with = solve(whole - wide[f_out], without, steady_, ridge_, false);
     for (std::size_t b = 0; b < blocks; ++b) {
       if (static_cast<std::size_t>(table_->blocks[b].fold) != f_out) continue;
       double gain = 0.0;

@@ -3,6 +3,7 @@
 /// model and judged on blocks they were not fitted to, without reading a row again.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -30,6 +31,7 @@ struct ColumnMoments {
 struct Trial {
   Eigen::VectorXd coefficients;  ///< k
   Eigen::VectorXd std;           ///< k, robust to correlation within blocks
+  Eigen::VectorXd base;          ///< p: parameters of the base beside it
   double gain{0.0};              ///< fall of the weighted squared error on the rows of the fit
   double cv_gain{0.0};           ///< rows times fall of ln(squared error) on left-out blocks: what counts
   double cv_t{0.0};              ///< mean of it over blocks against its standard error
@@ -52,18 +54,24 @@ class Problem {
   /// @param prior   values of the base's columns that the fit leans on where the motion shows little
   /// @param steady  how much: part of each column's squared norm that the prior weighs; 0 chooses it by the error on
   ///                left-out blocks
+  /// @param hold    p: the same on top, column by column; far above 1 keeps a column where the prior has it. Empty: 0
   Problem(const MotionTable& table, std::vector<Eigen::MatrixXd> rows, std::vector<std::vector<int>> places,
-          const Eigen::VectorXd& prior, double steady, const Eigen::MatrixXd& tau);
+          const Eigen::VectorXd& prior, double steady, const Eigen::MatrixXd& tau,
+          const Eigen::VectorXd& hold = {});
   double steady() const { return steady_; }
 
   int num_joints() const { return static_cast<int>(rows_.size()); }
-  /// Adds columns to the base for good; returns the global number of the first.
+  /// Adds columns to the base for good; returns the global number of the first. What is fitted is the old base until
+  /// reweight().
   int append(const Columns& columns);
-  /// Puts other values in the place of a base column that reaches one joint.
+  /// Puts other values in the place of a base column that reaches one joint; as append().
   void replace(int joint, int column, const Eigen::VectorXd& values);
 
-  /// Weights the joints by their residual, fitted and weighted twice. Call after append or replace.
+  /// Fits, with the joints weighted by their residual: fitted and weighted until that settles. Call after append or replace.
   void reweight();
+  /// From the next reweight() on no joint weighs more than with this residual.
+  /// @param noise  n [N·m]
+  void hold_weights(const Eigen::VectorXd& noise) { least_noise_ = noise; }
   const Eigen::VectorXd& noise() const { return noise_; }  ///< n: rms residual of rows that count [N·m]
   Eigen::VectorXd theta() const { return theta_ + prior_; }
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
@@ -76,6 +84,12 @@ class Problem {
                                                        int each) const;
 
   ColumnMoments moments(const Columns& columns) const;
+  /// Moments of the columns from one row on, those before taken as 0.
+  /// @param all  moments of the columns as they are
+  ColumnMoments moments_from(Eigen::Index row, const Columns& columns, const ColumnMoments& all) const;
+  /// gain() of each of several candidates that reach the same joints with the same number of columns: the base's
+  /// rows are read once for all of them.
+  std::vector<double> gains(const std::vector<Columns>& candidates, int without = -1) const;
   /// Fall of the weighted squared error on the rows of the fit.
   /// @param without  column of the base that the candidate stands in for; -1: none
   double gain(const ColumnMoments& moments, int without = -1) const;
@@ -83,6 +97,7 @@ class Problem {
   double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }
 
  private:
+  std::vector<ColumnMoments> moments_of(std::span<const Columns> candidates) const;
   void choose_steady();
   void collect(int joint);
   void sum_base();
@@ -96,6 +111,8 @@ class Problem {
   Eigen::MatrixXd tau_;  ///< less what the prior says
   std::vector<std::vector<Eigen::MatrixXd>> moments_;
   Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: beside the prior
+  Eigen::VectorXd least_noise_;              ///< see hold_weights(); empty: any
+  Eigen::VectorXd ridge_;                    ///< p: see `hold` of the constructor
   double error_{0.0};
   Eigen::VectorXd scale_;               ///< p: column norms, weighted
   Eigen::MatrixXd total_;               ///< (p + 1)², weighted, unscaled

@@ -131,6 +131,41 @@ TEST(Problem, LeftOutErrorIsThatOfFitsWithoutTheFold) {
   EXPECT_NEAR(trial.joint_after[0], after, 1e-3);
 }
 
+TEST(Problem, GainsOfManyAreThoseOfEach) {
+  const Small data(0.8, 3);
+  const Problem problem = data.problem();
+  const VectorXd other = data.column.array().square();
+  const std::vector<double> both = problem.gains({{{0}, {data.column}}, {{0}, {other}}});
+  EXPECT_NEAR(both[0], problem.gain(problem.moments({{0}, {data.column}})), 1e-9 * both[0]);
+  EXPECT_NEAR(both[1], problem.gain(problem.moments({{0}, {other}})), 1e-6);
+  EXPECT_GT(both[0], 100.0 * both[1]);
+}
+
+TEST(Problem, MomentsFromARowAreThoseOfColumnsThatBeginThere) {
+  const Small data(0.8, 4);
+  const Problem problem = data.problem();
+  const Columns whole{{0}, {data.column}};
+  const ColumnMoments all = problem.moments(whole);
+  for (const Index row : {0, 1, 99, 100, 101, 1234, 3999}) {
+    Columns late = whole;
+    late.values[0].topRows(row).setZero();
+    const Trial expected = problem.judge(problem.moments(late));
+    const Trial found = problem.judge(problem.moments_from(row, whole, all));
+    EXPECT_NEAR(found.gain, expected.gain, 1e-6) << row;
+    EXPECT_NEAR(found.coefficients[0], expected.coefficients[0], 1e-9) << row;
+  }
+}
+
+TEST(Problem, HeldColumnsStayWhereThePriorHasThem) {
+  const Small data(0.8, 5);
+  const VectorXd prior = (VectorXd(2) << 0.0, -0.25).finished(), hold = (VectorXd(2) << 0.0, 1e6).finished();
+  const Problem problem(data.table, {data.rows}, {{0, 1}}, prior, 1e-9, data.tau, hold);
+  EXPECT_NEAR(problem.theta()[1], -0.25, 1e-6);
+  // The constant makes the best of it: the mean of what the ramp leaves.
+  const double left = (data.tau.col(0) + 0.25 * data.rows.col(1)).mean();
+  EXPECT_NEAR(problem.theta()[0], left, 1e-3);
+}
+
 TEST(Problem, ChanceIsCalledChance) {
   // Nineteen of twenty candidates that are nothing have p above 0.05, as a p-value should.
   int below = 0;

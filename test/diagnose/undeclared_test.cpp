@@ -57,6 +57,19 @@ INSTANTIATE_TEST_SUITE_P(AllKinds, OneEffect,
                                           testing::ValuesIn(test::undeclared_arms())),
                          [](const auto& p) { return std::get<0>(p.param) + "_on_" + std::get<1>(p.param); });
 
+TEST(HysteresisInPart, IsNamedWithThePart) {
+  const UndeclaredCase c = test::make_undeclared_case("hysteresis_in_part", "scara4", 1);
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), 1U) << said(d);
+  EXPECT_TRUE(names(d.findings[0], c.effects.front())) << said(d);
+  const auto& found = d.findings[0].parameters;
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[1].first, "sharp");
+  EXPECT_NEAR(found[1].second, 0.4, 0.1);
+  EXPECT_NEAR(found[0].second, c.effects.front().parameters.at("x0"),
+              0.25 * c.effects.front().parameters.at("x0"));
+}
+
 // None -----------------------------------------------------------------------------------------------------
 
 /// A hundred logs without any effect in ten groups: mostly the small arm, whose cases are quick to make.

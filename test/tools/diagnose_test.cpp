@@ -131,6 +131,21 @@ TEST_F(DiagnoseCommand, NamesTheEffectProvesItAndWritesTheExtendedModel) {
   }
   EXPECT_NEAR(std::sqrt(squares / static_cast<double>(count)), kNoise, 0.05 * kNoise);
   EXPECT_EQ(model::read_model(path("m.json")).provenance.method, "diagnose");
+
+  // The model judged by itself: the same figures, since it knows how its logs were read.
+  const Outcome judged = test::run_heft(
+      {"validate", "--model", path("m.json"), "--log", path("b.csv"), "--json", path("v.json")});
+  ASSERT_EQ(judged.exit_code, 0) << judged.err;
+  const auto again = nlohmann::json::parse(host::read_file(path("v.json"), "result"));
+  const auto& validate = json.at("validate");
+  for (std::size_t j = 0; j < 4; ++j) {
+    const double rmse = validate.at("rmse_after").at(j), band = validate.at("rmse_in_band_after").at(j);
+    EXPECT_NEAR(again.at("rmse").at(j).get<double>(), rmse, 1e-6 * rmse);
+    EXPECT_NEAR(again.at("rmse_in_band").at(j).get<double>(), band, 1e-3 * band);
+  }
+  EXPECT_LT(validate.at("relative_error_in_band_after").get<double>(),
+            validate.at("relative_error_in_band_before").get<double>());
+  EXPECT_GT(validate.at("r2_in_band_after").at(1).get<double>(), validate.at("r2_after").at(1).get<double>());
 }
 
 TEST_F(DiagnoseCommand, SaysThatNothingIsMissing) {

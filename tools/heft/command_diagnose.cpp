@@ -2,6 +2,7 @@
 /// heft diagnose: what a model of rigid bodies and simple friction lacks, judged on logs it has not seen.
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,6 +20,7 @@
 #include "heft/diagnose/diagnosis.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/fit.hpp"
+#include "heft/identify/physical.hpp"
 #include "heft/model/model_file.hpp"
 #include "options.hpp"
 
@@ -208,6 +210,18 @@ std::string command_line(const Options& options) {
 
 model::ModelFile extended_model(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context) {
   model::ModelFile file = model::make_model(diagnosis.after);
+  model::FitRecord fit;
+  fit.method = "diagnose";
+  fit.torque_at = context.torque_at;
+  fit.condition_number = std::numeric_limits<double>::quiet_NaN();
+  fit.physically_consistent =
+      std::all_of(diagnosis.after.joints.begin(), diagnosis.after.joints.end(),
+                  [](const model::RobotJoint& joint) { return identify::is_physical(joint.link); });
+  identify::put_training(diagnosis.train_after, fit);
+  fit.samples = diagnosis.train_after.samples;
+  fit.cutoff_hz = diagnosis.cutoff;
+  fit.sign_width = diagnosis.sign_width;
+  file.fit = fit;
   file.provenance.method = "diagnose";
   file.provenance.logs = context.train;
   file.provenance.notes.push_back(diagnosis_verdict(diagnosis));

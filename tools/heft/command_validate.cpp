@@ -89,8 +89,16 @@ void judge_logs(const Options& options) {
   needs.torque_constant = options.log.torque_constant;
   data::StreamOptions streaming;
   streaming.motion.cutoff = options.log.band;
-  std::vector<data::MotionStream> streams;
   double band = options.log.band;
+  // Friction at low speed is judged as it was fitted: behind the same low-pass, with a sign as steep.
+  const bool as_fitted = loaded.fit && loaded.fit->cutoff_hz > 0;
+  if (as_fitted) {
+    streaming.motion.cutoff = loaded.fit->cutoff_hz;
+    streaming.motion.smooth_position = true;
+    streaming.prefer_logged = false;
+    if (band == 0) band = loaded.fit->band_hz;
+  }
+  std::vector<data::MotionStream> streams;
   for (const std::string& path : options.log.logs) {
     if (std::find(loaded.fitted_to.begin(), loaded.fitted_to.end(), path) != loaded.fitted_to.end()) {
       note(fmt::format("{}: the model was fitted to this log; it says nothing about logs not seen", path));
@@ -98,7 +106,7 @@ void judge_logs(const Options& options) {
     streams.emplace_back(path, needs, streaming);
     for (const std::string& text : streams.back().summary().notes) note(text);
     // One band for all logs, or their figures could not be put together.
-    if (options.log.band == 0) {
+    if (options.log.band == 0 && !as_fitted) {
       band = std::max(band, identify::default_band(streams.back().summary().bandwidth));
     }
   }
@@ -109,6 +117,7 @@ void judge_logs(const Options& options) {
     Progress progress(stream.summary().path);
     identify::ScoreOptions scoring;
     scoring.band = band;
+    if (as_fitted && loaded.fit->sign_width > 0) scoring.sign_width = loaded.fit->sign_width;
     scoring.progress = [&](double done) { progress.update(done); };
     if (!options.result.report.empty()) {
       traces.emplace_back(stream.summary().samples, n);
@@ -155,7 +164,9 @@ void judge_logs(const Options& options) {
   std::string model_text = options.robot.model.empty()
                                ? fmt::format("Model: the parameters of {}.", options.robot.urdf)
                                : fmt::format("Model: {}", options.robot.model);
-  if (loaded.fit) {
+  if (loaded.fit && fit.base_parameters.empty()) {
+    model_text += fmt::format(" ({}).", fit.method);
+  } else if (loaded.fit) {
     const auto determined = std::count_if(fit.base_parameters.begin(), fit.base_parameters.end(),
                                           [](const model::BaseParameterRecord& p) { return p.determined; });
     model_text +=

@@ -266,6 +266,30 @@ nlohmann::ordered_json before_after_json(const identify::Score& before, const id
   return json;
 }
 
+/// Error of all joints against their torque, 100 ‖τ - τ̂‖ / ‖τ‖ [%].
+double relative_error(const Eigen::VectorXd& error, const Eigen::VectorXd& torque) {
+  return 100.0 * error.norm() / torque.norm();
+}
+
+/// Before and after, in band: of all samples, and of the motion alone.
+struct RelativeErrors {
+  double before, after, moving_before, moving_after;
+};
+
+RelativeErrors relative_errors(const Diagnosis& d) {
+  const identify::Score &before = d.validate_before, &after = d.validate_after, &torque = d.validate_torque;
+  return {relative_error(before.rmse_in_band, torque.rmse_in_band),
+          relative_error(after.rmse_in_band, torque.rmse_in_band),
+          relative_error(before.rmse_in_band_moving, torque.rmse_in_band_moving),
+          relative_error(after.rmse_in_band_moving, torque.rmse_in_band_moving)};
+}
+
+/// R² in band: 1 - mean square of the error / variance of the torque, all samples.
+Eigen::VectorXd r2_in_band(const identify::Score& score, const identify::Score& torque) {
+  const Eigen::VectorXd variance = torque.rmse_in_band.cwiseAbs2() - torque.bias.cwiseAbs2();
+  return (1.0 - score.rmse_in_band.array().square() / variance.array()).matrix();
+}
+
 nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, bool with_score) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   for (const diagnose::Rival& rival : rivals) {
@@ -590,6 +614,16 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
   scores("Validation, not seen by the fit", diagnosis.validate_before, diagnosis.validate_after);
   scores("Training", diagnosis.train_before, diagnosis.train_after);
   if (has_scores(diagnosis.validate_before, diagnosis.validate_after)) {
+    if (diagnosis.validate_torque.rmse_in_band.size() > 0) {
+      const RelativeErrors relative = relative_errors(diagnosis);
+      text += fmt::format("All joints together, in band: error {} → {} % of the torque",
+                          number(relative.before, 3), number(relative.after, 3));
+      if (std::isfinite(relative.moving_after)) {
+        text += fmt::format("; without standstill at the ends {} → {} %", number(relative.moving_before, 3),
+                            number(relative.moving_after, 3));
+      }
+      text += ".\n";
+    }
     text += fmt::format(
         "{} Before: rigid bodies, Coulomb and viscous friction; after: with the effects. Positions through a "
         "low-pass of {:.3g} Hz.\n",
@@ -633,6 +667,18 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   json["cutoff_hz"] = diagnosis.cutoff;
   json["train"] = before_after_json(diagnosis.train_before, diagnosis.train_after);
   json["validate"] = before_after_json(diagnosis.validate_before, diagnosis.validate_after);
+  if (diagnosis.validate_torque.rmse_in_band.size() > 0) {
+    const RelativeErrors relative = relative_errors(diagnosis);
+    nlohmann::ordered_json& validate = json["validate"];
+    validate["r2_in_band_before"] =
+        json_array(r2_in_band(diagnosis.validate_before, diagnosis.validate_torque));
+    validate["r2_in_band_after"] =
+        json_array(r2_in_band(diagnosis.validate_after, diagnosis.validate_torque));
+    validate["relative_error_in_band_before"] = number_or_null(relative.before);
+    validate["relative_error_in_band_after"] = number_or_null(relative.after);
+    validate["relative_error_in_band_moving_before"] = number_or_null(relative.moving_before);
+    validate["relative_error_in_band_moving_after"] = number_or_null(relative.moving_after);
+  }
   json["effects"] = nlohmann::ordered_json::array();
   for (const Finding& finding : diagnosis.findings) json["effects"].push_back(effect_json(finding));
   json["unexplained"] = nlohmann::ordered_json::array();

@@ -77,6 +77,8 @@ struct DiagnoseOptions {
 struct Diagnosis {
   model::Robot before, after;  ///< the fitted models; `after` has the effects
   identify::Score train_before, train_after, validate_before, validate_after;  ///< pooled over logs
+  identify::Score
+      validate_torque;  ///< the same of the measured torque itself: errors of a model that predicts nothing
   std::vector<identify::Score> validate_each_before, validate_each_after;
   std::vector<Finding> findings;  ///< strongest first
   std::vector<Refusal> refusals;
@@ -84,6 +86,7 @@ struct Diagnosis {
   std::vector<std::string> notes;
   std::vector<Traces> train, validate;  ///< one a log
   double cutoff{0.0};                   ///< of the low-pass on q [Hz]
+  double sign_width{0.0};               ///< of friction's sign [rad/s, m/s]
   int candidates{0};                    ///< tried, shapes counted
   double seconds{0.0};                  ///< of training motion
 };
