@@ -56,6 +56,29 @@ function(heft_steering_sources)
   endif()
 endfunction()
 
+# What every test includes, parsed once: two thirds of the time that a small test takes to compile. Only tests have it;
+# a file of the library includes what it uses.
+function(heft_test_headers)
+  if(TARGET heft_test_headers)
+    return()
+  endif()
+  add_library(heft_test_headers OBJECT ${PROJECT_SOURCE_DIR}/test/support/test_headers.cpp)
+  target_compile_features(heft_test_headers PRIVATE cxx_std_20)
+  target_link_libraries(heft_test_headers PRIVATE GTest::gtest GTest::gmock Eigen3::Eigen heft_warnings)
+  heft_test_effort(heft_test_headers)
+  target_precompile_headers(heft_test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h> <Eigen/Dense> <string> <vector>)
+endfunction()
+
+function(heft_test_effort target)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+    if(CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+      # Strings from a precompiled header are taken for the 32 bytes of an empty one (akin to GCC bug 105651).
+      target_compile_options(${target} PRIVATE -Wno-array-bounds -Wno-stringop-overflow)
+    endif()
+  endif()
+endfunction()
+
 # heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ... [OPTIMISED])
 # One googletest binary; every TEST becomes a ctest entry NAME.Suite.Test with the labels given. What is tested is
 # compiled as it ships; the test beside it with less effort, which is a third of its compile time, unless OPTIMISED.
@@ -69,8 +92,12 @@ function(heft_add_test name)
   endif()
   add_executable(test_${name} ${ARG_SOURCES})
   target_link_libraries(test_${name} PRIVATE ${ARG_LIBRARIES} GTest::gtest GTest::gtest_main GTest::gmock heft_warnings)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND NOT ARG_OPTIMISED)
-    target_compile_options(test_${name} PRIVATE $<$<CONFIG:Release>:-O1>)
+  if(NOT ARG_OPTIMISED)
+    heft_test_headers()
+    heft_test_effort(test_${name})
+    target_compile_features(test_${name} PRIVATE cxx_std_20)
+    target_link_libraries(test_${name} PRIVATE Eigen3::Eigen)
+    target_precompile_headers(test_${name} REUSE_FROM heft_test_headers)
   endif()
   target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
   target_compile_definitions(test_${name} PRIVATE
