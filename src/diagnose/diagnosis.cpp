@@ -486,7 +486,7 @@ class Session {
   }
 
   /// Against an effect that another joint pays for: holds weights or masses where that does better than to leave it out.
-  bool held(std::size_t effect) {
+  bool hold_instead(std::size_t effect) {
     double least = judged(*rebuilt_without(effect));
     std::unique_ptr<Engine> best;
     for (const bool masses : {false, true}) {
@@ -535,7 +535,7 @@ class Session {
       const auto [paying, run, culprit] = who_pays(at_first, after, without_each);
       if (culprit < 0) return;
       const auto at = static_cast<std::size_t>(culprit);
-      if (held(at)) continue;
+      if (hold_instead(at)) continue;
       take_out(at, fmt::format("raises the error of joint {} on {}", paying + 1, judged_table_.runs[run]));
     }
   }
