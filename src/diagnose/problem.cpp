@@ -17,6 +17,12 @@ using Eigen::VectorXd;
 /// Least weight of the prior: keeps directions that the motion does not show where the prior has them.
 constexpr double kLeastSteady = 1e-8;
 
+/// Aᵀ B. Not inlined: every other shape of block would have the compiler make the product anew.
+[[gnu::noinline]] MatrixXd transposed_times(const Eigen::Ref<const MatrixXd>& A,
+                                            const Eigen::Ref<const MatrixXd>& B) {
+  return A.transpose() * B;
+}
+
 /// Adds the moments of one joint in one block to those of the whole.
 void add(const MatrixXd& part, const std::vector<int>& places, double weight, MatrixXd& total) {
   const Index p = static_cast<Index>(places.size());
@@ -174,8 +180,8 @@ void Problem::collect(int joint) {
     const auto Xb = X.middleRows(block.begin, block.count);
     const auto yb = tau_.col(joint).segment(block.begin, block.count);
     MatrixXd M(p + 1, p + 1);
-    M.topLeftCorner(p, p).noalias() = Xb.transpose() * Xb;
-    M.col(p).head(p).noalias() = Xb.transpose() * yb;
+    M.topLeftCorner(p, p) = transposed_times(Xb, Xb);
+    M.col(p).head(p) = transposed_times(Xb, yb);
     M.row(p).head(p) = M.col(p).head(p).transpose();
     M(p, p) = yb.squaredNorm();
     moments_[b][j] = std::move(M);
@@ -283,7 +289,7 @@ std::vector<std::pair<double, VectorXd>> Problem::scan(int joint, const MatrixXd
   const auto j = static_cast<std::size_t>(joint);
   const double w = weight(joint);
   const MatrixXd C = values.array().colwise() * table_->keep.col(joint).array();
-  MatrixXd own = rows_[j].transpose() * C;
+  MatrixXd own = transposed_times(rows_[j], C);
   MatrixXd B = MatrixXd::Zero(columns_, C.cols());
   for (Index r = 0; r < own.rows(); ++r) {
     const int place = places_[j][static_cast<std::size_t>(r)];
@@ -335,14 +341,14 @@ std::vector<ColumnMoments> Problem::moments_of(std::span<const Columns> candidat
     for (std::size_t b = 0; b < blocks; ++b) {
       const Block& block = table_->blocks[b];
       const auto Cb = C.middleRows(block.begin, block.count);
-      const MatrixXd cross = rows_[j].middleRows(block.begin, block.count).transpose() * Cb;
-      const Eigen::RowVectorXd torque = tau_.col(joint).segment(block.begin, block.count).transpose() * Cb;
+      const MatrixXd cross = transposed_times(rows_[j].middleRows(block.begin, block.count), Cb);
+      const MatrixXd torque = transposed_times(tau_.col(joint).segment(block.begin, block.count), Cb);
       for (std::size_t i = 0; i < candidates.size(); ++i) {
         const Index at = k * static_cast<Index>(i);
         MatrixXd own(cross.rows() + 1, k);
-        own << cross.middleCols(at, k), torque.segment(at, k);
+        own << cross.middleCols(at, k), torque.middleCols(at, k);
         all[i].cross[b].push_back(std::move(own));
-        all[i].square[b].push_back(Cb.middleCols(at, k).transpose() * Cb.middleCols(at, k));
+        all[i].square[b].push_back(transposed_times(Cb.middleCols(at, k), Cb.middleCols(at, k)));
       }
     }
   }
@@ -361,9 +367,9 @@ ColumnMoments Problem::moments_from(Index row, const Columns& columns, const Col
       const MatrixXd Cb = columns.values[a].middleRows(from, count).array().colwise() *
                           table_->keep.col(joint).segment(from, count).array();
       MatrixXd& cross = m.cross[b][a];
-      cross << rows_[static_cast<std::size_t>(joint)].middleRows(from, count).transpose() * Cb,
-          tau_.col(joint).segment(from, count).transpose() * Cb;
-      m.square[b][a] = Cb.transpose() * Cb;
+      cross << transposed_times(rows_[static_cast<std::size_t>(joint)].middleRows(from, count), Cb),
+          transposed_times(tau_.col(joint).segment(from, count), Cb);
+      m.square[b][a] = transposed_times(Cb, Cb);
     }
   }
   return m;
