@@ -140,12 +140,11 @@ MatrixXd predicted_by(const MotionTable& table, const model::Robot& robot) {
   for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
     const Index begin = table.run_begin[r], count = table.run_begin[r + 1] - begin;
     const double width = table.sign_width.maxCoeff();
-    torque.start_from(table.time.segment(begin, count), table.q.middleRows(begin, count),
-                      table.qd.middleRows(begin, count), table.qdd.middleRows(begin, count),
-                      table.tau.middleRows(begin, count), width);
-    predicted.middleRows(begin, count) =
-        torque.torque(table.time.segment(begin, count), table.q.middleRows(begin, count),
-                      table.qd.middleRows(begin, count), table.qdd.middleRows(begin, count), width);
+    const VectorXd time = table.time.segment(begin, count);
+    const MatrixXd q = table.q.middleRows(begin, count), qd = table.qd.middleRows(begin, count),
+                   qdd = table.qdd.middleRows(begin, count);
+    torque.start_from(time, q, qd, qdd, table.tau.middleRows(begin, count), width);
+    predicted.middleRows(begin, count) = torque.torque(time, q, qd, qdd, width);
   }
   return predicted;
 }
@@ -164,12 +163,22 @@ VectorXd rms_error(const MotionTable& table, std::size_t run, const MatrixXd& pr
   return (sum / std::max(1.0, count)).cwiseSqrt();
 }
 
-VectorXd rms_error(const MotionTable& table, const MatrixXd& predicted) {
-  VectorXd squares = VectorXd::Zero(table.num_joints);
-  const std::size_t runs = table.run_begin.size() - 1;
-  for (std::size_t r = 0; r < runs; ++r)
-    squares += rms_error(table, r, predicted).cwiseAbs2() / static_cast<double>(runs);
+std::vector<VectorXd> rms_errors(const MotionTable& table, const MatrixXd& predicted) {
+  std::vector<VectorXd> errors;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r)
+    errors.push_back(rms_error(table, r, predicted));
+  return errors;
+}
+
+/// The same of all logs together, each counting as much as another.
+VectorXd pooled(const std::vector<VectorXd>& errors) {
+  VectorXd squares = VectorXd::Zero(errors.front().size());
+  for (const VectorXd& e : errors) squares += e.cwiseAbs2() / static_cast<double>(errors.size());
   return squares.cwiseSqrt();
+}
+
+VectorXd rms_error(const MotionTable& table, const MatrixXd& predicted) {
+  return pooled(rms_errors(table, predicted));
 }
 
 /// The whole diagnosis while it grows.
@@ -504,35 +513,27 @@ class Session {
     return true;
   }
 
-  std::vector<VectorXd> judged_errors(const MatrixXd& predicted) const {
-    std::vector<VectorXd> errors;
-    for (std::size_t r = 0; r + 1 < judged_table_.run_begin.size(); ++r) {
-      errors.push_back(rms_error(judged_table_, r, predicted));
-    }
-    return errors;
-  }
-
   /// The validation logs have a veto: an effect that raises the error there goes.
   /// @param base  prediction of the fit without effects
   void refuse_what_does_not_carry_over(const MatrixXd& base) {
-    const std::vector<VectorXd> at_first = judged_errors(base);
+    const std::vector<VectorXd> at_first = rms_errors(judged_table_, base);
     while (!engine_->accepted.empty()) {
       const MatrixXd with = predicted_by(judged_table_, engine_->robot());
-      const std::vector<VectorXd> after = judged_errors(with);
+      const std::vector<VectorXd> after = rms_errors(judged_table_, with);
       const std::vector<identify::Score> in_band = score_table(judged_table_, judged_, with, band());
-      std::vector<std::vector<VectorXd>> without_each;
+      without_each_.clear();
       bool refused = false;
       for (std::size_t e = 0; e < engine_->accepted.size() && !refused; ++e) {
         const MatrixXd without = predicted_by(judged_table_, rebuilt_without(e)->robot());
-        without_each.push_back(judged_errors(without));
-        const std::string why = harm(engine_->accepted[e], after, without_each.back(), in_band,
+        without_each_.push_back(rms_errors(judged_table_, without));
+        const std::string why = harm(engine_->accepted[e], after, without_each_.back(), in_band,
                                      score_table(judged_table_, judged_, without, band()));
         if (why.empty()) continue;
         take_out(e, why);
         refused = true;
       }
       if (refused) continue;
-      const auto [paying, run, culprit] = who_pays(at_first, after, without_each);
+      const auto [paying, run, culprit] = who_pays(at_first, after, without_each_);
       if (culprit < 0) return;
       const auto at = static_cast<std::size_t>(culprit);
       if (hold_instead(at)) continue;
@@ -604,11 +605,10 @@ class Session {
     const VectorXd after = rms_error(judged_table_, with);
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
       const Candidate own = engine_->accepted[e];
-      const std::unique_ptr<Engine> rest = rebuilt_without(e);
-      const VectorXd before = rms_error(judged_table_, predicted_by(judged_table_, rest->robot()));
+      const VectorXd before = pooled(without_each_[e]);
       const std::vector<Candidate> candidates = evidence_.size() == engine_->accepted.size()
                                                     ? std::move(evidence_[e])
-                                                    : propose(*rest, own.joint, 0.95, 1.0);
+                                                    : propose(*rebuilt_without(e), own.joint, 0.95, 1.0);
       const int tried = std::max(tried_, tried_of(candidates));
       Finding f;
       f.kind = own.kind;
@@ -749,7 +749,8 @@ class Session {
   MotionTable train_table_, judged_table_;
   std::unique_ptr<Engine> engine_;
   std::vector<Refusal> refusals_;
-  std::vector<std::vector<Candidate>> evidence_;  ///< candidates without each accepted effect
+  std::vector<std::vector<Candidate>> evidence_;     ///< candidates without each accepted effect
+  std::vector<std::vector<VectorXd>> without_each_;  ///< [effect][validation log]: errors without it, n
   std::vector<std::string> notes_;
   int tried_{0};
 };

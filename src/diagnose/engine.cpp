@@ -80,7 +80,7 @@ void Engine::build() {
   refit(false);
   // Some effects are made of the load torque, or begin with the friction that holds a joint; the fit gives both.
   const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
-    return e.kind == "load_friction" || e.kind == "base_tilt" || e.kind == "hysteresis";
+    return e.kind == "load_friction" || e.kind == "base_tilt" || joint_effect_has_memory(e.effect);
   });
   for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
   if (cut) plain_ = nullptr;
@@ -182,7 +182,7 @@ void Engine::see_what_is_held() {
     }
     for (std::size_t e = 0; e < accepted.size(); ++e) {
       Candidate& effect = accepted[e];
-      if (effect.kind != "hysteresis" || first_column_[e] < 0) continue;
+      if (!joint_effect_has_memory(effect.effect) || first_column_[e] < 0) continue;
       effect.level = coefficients(e)[0];
       held_(r, effect.joint) +=
           effect.level * effect.columns.values[0].col(0).segment(begin, end - begin).mean();

@@ -294,10 +294,11 @@ Eigen::VectorXd with_base(const BaseParameters& base, const Eigen::VectorXd& x, 
 }
 
 bool all_physical(const model::Robot& robot) {
-  return std::all_of(robot.joints.begin(), robot.joints.end(), [](const model::RobotJoint& joint) {
-    return is_physical(joint.link) && joint.actuation.rotor_inertia >= 0.0 &&
-           joint.actuation.coulomb_friction >= 0.0 && joint.actuation.viscous_friction >= 0.0;
-  });
+  return has_physical_links(robot) &&
+         std::all_of(robot.joints.begin(), robot.joints.end(), [](const model::RobotJoint& joint) {
+           return joint.actuation.rotor_inertia >= 0.0 && joint.actuation.coulomb_friction >= 0.0 &&
+                  joint.actuation.viscous_friction >= 0.0;
+         });
 }
 
 }  // namespace

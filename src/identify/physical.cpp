@@ -601,6 +601,11 @@ bool is_physical(const InertialParameters<double>& link) {
   return eigenvalues_of(scaled)[0] > 1e-13;
 }
 
+bool has_physical_links(const model::Robot& robot) {
+  return std::all_of(robot.joints.begin(), robot.joints.end(),
+                     [](const model::RobotJoint& joint) { return is_physical(joint.link); });
+}
+
 InertialParameters<double> nearest_physical(const InertialParameters<double>& link, double margin) {
   const Matrix4d P = to_matrix(link);
   if (!P.allFinite()) throw ModelError("nearest physical link: the parameters are not finite numbers");

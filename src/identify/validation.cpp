@@ -16,6 +16,9 @@
 #include "heft/model/motion_torque.hpp"
 
 namespace heft::identify {
+
+static_assert(model::kSeenAtRest <= kScoreEnd, "no error counts what friction's memory begins with");
+
 namespace {
 
 using Eigen::Index;
@@ -371,12 +374,17 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
   log.for_each(
       [&](const data::MotionChunk& piece) {
         if (!started) {
-          on_rows.start_from(piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_tau,
-                             options.sign_width);
-          on_grid.start_from(
-              piece.time.segment(piece.begin, piece.count), piece.q.middleRows(piece.begin, piece.count),
-              piece.qd.middleRows(piece.begin, piece.count), piece.qdd.middleRows(piece.begin, piece.count),
-              piece.tau.middleRows(piece.begin, piece.count), options.sign_width);
+          const auto start = [&](model::MotionTorque& motion, const Eigen::VectorXd& time,
+                                 const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
+                                 const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau, Index first,
+                                 Index count) {
+            motion.start_from(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
+                              qd.middleRows(first, count), qdd.middleRows(first, count),
+                              tau.middleRows(first, count), options.sign_width);
+          };
+          start(on_rows, piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_tau, 0,
+                piece.row_time.size());
+          start(on_grid, piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.begin, piece.count);
           started = true;
         }
         const Eigen::MatrixXd predicted = predict(on_rows, piece.row_time, piece.row_q, piece.row_qd,

@@ -276,17 +276,16 @@ void read_effect(const Node& node, std::size_t num_joints, ModelFile& model) {
     std::size_t i = 0;
     for (const EffectParameter& parameter : decltype(type)::kParameters) {
       const std::string name(parameter.name);
-      effect.parameters[i++] = parameter.optional
-                                   ? parameters.number_or_zero(name.c_str())
-                                   : parameters.at(name.c_str(), std::string(parameter.unit)).number();
+      const double value = parameter.part ? parameters.number_or_zero(name.c_str())
+                                          : parameters.at(name.c_str(), std::string(parameter.unit)).number();
+      if (parameter.part && !(value >= 0 && value <= 1)) {
+        parameters.at(name.c_str(), "").fail(fmt::format("found {}", value), "a part, 0 to 1");
+      }
+      effect.parameters[i++] = value;
     }
   });
   if (!has_torque(effect)) {
     parameters.fail("found values that give no finite torque", "widths, times and distances above zero");
-  }
-  if (effect.kind == joint_effect_kind<Hysteresis>() &&
-      !(effect.parameters[1] >= 0 && effect.parameters[1] <= 1)) {
-    parameters.at("sharp", "").fail(fmt::format("found {}", effect.parameters[1]), "a part, 0 to 1");
   }
   model.effects.push_back(effect);
 }

@@ -294,9 +294,9 @@ void MotionTorque::start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd
                               const Eigen::MatrixXd& tau, double sign_width) {
   Impl& s = *impl_;
   s.reset();
-  const bool any = std::any_of(s.robot.effects.begin(), s.robot.effects.end(), [](const auto& effect) {
-    return effect.kind == joint_effect_kind<Hysteresis>();
-  });
+  const bool any =
+      std::any_of(s.robot.effects.begin(), s.robot.effects.end(),
+                  [](const JointEffect<double>& effect) { return joint_effect_has_memory(effect.kind); });
   if (!any || time.size() == 0) return;
   Index rows = 0;
   while (rows < time.size() && time[rows] - time[0] < kSeenAtRest) ++rows;

@@ -46,7 +46,9 @@ int read_joint(const SettingsReader& reader, int n) {
 }
 
 /// Which numbers a parameter of a joint effect takes.
-Range range_of(std::string_view parameter) {
+Range range_of(const EffectParameter& given) {
+  if (given.part) return Range::kPart;
+  const std::string_view parameter = given.name;
   // Those that stand in a denominator, and those that are levels.
   for (std::string_view name : {"vs", "x0", "T", "p", "n"}) {
     if (parameter == name) return Range::kPositive;
@@ -68,16 +70,13 @@ void read_joint_effect(const SettingsReader& reader, int kind, const model::Robo
       const std::string name(parameters[k].name);
       // An angle, a neutral position or a share left out is zero.
       const bool optional =
-          parameters[k].optional || name == "phase" || name == "q0" || name == "alpha_c" || name == "alpha_v";
-      effect.parameters[k] =
-          optional ? reader.number_or(name, 0.0) : reader.number(name, range_of(parameters[k].name));
+          parameters[k].part || name == "phase" || name == "q0" || name == "alpha_c" || name == "alpha_v";
+      const Range range = range_of(parameters[k]);
+      effect.parameters[k] = optional ? reader.number_or(name, 0.0, range) : reader.number(name, range);
     }
   });
   if (kind == joint_effect_kind<LoadFriction>() && effect.parameters[0] >= 1.0) {
     reader.refuse("mu", "", "a number of at least 0 and below 1", "lower it");
-  }
-  if (kind == joint_effect_kind<Hysteresis>() && !(effect.parameters[1] >= 0 && effect.parameters[1] <= 1)) {
-    reader.refuse("sharp", "", "a part, 0 to 1", "1 is Coulomb friction that turns over at once");
   }
   const auto i = static_cast<std::size_t>(effect.joint);
   JointEffects& effects = settings.loads[i].effects;

@@ -40,11 +40,23 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 
 bool fits(double value, Range range) {
   if (!std::isfinite(value)) return false;
-  return range == Range::kAny || (range == Range::kNotNegative ? value >= 0.0 : value > 0.0);
+  switch (range) {
+    case Range::kAny: return true;
+    case Range::kNotNegative: return value >= 0.0;
+    case Range::kPositive: return value > 0.0;
+    case Range::kPart: return value >= 0.0 && value <= 1.0;
+  }
+  return false;
 }
 
 const char* bound(Range range) {
-  return range == Range::kAny ? "" : range == Range::kNotNegative ? ", at least 0" : ", greater than 0";
+  switch (range) {
+    case Range::kAny: return "";
+    case Range::kNotNegative: return ", at least 0";
+    case Range::kPositive: return ", greater than 0";
+    case Range::kPart: return ", 0 to 1";
+  }
+  return "";
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -22,6 +23,13 @@ data::Log log_of(const fs::path& path, int joints) {
   needs.num_joints = joints;
   needs.torque = true;
   return data::read_log(path.string(), needs);
+}
+
+/// First 70 % of a log to fit, the rest to judge.
+std::pair<data::Log, data::Log> cut_in_two(const data::Log& log) {
+  const double begin = log.time[0], end = log.time[log.time.size() - 1];
+  const double cut = begin + 0.7 * (end - begin);
+  return {data::part_of(log, begin, cut), data::part_of(log, cut, end)};
 }
 
 class Example : public testing::TestWithParam<std::string> {};
@@ -58,11 +66,8 @@ TEST(MeasuredTx40, WristCouplingIsFoundWithoutBeingTold) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "staubli-tx40";
   if (!fs::exists(folder)) GTEST_SKIP() << "no measured log of the TX40 in " << HEFT_DATA_DIR;
   const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
-  const data::Log log = log_of(folder / "run-first6s.csv", robot.num_joints());
-  // First 70 % to fit, the rest to judge.
-  const double begin = log.time[0], end = log.time[log.time.size() - 1];
-  const double cut = begin + 0.7 * (end - begin);
-  const Diagnosis d = diagnose(robot, {data::part_of(log, begin, cut)}, {data::part_of(log, cut, end)});
+  const auto [train, judge] = cut_in_two(log_of(folder / "run-first6s.csv", robot.num_joints()));
+  const Diagnosis d = diagnose(robot, {train}, {judge});
   ASSERT_FALSE(d.findings.empty());
   EXPECT_EQ(d.findings[0].kind, "wrist_coupling");
   EXPECT_LT(d.validate_after.rmse_in_band[4], 0.3 * d.validate_before.rmse_in_band[4]);
@@ -102,13 +107,10 @@ TEST(MeasuredXMate3, NoJointPaysForTheEffectOfAnother) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "xmate3pro-liu";
   if (!fs::exists(folder)) GTEST_SKIP() << "no measured log of the xMate3 in " << HEFT_DATA_DIR;
   const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
-  const data::Log log = log_of(folder / "exc-first13s.csv", robot.num_joints());
-  const double begin = log.time[0], end = log.time[log.time.size() - 1];
-  const double cut = begin + 0.7 * (end - begin);
+  const auto [train, judge] = cut_in_two(log_of(folder / "exc-first13s.csv", robot.num_joints()));
   DiagnoseOptions options;
   options.joint_sensor = true;
-  const Diagnosis d =
-      diagnose(robot, {data::part_of(log, begin, cut)}, {data::part_of(log, cut, end)}, options);
+  const Diagnosis d = diagnose(robot, {train}, {judge}, options);
   ASSERT_FALSE(d.findings.empty());
   EXPECT_LT(d.validate_after.rmse[6], 0.7 * d.validate_before.rmse[6]);
   for (int j = 0; j < 7; ++j) EXPECT_LT(d.validate_after.rmse[j], 1.02 * d.validate_before.rmse[j]) << j + 1;

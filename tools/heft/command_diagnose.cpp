@@ -214,9 +214,7 @@ model::ModelFile extended_model(const diagnose::Diagnosis& diagnosis, const Diag
   fit.method = "diagnose";
   fit.torque_at = context.torque_at;
   fit.condition_number = std::numeric_limits<double>::quiet_NaN();
-  fit.physically_consistent =
-      std::all_of(diagnosis.after.joints.begin(), diagnosis.after.joints.end(),
-                  [](const model::RobotJoint& joint) { return identify::is_physical(joint.link); });
+  fit.physically_consistent = identify::has_physical_links(diagnosis.after);
   identify::put_training(diagnosis.train_after, fit);
   fit.samples = diagnosis.train_after.samples;
   fit.cutoff_hz = diagnosis.cutoff;

@@ -157,9 +157,7 @@ void judge_logs(const Options& options) {
   model::FitRecord fit = loaded.fit.value_or(model::FitRecord{});
   if (!loaded.fit) {
     fit.condition_number = std::numeric_limits<double>::quiet_NaN();
-    fit.physically_consistent =
-        std::all_of(robot.joints.begin(), robot.joints.end(),
-                    [](const model::RobotJoint& joint) { return identify::is_physical(joint.link); });
+    fit.physically_consistent = identify::has_physical_links(robot);
   }
   std::string model_text = options.robot.model.empty()
                                ? fmt::format("Model: the parameters of {}.", options.robot.urdf)

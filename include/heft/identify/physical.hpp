@@ -79,6 +79,8 @@ PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters&
 
 /// Whether a body can have these parameters: pseudo-inertia positive definite, with room for rounding.
 bool is_physical(const InertialParameters<double>& link);
+/// The same of every link.
+bool has_physical_links(const model::Robot& robot);
 
 /// Nearest parameters that a body can have: eigenvalues of the pseudo-inertia below margin · max(trace, 1) are
 /// lifted to there. Parameters that are physical with that margin come back unchanged.

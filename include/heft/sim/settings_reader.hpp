@@ -12,7 +12,7 @@
 namespace heft::sim {
 
 /// Which numbers a setting takes.
-enum class Range { kAny, kNotNegative, kPositive };
+enum class Range { kAny, kNotNegative, kPositive, kPart };
 
 /// A JSON object whose keys are asked for by name. What is asked for is known; finish() refuses the rest.
 ///

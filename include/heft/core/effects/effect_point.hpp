@@ -44,7 +44,7 @@ struct EffectParameter {
   std::string_view name;
   std::string_view unit;            ///< on a revolute joint
   std::string_view prismatic_unit;  ///< on a prismatic joint
-  bool optional{false};             ///< may be left out of a file: 0 then
+  bool part{false};                 ///< a part, 0 to 1, that may be left out of a file: 0 then
 };
 
 /// Largest number of physical parameters of a joint effect.

@@ -62,6 +62,13 @@ concept EffectWithMemory = requires(EffectParameters<double> p) {
   Effect::memory(p, 0.0, 0.0);
 };
 
+/// Whether the effect of that kind carries a state along the motion; false for a kind that does not exist.
+constexpr bool joint_effect_has_memory(int kind) {
+  bool has = false;
+  visit_joint_effect(kind, [&](auto effect) { has = EffectWithMemory<decltype(effect)>; });
+  return has;
+}
+
 /// One effect on one joint with its values.
 template <typename Scalar>
 struct JointEffect {
