@@ -6,6 +6,12 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
   # GCC 12 finds overlapping copies where a literal and a string are joined (GCC bug 105651).
   target_compile_options(heft_warnings INTERFACE -Wno-restrict)
 endif()
+add_library(heft_precompiled_warnings INTERFACE)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+  # Strings from a precompiled header are taken for the 32 bytes of an empty one (akin to GCC bug 105651).
+  target_compile_options(heft_precompiled_warnings INTERFACE
+    -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
+endif()
 if(HEFT_WERROR)
   target_compile_options(heft_warnings INTERFACE -Werror)
 endif()
@@ -24,6 +30,42 @@ if(HEFT_SANITIZE)
   add_link_options(-fsanitize=${HEFT_SANITIZE})
 endif()
 
+# What most files of the host's rooms and of the command include.
+set(heft_common_headers
+  <algorithm> <array> <cmath> <functional> <limits> <memory> <string> <vector> <Eigen/Core> <fmt/format.h>)
+
+# heft_effort(TARGET LEVEL)
+# What the compiler is to take pains with, instead of -O3.
+function(heft_effort target level)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:${level}>)
+  endif()
+endfunction()
+
+# heft_precompiled(NAME [EFFORT level] LIBRARIES libs ... HEADERS <a> ...)
+# Headers of other projects, parsed once for all targets that call heft_reuse_headers(TARGET NAME): a second or two a
+# file. GCC compiles a file with the optimisation of its precompiled header, whatever the command line says: sources of
+# another effort do without (SKIP_PRECOMPILE_HEADERS). A file still includes what it uses:
+# -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON builds too.
+function(heft_precompiled name)
+  cmake_parse_arguments(ARG "" "EFFORT" "LIBRARIES;HEADERS" ${ARGN})
+  if(TARGET ${name})
+    return()
+  endif()
+  add_library(${name} OBJECT ${PROJECT_SOURCE_DIR}/tools/cmake/precompiled_headers.cpp)
+  target_compile_features(${name} PRIVATE cxx_std_20)
+  target_link_libraries(${name} PRIVATE ${ARG_LIBRARIES} heft_warnings)
+  target_precompile_headers(${name} PRIVATE ${ARG_HEADERS})
+  if(ARG_EFFORT)
+    heft_effort(${name} ${ARG_EFFORT})
+  endif()
+endfunction()
+
+function(heft_reuse_headers target name)
+  target_precompile_headers(${target} REUSE_FROM ${name})
+  target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:heft_precompiled_warnings>)
+endfunction()
+
 # heft_add_room(NAME SOURCES a.cpp ... PUBLIC libs ... PRIVATE libs ...)
 # A room is a static library heft_NAME, alias heft::NAME, exported as heft::NAME.
 function(heft_add_room name)
@@ -35,6 +77,10 @@ function(heft_add_room name)
   target_sources(heft_${name} PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}/include FILES ${headers})
   target_compile_features(heft_${name} PUBLIC cxx_std_20)
   target_link_libraries(heft_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE} $<BUILD_INTERFACE:heft_warnings>)
+  if(NOT name STREQUAL "core")  # which is built as firmware builds it
+    heft_precompiled(heft_room_headers LIBRARIES Eigen3::Eigen fmt::fmt HEADERS ${heft_common_headers})
+    heft_reuse_headers(heft_${name} heft_room_headers)
+  endif()
   set_property(GLOBAL APPEND PROPERTY HEFT_ROOMS ${name})
 endfunction()
 
@@ -42,40 +88,20 @@ endfunction()
 # Options, tables, JSON and other files whose speed nobody notices: light optimisation halves the time to compile
 # them. Call it in the folder of the sources.
 function(heft_cold_sources)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:-Og>")
-  endif()
+  heft_source_effort(-Og ${ARGN})
 endfunction()
 
 # heft_steering_sources(a.cpp ...)
 # Files beside which others take the time: they say what to compute and weigh the results, while decompositions, rows
 # of the regressor and simulated arms are elsewhere. Call it in the folder of the sources.
 function(heft_steering_sources)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:-O1>")
-  endif()
+  heft_source_effort(-O1 ${ARGN})
 endfunction()
 
-# What every test includes, parsed once: two thirds of the time that a small test takes to compile. Only tests have it;
-# a file of the library includes what it uses.
-function(heft_test_headers)
-  if(TARGET heft_test_headers)
-    return()
-  endif()
-  add_library(heft_test_headers OBJECT ${PROJECT_SOURCE_DIR}/test/support/test_headers.cpp)
-  target_compile_features(heft_test_headers PRIVATE cxx_std_20)
-  target_link_libraries(heft_test_headers PRIVATE GTest::gtest GTest::gmock Eigen3::Eigen heft_warnings)
-  heft_test_effort(heft_test_headers)
-  target_precompile_headers(heft_test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h> <Eigen/Dense> <string> <vector>)
-endfunction()
-
-function(heft_test_effort target)
+function(heft_source_effort level)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
-    if(CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
-      # Strings from a precompiled header are taken for the 32 bytes of an empty one (akin to GCC bug 105651).
-      target_compile_options(${target} PRIVATE -Wno-array-bounds -Wno-stringop-overflow)
-    endif()
+    set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:${level}>"
+                                                   SKIP_PRECOMPILE_HEADERS ON)
   endif()
 endfunction()
 
@@ -93,11 +119,12 @@ function(heft_add_test name)
   add_executable(test_${name} ${ARG_SOURCES})
   target_link_libraries(test_${name} PRIVATE ${ARG_LIBRARIES} GTest::gtest GTest::gtest_main GTest::gmock heft_warnings)
   if(NOT ARG_OPTIMISED)
-    heft_test_headers()
-    heft_test_effort(test_${name})
+    heft_precompiled(heft_test_headers EFFORT -O1 LIBRARIES GTest::gtest GTest::gmock Eigen3::Eigen
+                     HEADERS <gmock/gmock.h> <gtest/gtest.h> <Eigen/Dense> <string> <vector>)
+    heft_effort(test_${name} -O1)
     target_compile_features(test_${name} PRIVATE cxx_std_20)
     target_link_libraries(test_${name} PRIVATE Eigen3::Eigen)
-    target_precompile_headers(test_${name} REUSE_FROM heft_test_headers)
+    heft_reuse_headers(test_${name} heft_test_headers)
   endif()
   target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
   target_compile_definitions(test_${name} PRIVATE

@@ -1,4 +1,4 @@
-// Must be turned away by the symbol gate: a product of dynamic matrices takes memory from the heap.
+// Must be turned away by the symbol gate: a product with a dynamic matrix takes memory from the heap.
 #include <Eigen/Core>
 
-void multiply(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::MatrixXd& c) { c = a * b; }
+void multiply(const Eigen::MatrixXd& a, const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = a * x; }

@@ -1,1 +1,0 @@
-// Carries the precompiled headers of the tests; see heft_test_headers() in tools/cmake/HeftTargets.cmake.

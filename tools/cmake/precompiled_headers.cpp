@@ -1,0 +1,1 @@
+// Carries precompiled headers; see heft_precompiled() in HeftTargets.cmake.
