@@ -181,18 +181,54 @@ VectorXd rms_error(const MotionTable& table, const MatrixXd& predicted) {
   return pooled(rms_errors(table, predicted));
 }
 
+/// Rigid bodies, Coulomb and viscous friction of an arm; what else its model holds is what is looked for.
+/// @param taken_out  what that was
+model::Robot bare(model::Robot robot, std::vector<std::string>& taken_out) {
+  for (const JointEffect<double>& effect : robot.effects) {
+    std::string id;
+    visit_joint_effect(effect.kind, [&](auto type) { id = std::string(decltype(type)::kId); });
+    std::replace(id.begin(), id.end(), '_', ' ');
+    taken_out.push_back(fmt::format("{} in joint {}", id, effect.joint + 1));
+  }
+  for (const Elasticity<double>& elasticity : robot.elasticities)
+    taken_out.push_back(fmt::format("elasticity in joint {}", elasticity.joint + 1));
+  for (const GearCoupling<double>& coupling : robot.couplings)
+    taken_out.push_back(
+        fmt::format("coupling of joints {} and {}", coupling.driving + 1, coupling.driven + 1));
+  if (robot.torque_delay > 0.0) taken_out.push_back("delay of the torque channel");
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    JointActuation<double>& actuation = robot.joints[j].actuation;
+    if (actuation.rotor_inertia != 0.0) taken_out.push_back(fmt::format("rotor inertia in joint {}", j + 1));
+    if (actuation.friction_offset != 0.0) taken_out.push_back(fmt::format("offset in joint {}", j + 1));
+    actuation.rotor_inertia = actuation.friction_offset = 0.0;
+  }
+  robot.effects.clear();
+  robot.elasticities.clear();
+  robot.couplings.clear();
+  robot.torque_delay = 0.0;
+  return robot;
+}
+
 /// The whole diagnosis while it grows.
 class Session {
  public:
   Session(const model::Robot& robot, const std::vector<data::Log>& train,
           const std::vector<data::Log>& validate, const DiagnoseOptions& options)
-      : robot_(robot), options_(options) {
+      : options_(options) {
+    std::vector<std::string> taken_out;
+    robot_ = bare(robot, taken_out);
+    if (!taken_out.empty()) {
+      notes_.push_back(
+          fmt::format("the model's own {}: not taken over but looked for anew, since what is missing is told "
+                      "against rigid bodies, Coulomb and viscous friction",
+                      fmt::join(taken_out, ", ")));
+    }
     choose_cutoff(train);
     train_ = streams_of(train, cutoff_);
     judged_ = streams_of(validate, cutoff_);
-    judged_table_ = table_of(robot, judged_);
-    train_table_ = table_of(robot, train_);
-    engine_ = std::make_unique<Engine>(robot, train_table_);
+    judged_table_ = table_of(robot_, judged_);
+    train_table_ = table_of(robot_, train_);
+    engine_ = std::make_unique<Engine>(robot_, train_table_);
     if (!(engine_->problem().counted().maxCoeff() > 0.0)) {
       throw NotIdentifiableError(
           "no joint moves in the training logs; expected a motion in which every joint moves; record one, "

@@ -90,7 +90,9 @@ Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
   line.frequency = static_cast<double>(peak) * table.sample_rate / static_cast<double>(length);
   line.share = std::max(0.0, inside - level) / power.tail(power.size() - 1).sum();
   if (inside < 5.0 * level) line.share = 0.0;
-  line.what = fmt::format("vibrates at {:.1f} Hz", line.frequency);
+  constexpr double kSlowestVibration = 1.0;  // [Hz]; slower, it is a swing
+  line.what = line.frequency < kSlowestVibration ? fmt::format("swings at {:.2f} Hz", line.frequency)
+                                                 : fmt::format("vibrates at {:.1f} Hz", line.frequency);
   return line;
 }
 

@@ -4,6 +4,7 @@
 #include <random>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -24,6 +25,7 @@ using test::Outcome;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 constexpr double kNoise = 0.15;  ///< on the torque, standard deviation [N·m, N]
@@ -146,6 +148,40 @@ TEST_F(DiagnoseCommand, NamesTheEffectProvesItAndWritesTheExtendedModel) {
   EXPECT_LT(validate.at("relative_error_in_band_after").get<double>(),
             validate.at("relative_error_in_band_before").get<double>());
   EXPECT_GT(validate.at("r2_in_band_after").at(1).get<double>(), validate.at("r2_after").at(1).get<double>());
+}
+
+TEST_F(DiagnoseCommand, LooksAnewForWhatTheModelHoldsAlready) {
+  add_stribeck();
+  write("a.csv", log(1, 30.0));
+  write("b.csv", log(2));
+  const std::vector<std::string> logs{"--log", path("a.csv"), "--validate", path("b.csv")};
+  const auto findings = [&](std::vector<std::string> more) {
+    more.insert(more.end(), logs.begin(), logs.end());
+    more.insert(more.end(), {"--json", path("r.json")});
+    const Outcome done = test::run_heft(more);
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    auto json = nlohmann::json::parse(host::read_file(path("r.json"), "result"));
+    return std::pair(done.out, json);
+  };
+  const auto [words, fresh] = findings({"diagnose", "--urdf", "scara", "-o", path("m.json")});
+  EXPECT_THAT(words, Not(HasSubstr("Note:")));
+  // The same arm with what was found, and with a rotor that it has not got.
+  model::ModelFile extended = model::read_model(path("m.json"));
+  extended.actuation[2].rotor_inertia = 5.0;
+  model::write_model(path("m2.json"), extended);
+  const auto [again, json] = findings({"diagnose", "--model", path("m2.json")});
+  EXPECT_THAT(again,
+              HasSubstr("Note: the model's own stribeck in joint 2, rotor inertia in joint 3: not taken over "
+                        "but looked for anew"));
+  ASSERT_EQ(json.at("effects").size(), 1U) << json.at("effects");
+  EXPECT_EQ(json.at("effects")[0].at("kind"), "stribeck");
+  EXPECT_EQ(json.at("effects")[0].at("joint"), 2);
+  for (std::size_t j = 0; j < 4; ++j) {
+    for (const char* field : {"rmse_before", "rmse_after"}) {
+      const double value = fresh.at("validate").at(field)[j];
+      EXPECT_NEAR(json.at("validate").at(field)[j].get<double>(), value, 1e-3 * value) << field << j + 1;
+    }
+  }
 }
 
 TEST_F(DiagnoseCommand, SaysThatNothingIsMissing) {

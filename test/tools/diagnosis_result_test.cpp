@@ -144,6 +144,36 @@ TEST(DiagnosisVerdict, TellsNothingMissingFromSomethingUnknown) {
             EndsWith("Something else is left that heft does not know: joint 2, a vibration at 11 Hz.")));
 }
 
+TEST(DiagnosisWords, TellWhatIsLeftByItsShares) {
+  const diagnose::Unexplained left{1,
+                                   "52 % of the squared residual is no noise; it drifts slowly",
+                                   {{"rms", 1.59},
+                                    {"noise_rms", 1.1},
+                                    {"share_above_noise", 0.52},
+                                    {"share: drifts slowly", 0.25},
+                                    {"share: swings at 0.20 Hz", 0.0694},
+                                    {"frequency_hz", 0.195}}};
+  EXPECT_EQ(evidence_in_words(left),
+            "rms 1.59, noise 1.1; shares: drifts slowly 25 %; swings at 0.20 Hz 6.9 %");
+  EXPECT_EQ(evidence_in_words(diagnose::Unexplained{1, "a vibration", {{"frequency_hz", 11.0}}}),
+            "frequency_hz 11");
+}
+
+TEST(DiagnosisWords, TellTheErrorAgainstTheTorque) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.validate_torque.rmse_in_band = Eigen::Vector2d(30.0, 40.0);
+  diagnosis.validate_before.rmse_in_band = Eigen::Vector2d(3.0, 4.0);
+  diagnosis.validate_after.rmse_in_band = Eigen::Vector2d(1.5, 2.0);
+  EXPECT_EQ(relative_error_in_words(diagnosis),
+            "All joints together, in band: error 10.0 → 5.00 % of the torque.");
+  diagnosis.validate_torque.rmse_in_band_moving = Eigen::Vector2d(60.0, 80.0);
+  diagnosis.validate_before.rmse_in_band_moving = Eigen::Vector2d(3.0, 4.0);
+  diagnosis.validate_after.rmse_in_band_moving = Eigen::Vector2d(0.6, 0.8);
+  EXPECT_EQ(relative_error_in_words(diagnosis),
+            "All joints together, in band: error 10.0 → 5.00 % of the torque; without standstill at the ends "
+            "5.00 → 1.00 %.");
+}
+
 TEST(DiagnosisVerdict, DoesNotCallARiseACut) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};

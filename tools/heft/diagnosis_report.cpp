@@ -394,6 +394,7 @@ report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext
           diagnosis.validate_each_after[k].log);
     }
     page.table(before_after_table(diagnosis.train_before, diagnosis.train_after, robot), "Training.");
+    if (diagnosis.validate_torque.rmse_in_band.size() > 0) page.paragraph(relative_error_in_words(diagnosis));
   }
   for (const std::string& line : errors_that_rise(diagnosis)) page.note("Worse: " + line);
   if (!diagnosis.refusals.empty()) {

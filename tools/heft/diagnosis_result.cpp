@@ -418,10 +418,31 @@ std::string evidence_in_words(const Finding& finding) {
 }
 
 std::string evidence_in_words(const diagnose::Unexplained& unexplained) {
-  std::vector<std::string> parts;
-  for (const auto& [name, value] : unexplained.evidence)
-    parts.push_back(fmt::format("{} {}", name, short_number(value, 3)));
-  return fmt::format("{}", fmt::join(parts, ", "));
+  constexpr std::string_view kShare = "share: ";
+  std::vector<std::string> parts, shares;
+  for (const auto& [name, value] : unexplained.evidence) {
+    // What is left above noise and at which frequency stands in the words already.
+    if (name == "share_above_noise" || (name == "frequency_hz" && !shares.empty())) continue;
+    if (name.starts_with(kShare)) {
+      shares.push_back(fmt::format("{} {} %", name.substr(kShare.size()), short_number(100.0 * value, 2)));
+    } else {
+      parts.push_back(fmt::format("{} {}", name == "noise_rms" ? "noise" : name, short_number(value, 3)));
+    }
+  }
+  std::string text = fmt::format("{}", fmt::join(parts, ", "));
+  if (!shares.empty()) text += fmt::format("{}shares: {}", text.empty() ? "" : "; ", fmt::join(shares, "; "));
+  return text;
+}
+
+std::string relative_error_in_words(const Diagnosis& diagnosis) {
+  const RelativeErrors relative = relative_errors(diagnosis);
+  std::string text = fmt::format("All joints together, in band: error {} → {} % of the torque",
+                                 number(relative.before, 3), number(relative.after, 3));
+  if (std::isfinite(relative.moving_after)) {
+    text += fmt::format("; without standstill at the ends {} → {} %", number(relative.moving_before, 3),
+                        number(relative.moving_after, 3));
+  }
+  return text + ".";
 }
 
 std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool with_score) {
@@ -614,16 +635,7 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
   scores("Validation, not seen by the fit", diagnosis.validate_before, diagnosis.validate_after);
   scores("Training", diagnosis.train_before, diagnosis.train_after);
   if (has_scores(diagnosis.validate_before, diagnosis.validate_after)) {
-    if (diagnosis.validate_torque.rmse_in_band.size() > 0) {
-      const RelativeErrors relative = relative_errors(diagnosis);
-      text += fmt::format("All joints together, in band: error {} → {} % of the torque",
-                          number(relative.before, 3), number(relative.after, 3));
-      if (std::isfinite(relative.moving_after)) {
-        text += fmt::format("; without standstill at the ends {} → {} %", number(relative.moving_before, 3),
-                            number(relative.moving_after, 3));
-      }
-      text += ".\n";
-    }
+    if (diagnosis.validate_torque.rmse_in_band.size() > 0) text += relative_error_in_words(diagnosis) + "\n";
     text += fmt::format(
         "{} Before: rigid bodies, Coulomb and viscous friction; after: with the effects. Positions through a "
         "low-pass of {:.3g} Hz.\n",

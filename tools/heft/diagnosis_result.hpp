@@ -35,6 +35,8 @@ std::string shown_by(const diagnose::Finding& finding);
 std::string evidence_in_words(const diagnose::Finding& finding);
 /// "amplitude 0.3, frequency 11".
 std::string evidence_in_words(const diagnose::Unexplained& unexplained);
+/// "All joints together, in band: error 6.81 → 4.02 % of the torque; ..."; asks for the torque's own score.
+std::string relative_error_in_words(const diagnose::Diagnosis& diagnosis);
 /// "viscous_nonlinear, joint 2 (ΔBIC −640); ...".
 std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool with_score);
 

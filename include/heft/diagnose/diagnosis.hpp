@@ -92,7 +92,8 @@ struct Diagnosis {
 };
 
 /// Diagnoses.
-/// @param robot  kinematics; its inertial parameters serve where the logs say nothing
+/// @param robot  kinematics; its inertial parameters serve where the logs say nothing. What it holds beside rigid
+///               bodies, Coulomb and viscous friction is looked for anew, and a note says so.
 /// @param train, validate  at least one log each, with torque
 /// @throws DataError, NotIdentifiableError as identify::fit
 Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
