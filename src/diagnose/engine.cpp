@@ -39,8 +39,7 @@ Motion delayed(const MotionTable& table, double delay) {
 }  // namespace
 
 Engine::Engine(const model::Robot& robot, MotionTable table, double steady)
-    : given_(robot),
-      table_(std::move(table)),
+    : table_(std::move(table)),
       keep_(table_.keep),
       base_(robot),
       motion_(rigid_motion(table_)),
@@ -246,7 +245,6 @@ VectorXd Engine::coefficients(std::size_t index) const {
 model::Robot Engine::robot() const {
   const VectorXd theta = problem_->theta();
   model::Robot robot = rigid_;
-  robot.couplings = given_.couplings;
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     const Candidate& effect = accepted[e];
     const VectorXd c = coefficients(e);

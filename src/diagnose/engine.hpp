@@ -12,6 +12,7 @@ namespace heft::diagnose {
 /// Base model and accepted effects on training logs.
 class Engine {
  public:
+  /// @param robot   with nothing beside rigid bodies, Coulomb and viscous friction
   /// @param steady  weight of the robot's own values, see Problem; 0: chosen
   Engine(const model::Robot& robot, MotionTable table, double steady = 0.0);
   Engine(const Engine&) = delete;  // the problem points into the table
@@ -50,7 +51,6 @@ class Engine {
   void refit(bool deflect);
   void see_what_is_held();
 
-  model::Robot given_;
   MotionTable table_;
   Eigen::MatrixXd keep_;  ///< of the table, before contacts are cut out
   BaseModel base_;
