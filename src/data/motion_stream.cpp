@@ -1,4 +1,5 @@
 #include "heft/data/motion_stream.hpp"
+#include "heft/core/effects/displacement.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -27,6 +28,10 @@ constexpr Index kSplineReach = 64;
 constexpr std::size_t kMostGaps = 100;
 /// Joints that travel less rest [rad, m]; also those with less than a hundredth of the largest travel.
 constexpr double kRestingTravel = 1e-2;
+/// Slower rows show the noise of a position [rad/s, m/s].
+constexpr double kRestingSpeed = 5e-3;
+/// How far the position as logged may lie from where the joint is, in standard deviations.
+constexpr double kPositionReach = 4.0;
 
 /// Rows of a log in a row, old ones dropped in front and new ones added behind.
 struct RowBuffer {
@@ -226,6 +231,8 @@ struct MotionStream::Impl {
   Index grid_count{0};
   double longest{0.0};  ///< bridged by a spline [s]
   bool logged{false};   ///< motion as logged
+  Eigen::RowVectorXd
+      position_noise;  ///< standard deviation of the position at rest, where displacements are wanted
 
   Eigen::VectorXd grid(Index first, Index count) const {
     return Eigen::VectorXd::LinSpaced(grid_count, summary.begin, summary.end).segment(first, count);
@@ -246,6 +253,8 @@ struct MotionStream::Impl {
   DerivedMotion motion(const Window& window) const;
   Eigen::Array<bool, Eigen::Dynamic, 1> outside_gaps(const Window& window) const;
   MotionChunk chunk(const Window& window) const;
+  bool wants_displacement(Index velocities) const { return options.displacement && velocities == layout.q; }
+  void add_displacement(const Window& window, Index lo, Index size, MotionChunk& chunk) const;
 };
 
 /// Pointers to the columns of a log in memory.
@@ -262,10 +271,8 @@ void MotionStream::Impl::prepare_memory(bool every_rate) {
   };
   layout.q = add(log.q);
   layout.tau = add(log.tau);
-  if (logged || every_rate) {
-    layout.qd = add(log.qd);
-    layout.qdd = add(log.qdd);
-  }
+  if (logged || every_rate || options.displacement) layout.qd = add(log.qd);
+  if (logged || every_rate) layout.qdd = add(log.qdd);
   for (const std::string& group : options.extra) {
     Index count = 0;
     for (const Channel& channel : kChannels) {
@@ -305,7 +312,7 @@ void MotionStream::Impl::prepare_file(const LogFile& file, bool every_rate) {
   } else if (file.has_channel(&Log::tau)) {
     layout.tau = add("tau");
   }
-  if (logged || (every_rate && file.has_channel(&Log::qd))) layout.qd = add("qd");
+  if (logged || ((every_rate || options.displacement) && file.has_channel(&Log::qd))) layout.qd = add("qd");
   if (logged || (every_rate && file.has_channel(&Log::qdd))) layout.qdd = add("qdd");
   for (const std::string& group : options.extra) layout.extra.push_back(add(group));
 }
@@ -405,6 +412,7 @@ void MotionStream::Impl::first_pass() {
   Eigen::RowVectorXd torque = Eigen::RowVectorXd::Zero(layout.tau);
   RowBuffer rows(layout.total());
   long samples = 0;
+  Eigen::RowVectorXd resting_squares = Eigen::RowVectorXd::Zero(n), resting_rows = resting_squares;
   while (const Index count = pass.source->read(kBlockRows, rows)) {
     for (Index k = rows.begin; k < rows.end; ++k) {
       const double t = rows.time[k];
@@ -435,6 +443,17 @@ void MotionStream::Impl::first_pass() {
     };
     log_check->add(rows.time.segment(rows.begin, count), q, group(n + layout.tau, layout.qd),
                    group(n + layout.tau + layout.qd, layout.qdd), group(n, layout.tau));
+    if (wants_displacement(layout.qd)) {
+      for (Index joint = 0; joint < n; ++joint) {
+        const auto velocity = rows.values.col(n + layout.tau + joint);
+        for (Index k = rows.begin + 1; k < rows.end; ++k) {
+          if (!(std::max(std::abs(velocity[k]), std::abs(velocity[k - 1])) < kRestingSpeed)) continue;
+          const double step = rows.values(k, joint) - rows.values(k - 1, joint);
+          resting_squares[joint] += step * step;
+          resting_rows[joint] += 1.0;
+        }
+      }
+    }
     if (logged) {
       for (Index joint = 0; joint < n; ++joint) {
         const auto column = rows.values.col(n + layout.tau + joint);
@@ -453,6 +472,8 @@ void MotionStream::Impl::first_pass() {
     if (std::string note = pass.file->note(used); !note.empty()) summary.notes.push_back(std::move(note));
   }
   if (memory) prepare_memory(false);
+  // A difference of two positions has twice the variance.
+  position_noise = (0.5 * resting_squares.array() / resting_rows.array().max(1.0)).sqrt().matrix();
   summary.samples = samples;
   summary.end = last_time;
   if (samples < kLeastSamples) refuse_short_log(summary.path, samples);
@@ -724,7 +745,50 @@ MotionChunk MotionStream::Impl::chunk(const Window& window) const {
     chunk.row_qd = chunk.qd.middleRows(chunk.begin, own);
     chunk.row_qdd = chunk.qdd.middleRows(chunk.begin, own);
   }
+  if (wants_displacement(layout.qd)) add_displacement(window, lo, size, chunk);
   return chunk;
+}
+
+/// @param lo, size  rows of the window's grid that the chunk hands out
+void MotionStream::Impl::add_displacement(const Window& window, Index lo, Index size,
+                                          MotionChunk& chunk) const {
+  const Index n = layout.q, count = window.time.size(), own = window.own_end - window.own_begin;
+  Eigen::MatrixXd travelled(count, kMeasuredDisplacements * n);
+  for (Index joint = 0; joint < n; ++joint) {
+    const auto q = window.values.col(joint), qd = window.values.col(n + layout.tau + joint);
+    const double reach = kPositionReach * position_noise[joint];
+    auto free = travelled.col(joint), held = travelled.col(n + joint);
+    free[0] = held[0] = q[0];
+    for (Index k = 1; k < count; ++k) {
+      double step = 0.5 * (qd[k] + qd[k - 1]) * (window.time[k] - window.time[k - 1]);
+      if (!std::isfinite(step)) step = q[k] - q[k - 1];  // a velocity dropped out
+      free[k] = free[k - 1] + step;
+      held[k] = std::clamp(held[k - 1] + step, q[k] - reach, q[k] + reach);
+    }
+  }
+  const auto steps = [](const Eigen::MatrixXd& x, Index first, Index rows) {
+    Eigen::MatrixXd d = Eigen::MatrixXd::Zero(rows, x.cols());
+    const Index from = first > 0 ? 0 : 1;  // nothing stands before the first row
+    d.bottomRows(rows - from) =
+        x.middleRows(first + from, rows - from) - x.middleRows(first + from - 1, rows - from);
+    return d;
+  };
+  chunk.row_displacement = steps(travelled, window.own_begin, own);
+  if (!summary.resampled) {
+    chunk.displacement = steps(travelled, lo, size);
+    return;
+  }
+  Eigen::MatrixXd even(window.grid.size(), travelled.cols());
+  Index at = 0;
+  for (Index k = 0; k < window.grid.size(); ++k) {
+    const double t = window.grid[k];
+    while (at + 2 < count && window.time[at + 1] < t) ++at;
+    const Index next = std::min(at + 1, count - 1);
+    const double span = window.time[next] - window.time[at];
+    const double share = span > 0.0 ? std::clamp((t - window.time[at]) / span, 0.0, 1.0) : 0.0;
+    even.row(k) = (1.0 - share) * travelled.row(at) + share * travelled.row(next);
+  }
+  chunk.displacement = steps(even, lo, size);
 }
 
 MotionStream::MotionStream(const std::string& path, const LogRequirements& needs,

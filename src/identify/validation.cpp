@@ -366,9 +366,13 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
   // One for the log's rows, one for the grid: both carry friction's memory and deflections from piece to piece.
   model::MotionTorque on_rows(robot), on_grid(robot);
   const auto predict = [&](model::MotionTorque& motion, const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
-                           const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, Index first, Index count) {
+                           const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
+                           const Eigen::MatrixXd& steps, Index first, Index count) {
+    Eigen::MatrixXd displacement;
+    if (steps.cols() > 0) displacement = steps.middleRows(first, count);
     return motion.torque(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
-                         qd.middleRows(first, count), qdd.middleRows(first, count), options.sign_width);
+                         qd.middleRows(first, count), qdd.middleRows(first, count), options.sign_width,
+                         displacement);
   };
   bool started = false;
   log.for_each(
@@ -387,15 +391,17 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
           start(on_grid, piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.begin, piece.count);
           started = true;
         }
-        const Eigen::MatrixXd predicted = predict(on_rows, piece.row_time, piece.row_q, piece.row_qd,
-                                                  piece.row_qdd, 0, piece.row_time.size());
+        const Eigen::MatrixXd predicted =
+            predict(on_rows, piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_displacement,
+                    0, piece.row_time.size());
         scorer.add_rows(piece.row_time, piece.row_tau, predicted);
         if (options.rows) options.rows(piece.row_time, piece.row_tau, predicted);
         const Index begin = piece.begin, count = piece.count;
         // On a log with even time stamps the grid is the log's own.
         const bool same = !summary.resampled && count == piece.row_time.size();
-        const Eigen::MatrixXd even =
-            same ? predicted : predict(on_grid, piece.time, piece.q, piece.qd, piece.qdd, begin, count);
+        const Eigen::MatrixXd even = same ? predicted
+                                          : predict(on_grid, piece.time, piece.q, piece.qd, piece.qdd,
+                                                    piece.displacement, begin, count);
         scorer.add_grid(piece.time.segment(begin, count), piece.tau.middleRows(begin, count) - even);
       },
       options.progress);

@@ -1,5 +1,6 @@
 #include "heft/model/model_file.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -272,6 +273,15 @@ void read_effect(const Node& node, std::size_t num_joints, ModelFile& model) {
     kind_node.fail(fmt::format("found \"{}\"", kind), effect_kinds() + place_of(kind));
   }
   effect.joint = node.joint("joint", num_joints);
+  if (node.has("displacement")) {
+    const Node given = node.at("displacement", "text");
+    const auto name = std::find(kDisplacementNames.begin(), kDisplacementNames.end(), given.text());
+    if (name == kDisplacementNames.end()) {
+      given.fail(fmt::format("found \"{}\"", given.text()),
+                 fmt::format("one of {}", fmt::join(kDisplacementNames, ", ")));
+    }
+    effect.displacement = static_cast<Displacement>(name - kDisplacementNames.begin());
+  }
   visit_joint_effect(effect.kind, [&](auto type) {
     std::size_t i = 0;
     for (const EffectParameter& parameter : decltype(type)::kParameters) {
@@ -301,6 +311,9 @@ Json effects_json(const ModelFile& model) {
       }
       json.push_back(
           {{"kind", decltype(type)::kId}, {"joint", effect.joint + 1}, {"parameters", parameters}});
+      if (effect.displacement != Displacement::kPosition) {
+        json.back()["displacement"] = displacement_name(effect.displacement);
+      }
     });
   }
   for (const Elasticity<double>& elasticity : model.elasticities) {

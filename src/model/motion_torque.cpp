@@ -180,7 +180,8 @@ struct MotionTorque::Impl {
   }
 
   /// Torque of the row `motor_*` at `time`, without delay.
-  void row(double time, double sign_width) {
+  /// @param at  its row in `measured`
+  void row(double time, double sign_width, const Eigen::MatrixXd& measured, Index at) {
     link_q = motor_q, link_qd = motor_qd, link_qdd = motor_qdd;
     const double h = started ? time - last_time : 0.0;
     if (K.size() == 0) {
@@ -198,7 +199,13 @@ struct MotionTorque::Impl {
     for (std::size_t k = 0; k < robot.effects.size(); ++k) {
       const JointEffect<double>& effect = robot.effects[k];
       const int j = effect.joint;
-      if (started) memory[k] = joint_effect_memory(effect, memory[k], motor_q[j] - last_q[j]);
+      if (started) {
+        const bool as_measured = effect.displacement != Displacement::kPosition && measured.cols() > 0;
+        const double step =
+            as_measured ? measured(at, displacement_column(effect.displacement, j, robot.num_joints()))
+                        : motor_q[j] - last_q[j];
+        memory[k] = joint_effect_memory(effect, memory[k], step);
+      }
       const EffectPoint<double> point{
           time,    motor_q[j], motor_qd[j], motor_qdd[j], velocity_sign(motor_qd[j], sign_width),
           load[j], memory[k]};
@@ -264,8 +271,8 @@ MotionTorque::MotionTorque(MotionTorque&&) noexcept = default;
 MotionTorque& MotionTorque::operator=(MotionTorque&&) noexcept = default;
 
 Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
-                                     const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
-                                     double sign_width) {
+                                     const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, double sign_width,
+                                     const Eigen::MatrixXd& measured) {
   Impl& s = *impl_;
   s.out_q = q, s.out_qd = qd, s.out_qdd = qdd;
   Eigen::MatrixXd torque(q.rows(), q.cols());
@@ -275,7 +282,7 @@ Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::M
       torque.row(k) = s.dynamics.joint_torque(s.motor_q, s.motor_qd, s.motor_qdd, sign_width);
       continue;
     }
-    s.row(time[k], sign_width);
+    s.row(time[k], sign_width, measured, k);
     torque.row(k) = s.tau;
     if (s.robot.elasticities.empty()) continue;
     s.out_q.row(k) = s.link_q, s.out_qd.row(k) = s.link_qd, s.out_qdd.row(k) = s.link_qdd;

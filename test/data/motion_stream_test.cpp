@@ -282,6 +282,79 @@ Log log_with_rests() {
   return log;
 }
 
+TEST(MotionStream, TellsDisplacementsFromTheVelocitiesAsLogged) {
+  // A joint that rests, moves on and settles with a small reversal; its position in steps of 24 urad with noise.
+  constexpr double kRate = 200.0, kStep = 24e-6, kNoise = 10e-6;
+  for (const double jitter : {0.0, 0.3}) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> late(-jitter, jitter);
+    std::normal_distribution<double> noise(0.0, kNoise);
+    const auto position = [](double t) {
+      const double u = std::clamp((t - 2.0) / 2.0, 0.0, 1.0);
+      const double settle = t > 4.0 ? 2e-4 * std::exp(-3.0 * (t - 4.0)) * std::sin(6.0 * (t - 4.0)) : 0.0;
+      return 0.5 * u * u * (3.0 - 2.0 * u) + settle;
+    };
+    Log log;
+    log.path = "settling";
+    const Index rows = 1400;
+    log.time.resize(rows), log.q.resize(rows, 1), log.qd.resize(rows, 1), log.tau.setZero(rows, 1);
+    Eigen::VectorXd truth(rows);
+    for (Index k = 0; k < rows; ++k) {
+      const double t = log.time[k] = (static_cast<double>(k) + late(random)) / kRate;
+      truth[k] = position(t);
+      log.q(k, 0) = kStep * std::round((truth[k] + noise(random)) / kStep);
+      log.qd(k, 0) = (position(t + 1e-5) - position(t - 1e-5)) / 2e-5;
+    }
+    StreamOptions options;
+    options.motion.cutoff = 6.0;
+    options.prefer_logged = false;
+    options.displacement = true;
+    const auto steps_of = [&](Index chunk, bool grid) {
+      options.chunk_samples = chunk;
+      Eigen::MatrixXd steps(0, 2);
+      MotionStream(log, options).for_each([&](const MotionChunk& piece) {
+        append(steps,
+               grid ? piece.displacement.middleRows(piece.begin, piece.count) : piece.row_displacement);
+      });
+      return steps;
+    };
+    const Eigen::MatrixXd steps = steps_of(16384, false);
+    ASSERT_EQ(steps.rows(), rows);
+    EXPECT_EQ(steps(0, 0), 0.0);
+    double held = log.q(0, 0), while_settling = 0.0;
+    for (Index k = 1; k < rows; ++k) {
+      held += steps(k, 1);
+      EXPECT_NEAR(held, log.q(k, 0), 4.5 * kStep) << k;
+      // Where the velocity jumps as the joint begins to settle, half a row of the jump is lost: 3 urad.
+      EXPECT_NEAR(steps(k, 0), truth[k] - truth[k - 1], kStep / 6.0) << k;
+      // While the joint settles it is the velocity that tells, to a third of an encoder's step.
+      if (truth[k] == truth[0] || log.time[k] < 4.05) continue;
+      EXPECT_NEAR(steps(k, 1), truth[k] - truth[k - 1], kStep / 3.0) << k;
+      while_settling += std::abs(steps(k, 1));
+    }
+    EXPECT_GT(while_settling, 1e-4);
+    // Pieces give what the whole gives.
+    const Eigen::MatrixXd pieces = steps_of(200, false);
+    ASSERT_EQ(pieces.rows(), rows);
+    EXPECT_LT((pieces - steps).colwise().sum().cwiseAbs().maxCoeff(), 12.0 * kStep);
+    EXPECT_LT((steps_of(200, true) - pieces).colwise().sum().cwiseAbs().maxCoeff(), 12.0 * kStep);
+    // A log without velocities has none, and nobody gets any without asking.
+    const auto columns = [&] {
+      Index found = 0;
+      MotionStream(log, options).for_each([&](const MotionChunk& piece) {
+        found = std::max({found, piece.displacement.cols(), piece.row_displacement.cols()});
+      });
+      return found;
+    };
+    EXPECT_EQ(columns(), 2);
+    options.displacement = false;
+    EXPECT_EQ(columns(), 0);
+    options.displacement = true;
+    log.qd.resize(0, 0);
+    EXPECT_EQ(columns(), 0);
+  }
+}
+
 TEST(MotionStream, MarksStandstillAtTheEndsAsNotUsable) {
   const Log log = log_with_rests();
   StreamOptions options;

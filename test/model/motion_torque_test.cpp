@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -147,6 +148,44 @@ TEST(MotionTorque, CarriesHysteresisThroughReversals) {
   for (Eigen::Index k = 0; k < 5; ++k) {
     EXPECT_NEAR(more[k], Fc * (z[static_cast<std::size_t>(k)] - sign(m.qd(k, 1))), 1e-12);
   }
+}
+
+TEST(MotionTorque, MemoryGoesByTheDisplacementThatItNames) {
+  // The low-passed position says that the joint rests; what was measured tells of a small reversal.
+  const Eigen::Index rows = 6;
+  const Motion m{Eigen::VectorXd::LinSpaced(rows, 0.0, 0.5), Eigen::MatrixXd::Zero(rows, 2),
+                 Eigen::MatrixXd::Zero(rows, 2), Eigen::MatrixXd::Zero(rows, 2)};
+  Eigen::MatrixXd measured = Eigen::MatrixXd::Zero(rows, 4);  // of both joints by velocity, then held
+  measured.col(1) << 0.0, 1e-4, 2e-4, -2e-4, 1e-4, 0.0;
+  measured.col(3) << 0.0, 2e-4, 1e-4, -1e-4, 0.0, 3e-4;
+  const double x0 = 2e-4, Fc = 0.8;
+  const Robot plain = arm_with_friction();
+  Robot robot = plain;
+  robot.effects = {effect_of<Hysteresis>(1, {x0})};
+  const Eigen::MatrixXd without = MotionTorque(plain).torque(m.time, m.q, m.qd, m.qdd);
+  const Eigen::MatrixXd by_position = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd, 0.0, measured);
+  EXPECT_EQ(by_position, without);
+  Eigen::MatrixXd torque;
+  for (const auto& [displacement, column] :
+       {std::pair{Displacement::kVelocity, 1}, std::pair{Displacement::kMeasured, 3}}) {
+    robot.effects[0].displacement = displacement;
+    torque = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd, 0.0, measured);
+    double z = 0.0;
+    for (Eigen::Index k = 0; k < rows; ++k) {
+      const double step = measured(k, column);
+      z = sign(step) + (z - sign(step)) * std::exp(-std::abs(step) / x0);
+      EXPECT_NEAR(torque(k, 1) - without(k, 1), Fc * z, 1e-12) << k;
+    }
+  }
+  // In pieces the same.
+  MotionTorque pieces(robot);
+  for (const Eigen::Index k : {0, 3}) {
+    EXPECT_EQ(pieces.torque(m.time.segment(k, 3), m.q.middleRows(k, 3), m.qd.middleRows(k, 3),
+                            m.qdd.middleRows(k, 3), 0.0, measured.middleRows(k, 3)),
+              torque.middleRows(k, 3));
+  }
+  // A log without velocities leaves the position.
+  EXPECT_EQ(MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd), by_position);
 }
 
 TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {

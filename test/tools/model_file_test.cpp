@@ -243,6 +243,7 @@ ModelFile with_effects() {
       }
     });
   }
+  model.effects[0].displacement = Displacement::kMeasured;
   model.elasticities = {{1, 9000.0 / 7.0, 0.1, 1.0 / 3.0}};
   model.torque_delay = 0.0021;
   return model;
@@ -262,6 +263,7 @@ TEST(ModelFile, CarriesEveryEffectToTheRobot) {
       EXPECT_EQ(robot.effects[k].kind, written.effects[k].kind);
       EXPECT_EQ(robot.effects[k].joint, written.effects[k].joint);
       EXPECT_EQ(robot.effects[k].parameters, written.effects[k].parameters);
+      EXPECT_EQ(robot.effects[k].displacement, written.effects[k].displacement);
     }
     ASSERT_EQ(robot.elasticities.size(), 1U);
     EXPECT_EQ(robot.elasticities[0].joint, 1);
@@ -291,6 +293,10 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
   EXPECT_THAT(message(R"([{"kind": "backlash", "joint": 1, "parameters": {}}])"),
               AllOf(HasSubstr("arm.json: /effects/0/kind"), HasSubstr("\"backlash\""), HasSubstr("stribeck"),
                     HasSubstr("elasticity, delay")));
+  EXPECT_THAT(
+      message(R"([{"kind": "offset", "joint": 1, "parameters": {"tau0": 1}, "displacement": "encoder"}])"),
+      AllOf(HasSubstr("/effects/0/displacement"), HasSubstr("\"encoder\""),
+            HasSubstr("position, velocity, measured")));
   EXPECT_THAT(message(R"([{"kind": "base_tilt", "joint": null, "parameters": {}}])"),
               HasSubstr("/kinematics/gravity"));
   EXPECT_THAT(message(R"([{"kind": "offset", "joint": 3, "parameters": {"tau0": 1}}])"),

@@ -32,6 +32,11 @@ struct MotionChunk {
   /// torque as logged: what an error is measured on.
   Eigen::VectorXd row_time;
   Eigen::MatrixXd row_q, row_qd, row_qdd, row_tau;
+  /// Displacements since the row before, on the grid and of the log's own rows, rows × 2 n: the integral of the logged
+  /// velocity, then the same held within four standard deviations of the logged position; see displacement_column().
+  /// Friction's memory sees in them how a joint settles, which a low-pass rounds off and the encoder's steps and noise
+  /// hide [rad, m]. No columns unless asked for, or without logged velocities.
+  Eigen::MatrixXd displacement, row_displacement;
   /// Other columns of the log that were asked for, on the grid: rows × columns each.
   std::vector<Eigen::MatrixXd> extra;
 };
@@ -43,6 +48,7 @@ struct StreamOptions {
   /// taken: drives report it late against the position, or noisier than its derivative.
   bool prefer_logged{true};
   bool cut_standstill{true};  ///< mark standstill at the ends as not usable
+  bool displacement{false};   ///< fill in MotionChunk::displacement where the log has velocities
   /// No joint faster: standstill [rad/s, m/s]. 0: 1 % of the joint's top speed in the log. Joints that travel
   /// less than 0.01 rad (m), or a hundredth of the largest travel, do not count: their top speed is noise.
   double standstill_speed{0.0};

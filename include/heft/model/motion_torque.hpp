@@ -42,10 +42,13 @@ class MotionTorque {
   ///                    hand in the time since the log began
   /// @param q,qd,qdd    m × n, motor side
   /// @param sign_width  as in Dynamics::joint_torque
+  /// @param measured    m × 2 n, displacements since the row before that an effect's memory goes by where it names
+  ///                    one of them, see displacement_column(); no columns: those of q [rad, m]
   /// @return m × n [N·m, N]. With a delay each row is read `torque_delay` earlier, by straight lines between
   ///         rows; the first rows after reset(), which have nothing earlier, take the first one.
   Eigen::MatrixXd torque(const Eigen::VectorXd& time, const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
-                         const Eigen::MatrixXd& qdd, double sign_width = 0.0);
+                         const Eigen::MatrixXd& qdd, double sign_width = 0.0,
+                         const Eigen::MatrixXd& measured = {});
   /// Link-side motion of the last call, m × n each: q, qd, qdd unless a joint is elastic.
   const Eigen::MatrixXd& link_q() const;
   const Eigen::MatrixXd& link_qd() const;

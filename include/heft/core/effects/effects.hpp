@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "heft/core/effects/displacement.hpp"
 #include "heft/core/effects/friction_drift.hpp"
 #include "heft/core/effects/hysteresis.hpp"
 #include "heft/core/effects/load_friction.hpp"
@@ -75,6 +76,7 @@ struct JointEffect {
   int kind{0};                            ///< place in JointEffectTypes
   int joint{0};                           ///< counted from 0
   EffectParameters<Scalar> parameters{};  ///< in the order of the effect's kParameters
+  Displacement displacement{Displacement::kPosition};
 };
 
 /// Torque of an effect at one instant [N·m, N]; 0 for a kind that does not exist. No allocation.
