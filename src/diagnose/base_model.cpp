@@ -10,7 +10,7 @@ using Eigen::VectorXd;
 using identify::ColumnKind;
 
 Motion rigid_motion(const MotionTable& table) {
-  return {table.q, table.qd, table.qdd, table.q, table.qd, table.qdd, table.direction};
+  return {table.q, table.qd, table.qdd, table.q, table.qd, table.qdd, table.direction, table.displacement};
 }
 
 BaseModel::BaseModel(const model::Robot& robot)

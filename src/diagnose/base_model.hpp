@@ -18,6 +18,7 @@ struct Motion {
   Eigen::MatrixXd q, qd, qdd;                 ///< m × n, motor side
   Eigen::MatrixXd link_q, link_qd, link_qdd;  ///< m × n
   Eigen::MatrixXd direction;                  ///< m × n, of the motor's velocity
+  Eigen::MatrixXd displacement;  ///< m × 2 n, as measured, since the row before; may be without columns
 };
 
 /// The motion as logged.

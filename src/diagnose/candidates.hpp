@@ -14,6 +14,12 @@
 
 namespace heft::diagnose {
 
+/// The forms in which an effect can stand for the friction of a joint.
+struct FrictionForm {
+  bool whole{false};  ///< it takes the place of the Coulomb friction: its column holds that one's as well
+  Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
+};
+
 /// One effect on one joint (or the whole arm) at its best shape.
 struct Candidate {
   std::string kind;
@@ -28,9 +34,10 @@ struct Candidate {
   std::vector<int> entries;  ///< payload_change: inertial parameters that the coefficients are
   double second{0.0};        ///< another shape (damping)
   double level{0.0};         ///< friction that it makes up in the last fit [N·m, N]
-  std::string refused;       ///< why it cannot be; empty: it can
-  std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
-  std::vector<Eigen::Vector3d> forces;            ///< contact [N]
+  Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
+  std::string refused;                                 ///< why it cannot be; empty: it can
+  std::vector<std::pair<double, double>> events;       ///< contact: begin and length [s]
+  std::vector<Eigen::Vector3d> forces;                 ///< contact [N]
   std::vector<int> event_runs;
 };
 
@@ -48,18 +55,18 @@ struct Workbench {
 };
 
 /// Best candidate of every kind of joint effect on a joint, judged; an effect that can take the place of the Coulomb
-/// friction stands there twice, wholly and in part.
-std::vector<Candidate> joint_candidates(const Workbench& bench, int joint);
+/// friction stands there in each of its forms.
+/// @param only  place in JointEffectTypes of the only kind to try; -1: all
+std::vector<Candidate> joint_candidates(const Workbench& bench, int joint, int only = -1);
 
 /// Physical parameters of fitted coefficients of a joint effect.
 EffectParameters<double> effect_parameters(int effect, const Eigen::VectorXd& coefficients, double shape,
                                            const JointActuation<double>& actuation);
 
 /// Column values of one joint effect, m × k; rows that do not count are not masked yet.
-/// @param whole  the effect takes the place of the Coulomb friction: its column holds that one's as well
 /// @param level  the friction that it makes up, which tells where its memory begins [N·m, N]
-Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape, bool whole,
-                                     double level);
+Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape,
+                                     FrictionForm form, double level);
 
 /// Candidates of the whole arm, judged: delay, base tilt, payload change, couplings.
 std::vector<Candidate> arm_candidates(const Workbench& bench);

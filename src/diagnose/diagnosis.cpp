@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -74,9 +75,10 @@ int tried_of(const std::vector<Candidate>& candidates) {
   return tried;
 }
 
-/// The same effect in the same place, and as large a part of the friction.
+/// The same effect in the same place, and in the same form.
 bool same_effect(const Candidate& a, const Candidate& b) {
-  return a.kind == b.kind && a.joint == b.joint && (a.replaces >= 0) == (b.replaces >= 0);
+  return a.kind == b.kind && a.joint == b.joint && (a.replaces >= 0) == (b.replaces >= 0) &&
+         a.displacement == b.displacement;
 }
 
 std::string name_of(const Candidate& c) {
@@ -89,6 +91,8 @@ std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, d
   options.motion.cutoff = cutoff;
   options.motion.smooth_position = true;
   options.prefer_logged = false;
+  options.displacement = true;
+  options.cut_standstill = false;  // tables tell standstill apart
   for (const data::Log& log : logs) streams.emplace_back(log, options);
   return streams;
 }
@@ -143,8 +147,10 @@ MatrixXd predicted_by(const MotionTable& table, const model::Robot& robot) {
     const VectorXd time = table.time.segment(begin, count);
     const MatrixXd q = table.q.middleRows(begin, count), qd = table.qd.middleRows(begin, count),
                    qdd = table.qdd.middleRows(begin, count);
+    MatrixXd displacement;
+    if (table.displacement.cols() > 0) displacement = table.displacement.middleRows(begin, count);
     torque.start_from(time, q, qd, qdd, table.tau.middleRows(begin, count), width);
-    predicted.middleRows(begin, count) = torque.torque(time, q, qd, qdd, width);
+    predicted.middleRows(begin, count) = torque.torque(time, q, qd, qdd, width, displacement);
   }
   return predicted;
 }
@@ -429,11 +435,45 @@ class Session {
       engine_->accepted.push_back(taken);
       engine_->build();
       if (taken.kind == "elasticity" || taken.kind == "delay") engine_->tune();
+      find_memory_anew(taken);
       trace("with " + name_of(taken), predicted_by(judged_table_, engine_->robot()));
       again = taken.effect >= 0 ? taken.joint : -1;
       ++round;
     }
     notes_.push_back(fmt::format("stopped at {} effects; what is left may hold more", options_.most_effects));
+  }
+
+  /// What a joint's friction remembers was found before another effect of that joint was in place.
+  void find_memory_anew(const Candidate& beside) {
+    for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
+      Candidate& own = engine_->accepted[e];
+      if (own.joint != beside.joint || !joint_effect_has_memory(own.effect)) continue;
+      std::vector<Candidate> forms = forms_of_memory(e, {own.joint});
+      if (forms.empty()) continue;
+      if (options_.trace) {
+        options_.trace(fmt::format("{}: {:.3g} by {} now, was {:.3g} by {}", name_of(own), forms[0].shape,
+                                   displacement_name(forms[0].displacement), own.shape,
+                                   displacement_name(own.displacement)));
+      }
+      own = std::move(forms[0]);
+      engine_->build();
+    }
+  }
+
+  /// Possible forms of a memory, judged with everything else in place, the best first.
+  /// @param standing  joints whose standstill counts beside that of the accepted memories, one after the other; see
+  ///                  Engine::standing_counts
+  std::vector<Candidate> forms_of_memory(std::size_t effect, std::initializer_list<int> standing) const {
+    std::vector<Candidate> forms;
+    for (const int joint : standing) {
+      const auto rest =
+          rebuilt(static_cast<std::ptrdiff_t>(effect), engine_->weights_held, engine_->masses_held, joint);
+      for (Candidate& c : rest->forms_of(engine_->accepted[effect])) {
+        if (c.refused.empty() && c.trial.valid) forms.push_back(std::move(c));
+      }
+    }
+    sort(forms);
+    return forms;
   }
 
   void refuse(const Candidate& c, const std::string& why) {
@@ -476,9 +516,12 @@ class Session {
   void backward() {
     evidence_.clear();
     for (std::size_t e = 0; e < engine_->accepted.size() && engine_->accepted.size() > 1;) {
-      const std::unique_ptr<Engine> rest = rebuilt_without(e);
-      const Engine& without = *rest;
       const Candidate& own = engine_->accepted[e];
+      // A memory found with its joint's standstill is compared with it as well.
+      const std::unique_ptr<Engine> rest =
+          rebuilt(static_cast<std::ptrdiff_t>(e), engine_->weights_held, engine_->masses_held,
+                  joint_effect_has_memory(own.effect) ? own.joint : -1);
+      const Engine& without = *rest;
       std::vector<Candidate> candidates = propose(without, own.joint, 0.9, 0.95);
       const int tried = std::max(tried_, tried_of(candidates));
       const VectorXd noise = white_noise(without.table(), without.problem().residual());
@@ -514,14 +557,17 @@ class Session {
     return rebuilt(static_cast<std::ptrdiff_t>(index), engine_->weights_held, engine_->masses_held);
   }
   /// @param without  effect to leave out; -1: none
-  std::unique_ptr<Engine> rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held) const {
+  /// @param standing_counts  see Engine
+  std::unique_ptr<Engine> rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
+                                  int standing_counts = -1) const {
     auto engine = std::make_unique<Engine>(robot_, train_table_, engine_->steady());
     engine->weights_held = weights_held;
     engine->masses_held = masses_held;
+    engine->standing_counts = standing_counts;
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
       if (static_cast<std::ptrdiff_t>(e) != without) engine->accepted.push_back(engine_->accepted[e]);
     }
-    if (!engine->accepted.empty()) engine->build();
+    if (!engine->accepted.empty() || standing_counts >= 0) engine->build();
     return engine;
   }
 
@@ -565,7 +611,7 @@ class Session {
         const std::string why = harm(engine_->accepted[e], after, without_each_.back(), in_band,
                                      score_table(judged_table_, judged_, without, band()));
         if (why.empty()) continue;
-        take_out(e, why);
+        if (!take_another_form(e, without)) take_out(e, why);
         refused = true;
       }
       if (refused) continue;
@@ -599,6 +645,35 @@ class Session {
     if (hurts.empty() && squares_after < squares_before) return {};
     return helps.empty() || hurts.empty() ? "raises the error on the validation logs"
                                           : fmt::format("helps on {} and hurts on {}", helps, hurts);
+  }
+
+  /// Against an effect of friction's memory that does harm: another of its forms that does none, the best first. One
+  /// such exchange for each effect.
+  /// @param without  prediction without the effect
+  bool take_another_form(std::size_t effect, const MatrixXd& without) {
+    const Candidate own = engine_->accepted[effect];
+    if (!joint_effect_has_memory(own.effect) || !exchanged_.insert(own.joint).second) return false;
+    const std::vector<VectorXd> before = rms_errors(judged_table_, without);
+    const std::vector<identify::Score> in_band_before = score_table(judged_table_, judged_, without, band());
+    for (Candidate& form : forms_of_memory(effect, {own.joint, -1})) {
+      if (same_effect(form, own) && std::abs(std::log(form.shape / own.shape)) < 0.05) continue;
+      auto tried = rebuilt_without(effect);
+      tried->accepted.insert(tried->accepted.begin() + static_cast<std::ptrdiff_t>(effect), form);
+      tried->build();
+      const MatrixXd with = predicted_by(judged_table_, tried->robot());
+      if (!harm(form, rms_errors(judged_table_, with), before,
+                score_table(judged_table_, judged_, with, band()), in_band_before)
+               .empty()) {
+        continue;
+      }
+      engine_ = std::move(tried);
+      evidence_.clear();
+      trace(fmt::format("with {} of {:.3g} by {} for {:.3g} by {}", name_of(form), form.shape,
+                        displacement_name(form.displacement), own.shape, displacement_name(own.displacement)),
+            with);
+      return true;
+    }
+    return false;
   }
 
   struct Paying {
@@ -692,6 +767,7 @@ class Session {
           f.parameters.emplace_back(std::string(Effect::kParameters[k].name), parameters[k]);
         }
         f.shown_by = std::string(Effect::kShownBy);
+        f.displacement = own.displacement;
       });
     } else if (own.kind == "delay") {
       f.parameters = {{"delay", own.shape}};
@@ -788,6 +864,7 @@ class Session {
   std::vector<std::vector<Candidate>> evidence_;     ///< candidates without each accepted effect
   std::vector<std::vector<VectorXd>> without_each_;  ///< [effect][validation log]: errors without it, n
   std::vector<std::string> notes_;
+  std::set<int> exchanged_;  ///< joints whose memory has been given another form after a veto
   int tried_{0};
 };
 

@@ -26,6 +26,7 @@ Motion delayed(const MotionTable& table, double delay) {
   motion.q = earlier(table, table.q, delay);
   motion.qd = earlier(table, table.qd, delay);
   motion.qdd = earlier(table, table.qdd, delay);
+  if (table.displacement.cols() > 0) motion.displacement = earlier(table, table.displacement, delay);
   for (int j = 0; j < table.num_joints; ++j) {
     motion.direction.col(j) = motion.qd.col(j).unaryExpr(
         [width = table.sign_width[j]](double v) { return velocity_sign(v, width); });
@@ -54,9 +55,15 @@ Workbench Engine::bench() const {
 }
 
 void Engine::build() {
-  table_.keep = keep_;
+  MatrixXd keep = keep_;
   double delay = 0.0;
   bool elastic = false;
+  for (int j = 0; j < table_.num_joints; ++j) {
+    const bool remembers = std::any_of(accepted.begin(), accepted.end(), [&](const Candidate& e) {
+      return e.joint == j && joint_effect_has_memory(e.effect);
+    });
+    if (remembers || j == standing_counts) keep.col(j) += table_.standing.col(j);
+  }
   for (const Candidate& e : accepted) {
     if (e.kind == "delay") delay += e.shape;
     elastic = elastic || e.kind == "elasticity";
@@ -65,13 +72,14 @@ void Engine::build() {
       for (Index i = table_.run_begin[run]; i < table_.run_begin[run + 1]; ++i) {
         if (table_.time[i] > e.events[k].first - 0.15 &&
             table_.time[i] < e.events[k].first + e.events[k].second + 0.15) {
-          table_.keep.row(i).setZero();
+          keep.row(i).setZero();
         }
       }
     }
   }
-  const bool cut = !(table_.keep.array() == keep_.array()).all();
-  if (plain_ == nullptr || elastic || cut || delay != delay_ || masses_held != plain_holds_masses_) {
+  const bool other_rows = table_.keep != keep;
+  table_.keep = std::move(keep);
+  if (plain_ == nullptr || elastic || other_rows || delay != delay_ || masses_held != plain_holds_masses_) {
     motion_ = delayed(table_, delay);
     delay_ = delay;
     plain_ = nullptr;
@@ -82,7 +90,6 @@ void Engine::build() {
     return e.kind == "load_friction" || e.kind == "base_tilt" || joint_effect_has_memory(e.effect);
   });
   for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
-  if (cut) plain_ = nullptr;
 }
 
 void Engine::refit(bool deflect) {
@@ -127,7 +134,8 @@ void Engine::refit(bool deflect) {
     if (effect.effect >= 0) {
       if (load_.size() > 0) {
         effect.columns.values = {joint_effect_columns(bench(), effect.effect, effect.joint, effect.shape,
-                                                      effect.replaces >= 0, effect.level)};
+                                                      {effect.replaces >= 0, effect.displacement},
+                                                      effect.level)};
       }
     } else if (effect.kind == "elasticity") {
       if (deflect) {
@@ -256,8 +264,9 @@ model::Robot Engine::robot() const {
     } else if (effect.kind == "rotor_inertia") {
       joint->rotor_inertia += c[0];
     } else if (effect.effect >= 0) {
-      robot.effects.push_back(
-          {effect.effect, effect.joint, effect_parameters(effect.effect, c, effect.shape, *joint)});
+      robot.effects.push_back({effect.effect, effect.joint,
+                               effect_parameters(effect.effect, c, effect.shape, *joint),
+                               effect.displacement});
     } else if (effect.kind == "delay") {
       robot.torque_delay += effect.shape;
     } else if (effect.kind == "elasticity") {
@@ -317,6 +326,10 @@ std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
   if (done) done((n + 3.0) / (n + 4.0));
   found.push_back(contact_candidate(bench));
   return found;
+}
+
+std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {
+  return joint_candidates(bench(), effect.joint, effect.effect);
 }
 
 void Engine::judge_again(Candidate& candidate) const {

@@ -26,6 +26,8 @@ class Engine {
   /// @param joints  n; `done` gets 0..1
   std::vector<Candidate> propose(const std::vector<bool>& joints,
                                  const std::function<void(double)>& done) const;
+  /// An effect of one joint in each of its forms, judged beside those in place.
+  std::vector<Candidate> forms_of(const Candidate& effect) const;
   /// Judges a candidate anew beside the effects that are in place now.
   void judge_again(Candidate& candidate) const;
 
@@ -35,6 +37,8 @@ class Engine {
   bool weights_held{false};
   /// The masses stay those of the fit without effects: no joint pays for an effect of another one.
   bool masses_held{false};
+  /// Joint whose standstill counts even if no friction that remembers is in place; -1: none.
+  int standing_counts{-1};
 
   const Problem& problem() const { return *problem_; }
   const MotionTable& table() const { return table_; }

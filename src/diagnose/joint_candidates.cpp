@@ -17,7 +17,7 @@ concept ReplacesCoulomb = requires {
 };
 
 template <typename Effect>
-MatrixXd columns_of(const Workbench& bench, int joint, double shape, bool whole, double level) {
+MatrixXd columns_of(const Workbench& bench, int joint, double shape, FrictionForm form, double level) {
   const MotionTable& table = *bench.table;
   constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
   MatrixXd values(table.rows(), kCount);
@@ -25,6 +25,8 @@ MatrixXd columns_of(const Workbench& bench, int joint, double shape, bool whole,
   EffectParameters<double> p{};
   const JointActuation<double> friction{0.0, level, 0.0, 0.0};
   if constexpr (EffectWithMemory<Effect>) p = Effect::parameters({level}, shape, friction);
+  const bool measured = form.displacement != Displacement::kPosition;
+  const int steps = measured ? displacement_column(form.displacement, joint, table.num_joints) : 0;
   std::size_t run = 0;
   for (Index i = 0; i < table.rows(); ++i) {
     x.time = table.time[i];
@@ -38,14 +40,14 @@ MatrixXd columns_of(const Workbench& bench, int joint, double shape, bool whole,
         x.memory = Effect::memory_at_rest(p, (*bench.held)(static_cast<Index>(run), joint), friction);
         ++run;
       } else {
-        x.memory = Effect::memory(p, x.memory, q - x.q);
+        x.memory = Effect::memory(p, x.memory, measured ? bench.motion->displacement(i, steps) : q - x.q);
       }
     }
     x.q = q;
     const auto row = Effect::columns(shape, x);
     for (Index c = 0; c < kCount; ++c) values(i, c) = row[static_cast<std::size_t>(c)];
   }
-  if (whole) values.col(0) += bench.motion->direction.col(joint);
+  if (form.whole) values.col(0) += bench.motion->direction.col(joint);
   return values;
 }
 
@@ -75,11 +77,10 @@ std::vector<double> grid_of(const ShapeRange& range, const MotionTable& table, i
 template <typename Effect>
 class Search {
  public:
-  /// @param whole  it takes the place of the Coulomb friction
-  Search(const Workbench& bench, int joint, bool whole)
+  Search(const Workbench& bench, int joint, FrictionForm form)
       : bench_(bench),
         joint_(joint),
-        whole_(whole),
+        form_(form),
         level_(bench.robot->joints[static_cast<std::size_t>(joint)].actuation.coulomb_friction) {}
 
   Candidate run() {
@@ -89,7 +90,14 @@ class Search {
     candidate.effect = joint_effect_kind<Effect>();
     double best = 0.0;
     if constexpr (Effect::kShapes.size() > 0) {
-      const ShapeRange& range = Effect::kShapes[0];
+      ShapeRange range = Effect::kShapes[0];
+      if (form_.displacement != Displacement::kPosition) {
+        // What was measured resolves shorter distances than a low-passed position.
+        constexpr double kShorter = 0.05;
+        const double step = std::log(range.to / range.from) / std::max(1.0, range.steps - 1.0);
+        range.from *= kShorter;
+        range.steps += static_cast<int>(std::lround(-std::log(kShorter) / step));
+      }
       const std::vector<double> grid = grid_of(range, *bench_.table, joint_);
       candidate.tried = static_cast<int>(grid.size());
       const std::vector<double> gains = gains_of(grid);
@@ -98,6 +106,13 @@ class Search {
         if (gains[s] > gains[top]) top = s;
       }
       best = grid[top];
+      if constexpr (EffectWithMemory<Effect>) {
+        // A part of the friction holds a resting joint with less than all of it.
+        if (!form_.whole && gains[top] > 0.0) {
+          const MatrixXd values = columns_of<Effect>(bench_, joint_, best, form_, level_);
+          level_ = std::clamp(bench_.problem->scan(joint_, values, 1).front().second[0], 0.0, level_);
+        }
+      }
       if (!range.fixed && !range.whole && gains[top] > 0.0) {
         best = refine(grid[top > 0 ? top - 1 : 0], grid[std::min(top + 1, grid.size() - 1)]);
       }
@@ -105,8 +120,10 @@ class Search {
     }
     candidate.shape = best;
     candidate.columns.joints = {joint_};
-    candidate.columns.values = {columns_of<Effect>(bench_, joint_, best, whole_, level_)};
-    if (whole_) candidate.replaces = bench_.base->coulomb(joint_);
+    candidate.columns.values = {columns_of<Effect>(bench_, joint_, best, form_, level_)};
+    candidate.displacement = form_.displacement;
+    candidate.level = level_;
+    if (form_.whole) candidate.replaces = bench_.base->coulomb(joint_);
     if (candidate.refused.empty()) {
       candidate.trial = bench_.problem->judge(bench_.problem->moments(candidate.columns), candidate.replaces);
       for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
@@ -121,7 +138,7 @@ class Search {
         candidate.refused = "would be negative";
       }
       if constexpr (ReplacesCoulomb<Effect>) {
-        if (!whole_ && candidate.trial.valid &&
+        if (!form_.whole && candidate.trial.valid &&
             !(candidate.trial.coefficients[0] < candidate.trial.base[bench_.base->coulomb(joint_)])) {
           candidate.refused = "would be more than all of the friction";
         }
@@ -134,17 +151,17 @@ class Search {
   std::vector<double> gains_of(const std::vector<double>& shapes) const {
     constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
     std::vector<double> gains;
-    if (whole_) {
+    if (form_.whole) {
       std::vector<Columns> list;
       for (const double shape : shapes) {
-        list.push_back({{joint_}, {columns_of<Effect>(bench_, joint_, shape, true, level_)}});
+        list.push_back({{joint_}, {columns_of<Effect>(bench_, joint_, shape, form_, level_)}});
       }
       gains = bench_.problem->gains(list, bench_.base->coulomb(joint_));
     } else {
       MatrixXd all(bench_.table->rows(), kCount * static_cast<Index>(shapes.size()));
       for (std::size_t s = 0; s < shapes.size(); ++s) {
         all.middleCols(kCount * static_cast<Index>(s), kCount) =
-            columns_of<Effect>(bench_, joint_, shapes[s], false, level_);
+            columns_of<Effect>(bench_, joint_, shapes[s], form_, level_);
       }
       for (const auto& [gain, coefficients] : bench_.problem->scan(joint_, all, static_cast<int>(kCount))) {
         bool allowed = true;
@@ -178,17 +195,17 @@ class Search {
 
   const Workbench& bench_;
   int joint_;
-  bool whole_;
+  FrictionForm form_;
   double level_;  ///< the joint's Coulomb friction in the present fit
 };
 
 }  // namespace
 
-MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape, bool whole,
+MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape, FrictionForm form,
                               double level) {
   MatrixXd values;
   visit_joint_effect(
-      effect, [&](auto type) { values = columns_of<decltype(type)>(bench, joint, shape, whole, level); });
+      effect, [&](auto type) { values = columns_of<decltype(type)>(bench, joint, shape, form, level); });
   return values;
 }
 
@@ -204,14 +221,20 @@ EffectParameters<double> effect_parameters(int effect, const VectorXd& coefficie
   return result;
 }
 
-std::vector<Candidate> joint_candidates(const Workbench& bench, int joint) {
+std::vector<Candidate> joint_candidates(const Workbench& bench, int joint, int only) {
   std::vector<Candidate> found;
   for (int effect = 0; effect < kNumJointEffects; ++effect) {
+    if (only >= 0 && effect != only) continue;
     visit_joint_effect(effect, [&](auto type) {
       using Effect = decltype(type);
-      found.push_back(Search<Effect>(bench, joint, ReplacesCoulomb<Effect>).run());
-      if constexpr (ReplacesCoulomb<Effect>) {
-        found.push_back(Search<Effect>(bench, joint, false).run());
+      for (const Displacement displacement :
+           {Displacement::kPosition, Displacement::kVelocity, Displacement::kMeasured}) {
+        const bool measured = displacement != Displacement::kPosition;
+        if (measured && (!EffectWithMemory<Effect> || bench.motion->displacement.cols() == 0)) continue;
+        found.push_back(Search<Effect>(bench, joint, {ReplacesCoulomb<Effect>, displacement}).run());
+        if constexpr (ReplacesCoulomb<Effect>) {
+          found.push_back(Search<Effect>(bench, joint, {false, displacement}).run());
+        }
       }
     });
   }

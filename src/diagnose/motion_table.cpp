@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "heft/core/effects/displacement.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/host/error.hpp"
 
@@ -16,17 +17,24 @@ using Eigen::VectorXd;
 /// Everything of one log, grown piece by piece.
 struct Collected {
   std::vector<double> time;
-  std::vector<VectorXd> rows;  ///< q, qd, qdd, tau one after the other
+  std::vector<VectorXd>
+      rows;  ///< q, qd, qdd, tau one after the other, then the displacement since the begin, if measured
   std::vector<bool> usable;
 };
 
 Collected collect(const data::MotionStream& log, int n) {
   Collected all;
+  VectorXd travelled = VectorXd::Zero(kMeasuredDisplacements * n);
   log.for_each([&](const data::MotionChunk& piece) {
+    const bool measured = piece.displacement.cols() == travelled.size();
     for (Index i = piece.begin; i < piece.begin + piece.count; ++i) {
-      VectorXd row(4 * n);
-      row << piece.q.row(i).transpose(), piece.qd.row(i).transpose(), piece.qdd.row(i).transpose(),
-          piece.tau.row(i).transpose();
+      VectorXd row(4 * n + (measured ? travelled.size() : 0));
+      row.head(4 * n) << piece.q.row(i).transpose(), piece.qd.row(i).transpose(),
+          piece.qdd.row(i).transpose(), piece.tau.row(i).transpose();
+      if (measured) {
+        travelled += piece.displacement.row(i).transpose();
+        row.tail(travelled.size()) = travelled;
+      }
       all.time.push_back(piece.time[i]);
       all.rows.push_back(std::move(row));
       all.usable.push_back(piece.usable[i]);
@@ -72,9 +80,15 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
   Index rows = 0;
   for (const Collected& part : parts) rows += static_cast<Index>(part.time.size()) / group;
   table.time.resize(rows);
-  for (MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction, &table.keep}) {
+  for (MatrixXd* m :
+       {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction, &table.keep, &table.standing}) {
     m->setZero(rows, n);
   }
+  const bool measured = std::all_of(parts.begin(), parts.end(), [&](const Collected& part) {
+    return !part.rows.empty() && part.rows.front().size() > 4 * n;
+  });
+  const Index steps = measured ? kMeasuredDisplacements * n : 0;
+  table.displacement.setZero(rows, steps);
   Index at = 0;
   for (std::size_t r = 0; r < parts.size(); ++r) {
     const Collected& part = parts[r];
@@ -88,13 +102,14 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
     const double begin = part.time.empty() ? 0.0 : part.time.front();
     const double end = part.time.empty() ? 0.0 : part.time.back();
     std::vector<bool> counts(static_cast<std::size_t>(count));
+    VectorXd before;
     for (Index i = 0; i < count; ++i, ++at) {
-      VectorXd mean = VectorXd::Zero(4 * n);
+      VectorXd mean = VectorXd::Zero(4 * n + steps);
       double time = 0.0;
       bool usable = true;
       for (Index k = 0; k < group; ++k) {
         const auto s = static_cast<std::size_t>(i * group + k);
-        mean += part.rows[s];
+        mean += part.rows[s].head(mean.size());
         time += part.time[s];
         usable = usable && part.usable[s];
       }
@@ -105,6 +120,8 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
       table.qd.row(at) = mean.segment(n, n);
       table.qdd.row(at) = mean.segment(2 * n, n);
       table.tau.row(at) = mean.segment(3 * n, n);
+      if (before.size() > 0) table.displacement.row(at) = (mean - before).tail(steps);
+      before = mean;
       if (time - begin < 0.3 || end - time < 0.3) usable = false;
       counts[static_cast<std::size_t>(i)] = usable && std::isfinite(mean.sum());
       for (int j = 0; j < n; ++j) {
@@ -128,6 +145,12 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
         }
         i = std::max(k, i + 1);
       }
+    }
+    for (Index i = first_row; i < at; ++i) {
+      const double t = begin + table.time[i];
+      if (t >= summary.moving_from && t <= summary.moving_to) continue;
+      table.standing.row(i) = table.keep.row(i);
+      table.keep.row(i).setZero();
     }
     // Whole blocks of about the same length, dealt out to the folds in turn.
     const Index begin_row = table.run_begin.back();

@@ -29,9 +29,14 @@ struct MotionTable {
   Eigen::VectorXd time;                 ///< since the begin of its log [s]
   Eigen::MatrixXd q, qd, qdd, tau;      ///< m × n
   Eigen::MatrixXd direction;            ///< m × n: smooth sign of the velocity
+  /// m × 2 n, as measured, since the row before, see displacement_column(); no columns unless every log has velocities.
+  Eigen::MatrixXd displacement;
   /// m × n, 1 or 0: the row counts. Near a reversal no log resolves when the sign turns; in gaps and at the ends
   /// the derived motion means nothing.
   Eigen::MatrixXd keep;
+  /// m × n, 1 or 0: the joint stands before or after the motion. What holds it there only friction that remembers can
+  /// say: such rows count beside it, and do not beside friction that knows no more than the velocity.
+  Eigen::MatrixXd standing;
   std::vector<Block> blocks;
   Eigen::VectorXd sign_width;  ///< n: of the smooth sign [rad/s, m/s]
 

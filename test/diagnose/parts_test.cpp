@@ -1,4 +1,5 @@
 // The parts of the diagnosis against closed forms.
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -7,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "deflection.hpp"
+#include "heft/data/motion_stream.hpp"
 #include "heft/identify/instrumental.hpp"
 #include "motion_table.hpp"
 #include "problem.hpp"
@@ -54,6 +56,47 @@ TEST(Deflection, FollowsTheResonanceOfALinearOscillator) {
   const double amplitude = 1.0 / std::hypot(K - M * w * w, D * w);
   EXPECT_NEAR(e.value.tail(4000).maxCoeff(), amplitude, 2e-3 * amplitude);
   EXPECT_NEAR(e.acceleration.tail(4000).maxCoeff(), w * w * amplitude, 4e-3 * w * w * amplitude);
+}
+
+TEST(Table, TellsStandstillBesideTheMotionApart) {
+  // One joint rests for 3 s at either end, the other one in the middle as well.
+  data::Log log;
+  log.path = "rests";
+  const Index rows = 4000;
+  log.time = VectorXd::LinSpaced(rows, 0.0, 19.995);
+  log.q.resize(rows, 2);
+  log.tau.setOnes(rows, 2);
+  const auto bell = [](double t, double from, double to) {
+    const double u = std::clamp((t - from) / (to - from), 0.0, 1.0), s = std::sin(std::numbers::pi * u);
+    return s * s * s * s * std::sin(5.0 * std::numbers::pi * u);
+  };
+  for (Index k = 0; k < rows; ++k) {
+    const double t = log.time[k];
+    log.q(k, 0) = bell(t, 3.0, 17.0);
+    log.q(k, 1) = bell(t, 3.0, 8.0) + bell(t, 12.0, 17.0);
+  }
+  data::StreamOptions options;
+  options.motion.cutoff = 6.0;
+  options.cut_standstill = false;
+  const data::MotionStream stream(log, options);
+  const MotionTable table = make_table({&stream}, {false, false}, {});
+  int standing = 0, resting = 0;
+  for (Index i = 0; i < table.rows(); ++i) {
+    const double t = table.time[i];
+    for (int j = 0; j < 2; ++j) {
+      EXPECT_FALSE(table.keep(i, j) > 0.0 && table.standing(i, j) > 0.0) << t;
+      if (t > 0.5 && t < 2.5) {
+        EXPECT_EQ(table.standing(i, j), 1.0) << t;
+      }
+      if (t > 5.0 && t < 15.0) {
+        EXPECT_EQ(table.standing(i, j), 0.0) << t;
+      }
+      standing += table.standing(i, j) > 0.0 ? 1 : 0;
+    }
+    if (t > 9.0 && t < 11.0) resting += table.keep(i, 1) > 0.0 ? 1 : 0;
+  }
+  EXPECT_GT(standing, 2 * 2 * 400);
+  EXPECT_EQ(resting, 399);
 }
 
 TEST(Noise, OfThirdDifferencesDoesNotSeeASlowMotion) {

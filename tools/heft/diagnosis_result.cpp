@@ -321,19 +321,22 @@ nlohmann::ordered_json parameters_json(const Finding& finding) {
 }
 
 nlohmann::ordered_json effect_json(const Finding& finding) {
-  return {{"kind", finding.kind},
-          {"joint", joint_or_null(finding.joint)},
-          {"name", effect_name(finding.kind)},
-          {"parameters", parameters_json(finding)},
-          {"p_value", number_or_null(finding.p_value)},
-          {"delta_bic", number_or_null(finding.delta_bic)},
-          {"cross_validated_fall", number_or_null(finding.cross_validated)},
-          {"main_joint", finding.main_joint + 1},
-          {"validate_rmse_before", number_or_null(finding.validate_before)},
-          {"validate_rmse_after", number_or_null(finding.validate_after)},
-          {"rivals", rivals_json(finding.rivals, true)},
-          {"equivalent", rivals_json(finding.equivalent, false)},
-          {"shown_by", shown_by(finding)}};
+  nlohmann::ordered_json json{{"kind", finding.kind},
+                              {"joint", joint_or_null(finding.joint)},
+                              {"name", effect_name(finding.kind)},
+                              {"parameters", parameters_json(finding)},
+                              {"p_value", number_or_null(finding.p_value)},
+                              {"delta_bic", number_or_null(finding.delta_bic)},
+                              {"cross_validated_fall", number_or_null(finding.cross_validated)},
+                              {"main_joint", finding.main_joint + 1},
+                              {"validate_rmse_before", number_or_null(finding.validate_before)},
+                              {"validate_rmse_after", number_or_null(finding.validate_after)},
+                              {"rivals", rivals_json(finding.rivals, true)},
+                              {"equivalent", rivals_json(finding.equivalent, false)},
+                              {"shown_by", shown_by(finding)}};
+  if (finding.displacement != Displacement::kPosition)
+    json["displacement"] = displacement_name(finding.displacement);
+  return json;
 }
 
 /// Refusals, those that would explain most first.
@@ -398,6 +401,8 @@ std::string parameters_in_words(const Finding& finding, const model::Robot& robo
         fmt::format("{} {}{}{}", name, short_number(value), unit.empty() || unit == "°" ? "" : " ", unit));
   }
   for (const auto& [name, value] : finding.words) parts.push_back(fmt::format("{} {}", name, value));
+  if (finding.displacement == Displacement::kVelocity) parts.push_back("by the velocity as logged");
+  if (finding.displacement == Displacement::kMeasured) parts.push_back("by velocity and position as logged");
   for (std::size_t k = 0; k < finding.events.size(); ++k) {
     std::string event = fmt::format("at {} s for {} s", short_number(finding.events[k].first, 4),
                                     short_number(finding.events[k].second, 2));

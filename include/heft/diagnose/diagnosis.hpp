@@ -34,8 +34,9 @@ struct Finding {
   double p_value{1.0};          ///< robust to correlated residuals, times the number of candidates tried
   double delta_bic{0.0};        ///< with effective samples and the candidates tried; negative: better with it
   double cross_validated{0.0};  ///< fall of the rms error of its joint on blocks not fitted, as a share
-  double validate_before{0.0}, validate_after{0.0};  ///< rms error of its main joint on the validation logs
-  int main_joint{0};                                 ///< where it shows most
+  double validate_before{0.0}, validate_after{0.0};    ///< rms error of its main joint on the validation logs
+  int main_joint{0};                                   ///< where it shows most
+  Displacement displacement{Displacement::kPosition};  ///< that its memory goes by, if it has one
   std::vector<Rival> rivals, equivalent;
   std::string shown_by;  ///< the motion that would tell it from its rivals
 };

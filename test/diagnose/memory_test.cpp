@@ -1,0 +1,111 @@
+/// Friction that remembers, told from what a joint does after it has stopped: two joints that stop and settle by
+/// tenths of a milliradian, with encoders too coarse to show it.
+#include <cmath>
+#include <random>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "heft/core/effects/effects.hpp"
+#include "heft/diagnose/diagnosis.hpp"
+#include "heft/model/motion_torque.hpp"
+#include "support/arms.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kRate = 200.0, kX0 = 2e-4, kSharp = 0.3;
+
+model::Robot arm() {
+  model::Robot robot = test::planar_two_link();
+  robot.joints[0].actuation = {0.0, 6.0, 2.0, 0.0};
+  robot.joints[1].actuation = {0.0, 3.0, 1.0, 0.0};
+  return robot;
+}
+
+/// Rests, moves for 24 s and rests again; each joint swings back a little as it stops.
+data::Log log_of(unsigned seed, bool velocities) {
+  const double moving = 24.0, begin = 2.0, rest = 4.0;
+  const auto rows = static_cast<Index>((begin + moving + rest) * kRate);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> phase(0.0, 6.28), part(0.7, 1.3);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  data::Log log;
+  log.path = "memory-" + std::to_string(seed);
+  log.time.resize(rows), log.q.resize(rows, 2), log.qd.resize(rows, 2);
+  MatrixXd qdd(rows, 2), steps = MatrixXd::Zero(rows, 4);
+  for (int j = 0; j < 2; ++j) {
+    const double a = 0.5 * part(random), b = 0.25 * part(random), f = 0.13 * part(random),
+                 g = 0.41 * part(random);
+    const double p = phase(random), r = phase(random), back = 2.5e-4 * part(random);
+    const auto q = [&](double t) {
+      const double u = t - begin, w = 2.0 * 3.14159265358979;
+      if (u <= 0.0) return 0.0;
+      // Fades in and out within a second.
+      const double in = std::min(u, 1.0), out = std::min(std::max(moving - u, 0.0), 1.0);
+      const double fade =
+          in * in * in * (10 - in * (15 - 6 * in)) * out * out * out * (10 - out * (15 - 6 * out));
+      const double settled =
+          u > moving ? back * (std::exp(-8.0 * (u - moving)) * (1 + 8.0 * (u - moving)) - 1) : 0.0;
+      return fade * (a * std::sin(w * f * u + p) + b * std::sin(w * g * u + r)) + settled;
+    };
+    constexpr double h = 1e-4;
+    for (Index k = 0; k < rows; ++k) {
+      const double t = log.time[k] = static_cast<double>(k) / kRate;
+      log.q(k, j) = q(t);
+      log.qd(k, j) = (q(t + h) - q(t - h)) / (2 * h);
+      qdd(k, j) = (q(t + h) - 2 * q(t) + q(t - h)) / (h * h);
+      if (k > 0) steps(k, j) = log.q(k, j) - log.q(k - 1, j);
+    }
+  }
+  model::Robot robot = arm();
+  JointEffect<double> memory;
+  memory.kind = joint_effect_kind<Hysteresis>();
+  memory.joint = 0;
+  memory.parameters = {kX0, kSharp};
+  memory.displacement = Displacement::kVelocity;
+  robot.effects = {memory};
+  log.tau = model::MotionTorque(robot).torque(log.time, log.q, log.qd, qdd, 1e-3, steps);
+  for (Index k = 0; k < rows; ++k) {
+    for (int j = 0; j < 2; ++j) {
+      log.tau(k, j) += 0.05 * noise(random);
+      log.q(k, j) = 2.4e-5 * std::round((log.q(k, j) + 2e-5 * noise(random)) / 2.4e-5);
+    }
+  }
+  if (!velocities) log.qd.resize(0, 0);
+  return log;
+}
+
+TEST(Memory, GoesByTheVelocityWhereTheEncoderIsTooCoarse) {
+  for (const bool velocities : {true, false}) {
+    const Diagnosis d = diagnose(arm(), {log_of(1, velocities), log_of(2, velocities), log_of(3, velocities)},
+                                 {log_of(4, velocities)});
+    const Finding* found = nullptr;
+    for (const Finding& f : d.findings) {
+      EXPECT_TRUE(f.kind == "hysteresis" && f.joint == 0) << f.kind << " " << f.joint + 1;
+      found = &f;
+    }
+    ASSERT_NE(found, nullptr) << velocities;
+    if (!velocities) {
+      EXPECT_EQ(found->displacement, Displacement::kPosition);
+      continue;
+    }
+    EXPECT_NE(found->displacement, Displacement::kPosition);
+    EXPECT_NEAR(found->parameters[0].second, kX0, 0.15 * kX0);
+    EXPECT_NEAR(found->parameters[1].second, kSharp, 0.05);
+    // What holds the joint at rest is told.
+    const Traces& judged = d.validate.front();
+    const auto at_rest = static_cast<Index>(3.0 * kRate);
+    const auto rms = [&](const MatrixXd& r) {
+      return std::sqrt(r.col(0).tail(at_rest).squaredNorm() / static_cast<double>(at_rest));
+    };
+    EXPECT_LT(rms(judged.after), 0.1 * rms(judged.before));
+  }
+}
+
+}  // namespace
+}  // namespace heft::diagnose
