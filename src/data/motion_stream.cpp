@@ -1,5 +1,4 @@
 #include "heft/data/motion_stream.hpp"
-#include "heft/core/effects/displacement.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "heft/core/effects/displacement.hpp"
 #include "heft/host/error.hpp"
 #include "log_file.hpp"
 #include "motion_steps.hpp"

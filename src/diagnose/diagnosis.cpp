@@ -147,10 +147,9 @@ MatrixXd predicted_by(const MotionTable& table, const model::Robot& robot) {
     const VectorXd time = table.time.segment(begin, count);
     const MatrixXd q = table.q.middleRows(begin, count), qd = table.qd.middleRows(begin, count),
                    qdd = table.qdd.middleRows(begin, count);
-    MatrixXd displacement;
-    if (table.displacement.cols() > 0) displacement = table.displacement.middleRows(begin, count);
     torque.start_from(time, q, qd, qdd, table.tau.middleRows(begin, count), width);
-    predicted.middleRows(begin, count) = torque.torque(time, q, qd, qdd, width, displacement);
+    predicted.middleRows(begin, count) =
+        torque.torque(time, q, qd, qdd, width, table.displacement.middleRows(begin, count));
   }
   return predicted;
 }
@@ -435,7 +434,7 @@ class Session {
       engine_->accepted.push_back(taken);
       engine_->build();
       if (taken.kind == "elasticity" || taken.kind == "delay") engine_->tune();
-      find_memory_anew(taken);
+      find_memory_anew(taken.joint);
       trace("with " + name_of(taken), predicted_by(judged_table_, engine_->robot()));
       again = taken.effect >= 0 ? taken.joint : -1;
       ++round;
@@ -444,10 +443,10 @@ class Session {
   }
 
   /// What a joint's friction remembers was found before another effect of that joint was in place.
-  void find_memory_anew(const Candidate& beside) {
+  void find_memory_anew(int joint) {
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
       Candidate& own = engine_->accepted[e];
-      if (own.joint != beside.joint || !joint_effect_has_memory(own.effect)) continue;
+      if (own.joint != joint || !joint_effect_has_memory(own.effect)) continue;
       std::vector<Candidate> forms = forms_of_memory(e, {own.joint});
       if (forms.empty()) continue;
       if (options_.trace) {
@@ -608,10 +607,12 @@ class Session {
       for (std::size_t e = 0; e < engine_->accepted.size() && !refused; ++e) {
         const MatrixXd without = predicted_by(judged_table_, rebuilt_without(e)->robot());
         without_each_.push_back(rms_errors(judged_table_, without));
-        const std::string why = harm(engine_->accepted[e], after, without_each_.back(), in_band,
-                                     score_table(judged_table_, judged_, without, band()));
+        const std::vector<identify::Score> in_band_without =
+            score_table(judged_table_, judged_, without, band());
+        const std::string why =
+            harm(engine_->accepted[e], after, without_each_.back(), in_band, in_band_without);
         if (why.empty()) continue;
-        if (!take_another_form(e, without)) take_out(e, why);
+        if (!take_another_form(e, without_each_.back(), in_band_without)) take_out(e, why);
         refused = true;
       }
       if (refused) continue;
@@ -649,13 +650,12 @@ class Session {
 
   /// Against an effect of friction's memory that does harm: another of its forms that does none, the best first. One
   /// such exchange for each effect.
-  /// @param without  prediction without the effect
-  bool take_another_form(std::size_t effect, const MatrixXd& without) {
+  /// @param before, in_band_before  errors without the effect, as in harm()
+  bool take_another_form(std::size_t effect, const std::vector<VectorXd>& before,
+                         const std::vector<identify::Score>& in_band_before) {
     const Candidate own = engine_->accepted[effect];
     if (!joint_effect_has_memory(own.effect) || !exchanged_.insert(own.joint).second) return false;
-    const std::vector<VectorXd> before = rms_errors(judged_table_, without);
-    const std::vector<identify::Score> in_band_before = score_table(judged_table_, judged_, without, band());
-    for (Candidate& form : forms_of_memory(effect, {own.joint, -1})) {
+    for (const Candidate& form : forms_of_memory(effect, {own.joint, -1})) {
       if (same_effect(form, own) && std::abs(std::log(form.shape / own.shape)) < 0.05) continue;
       auto tried = rebuilt_without(effect);
       tried->accepted.insert(tried->accepted.begin() + static_cast<std::ptrdiff_t>(effect), form);

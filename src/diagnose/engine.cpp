@@ -26,7 +26,7 @@ Motion delayed(const MotionTable& table, double delay) {
   motion.q = earlier(table, table.q, delay);
   motion.qd = earlier(table, table.qd, delay);
   motion.qdd = earlier(table, table.qdd, delay);
-  if (table.displacement.cols() > 0) motion.displacement = earlier(table, table.displacement, delay);
+  motion.displacement = earlier(table, table.displacement, delay);
   for (int j = 0; j < table.num_joints; ++j) {
     motion.direction.col(j) = motion.qd.col(j).unaryExpr(
         [width = table.sign_width[j]](double v) { return velocity_sign(v, width); });

@@ -1,5 +1,6 @@
 /// Friction that remembers, told from what a joint does after it has stopped: two joints that stop and settle by
 /// tenths of a milliradian, with encoders too coarse to show it.
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
