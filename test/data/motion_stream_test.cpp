@@ -338,6 +338,12 @@ TEST(MotionStream, TellsDisplacementsFromTheVelocitiesAsLogged) {
     ASSERT_EQ(pieces.rows(), rows);
     EXPECT_LT((pieces - steps).colwise().sum().cwiseAbs().maxCoeff(), 12.0 * kStep);
     EXPECT_LT((steps_of(200, true) - pieces).colwise().sum().cwiseAbs().maxCoeff(), 12.0 * kStep);
+    // A velocity that reads too much runs away alone, and does not where it is held near the position.
+    log.qd.array() += 1e-3;
+    const Eigen::MatrixXd biased = steps_of(16384, false);
+    const double drift = 1e-3 * (log.time[rows - 1] - log.time[0]);
+    EXPECT_NEAR((biased - steps).col(0).sum(), drift, 1e-3 * drift);
+    EXPECT_NEAR(log.q(0, 0) + biased.col(1).sum(), log.q(rows - 1, 0), 4.5 * kStep);
     // A log without velocities has none, and nobody gets any without asking.
     const auto columns = [&] {
       Index found = 0;
