@@ -164,6 +164,39 @@ TEST(Validate, OtherCommandsTakeTheModelAsTheRobotToo) {
   EXPECT_THAT(tip.err, HasSubstr("--urdf"));
 }
 
+TEST(Validate, DynamicsGoesByTheDisplacementThatAnEffectNames) {
+  // A position that shows nothing of how joint 2 settles, and a velocity that does.
+  const test::TemporaryFolder folder;
+  constexpr double kX0 = 1e-3;
+  data::Log log = log_of(ur10e());
+  log.q.col(1).setZero();
+  log.qd.setZero(log.num_samples(), 6);
+  log.qd.col(1).segment(700, 10).setConstant(0.01);
+  log.qd.col(1).segment(710, 3).setConstant(-0.01);
+  data::write_log(folder.path("log.csv"), log);
+  const auto predicted_by = [&](Displacement displacement) {
+    model::Robot robot = ur10e();
+    robot.effects = {{joint_effect_kind<Hysteresis>(), 1, {kX0, 0.0}, displacement}};
+    model::write_model(folder.path("arm.json"), model::make_model(robot));
+    EXPECT_EQ(run_heft({"dynamics", "--model", folder.path("arm.json"), "--log", folder.path("log.csv"), "-o",
+                        folder.path("tau.csv")})
+                  .exit_code,
+              0);
+    return numbers_of(folder.path("tau.csv"));
+  };
+  const std::vector<double> velocity = predicted_by(Displacement::kVelocity),
+                            position = predicted_by(Displacement::kPosition);
+  ASSERT_EQ(velocity.size(), 7U * static_cast<std::size_t>(log.num_samples()));
+  double z = 0.0;
+  for (Eigen::Index k = 1; k < log.num_samples(); ++k) {
+    const double step = 0.5 * (log.qd(k, 1) + log.qd(k - 1, 1)) * (log.time[k] - log.time[k - 1]);
+    z = Hysteresis::memory({kX0, 0.0}, z, step);
+    const auto at = static_cast<std::size_t>(7 * k + 2);
+    ASSERT_NEAR(velocity[at] - position[at], ur10e().joints[1].actuation.coulomb_friction * z, 1e-6) << k;
+  }
+  EXPECT_GT(z, 0.1);
+}
+
 TEST(Validate, JudgesAtTheSensorTheModelWasFittedTo) {
   const test::TemporaryFolder folder;
   model::Robot robot = ur10e();

@@ -11,6 +11,7 @@
 
 #include "command.hpp"
 #include "console.hpp"
+#include "heft/data/motion_stream.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/motion_torque.hpp"
@@ -62,6 +63,26 @@ struct LogResult {
   std::optional<identify::Score> score;  ///< when the log holds torque to compare with
 };
 
+/// What friction's memory goes by where the model says so: displacements as logged, samples × 2 n; no columns where
+/// no effect asks for them or the log has no velocities of its own.
+Eigen::MatrixXd displacement_as_logged(const model::Robot& robot, const PreparedLog& log) {
+  const bool asked = std::any_of(
+      robot.effects.begin(), robot.effects.end(),
+      [](const JointEffect<double>& effect) { return effect.displacement != Displacement::kPosition; });
+  if (!asked || log.motion.velocity_derived) return {};
+  data::StreamOptions options;
+  options.displacement = true;
+  options.cut_standstill = false;
+  const data::MotionStream stream(log.log, options);
+  Eigen::MatrixXd displacement(log.log.num_samples(), kMeasuredDisplacements * robot.num_joints());
+  Eigen::Index rows = 0;
+  stream.for_each([&](const data::MotionChunk& piece) {
+    displacement.middleRows(rows, piece.row_time.size()) = piece.row_displacement;
+    rows += piece.row_time.size();
+  });
+  return displacement;
+}
+
 /// Computes the rows of one log and appends them to `csv`, each after `prefix`.
 LogResult work_on(const std::string& path, const Options& options, const model::Dynamics& dynamics,
                   const std::string& prefix, std::string& csv) {
@@ -74,7 +95,10 @@ LogResult work_on(const std::string& path, const Options& options, const model::
   needs.robot_name = dynamics.robot().name;
   needs.velocity = needs.acceleration = !is_gravity;
   needs.min_samples = 1;  // what has to be derived asks for more
-  LogResult result{prepare_log(path, options.log, needs).log, {}, {}};
+  PreparedLog prepared = prepare_log(path, options.log, needs);
+  const Eigen::MatrixXd displacement =
+      is_torque ? displacement_as_logged(dynamics.robot(), prepared) : Eigen::MatrixXd();
+  LogResult result{std::move(prepared.log), {}, {}};
   const data::Log& log = result.log;
   const int num_samples = log.num_samples();
   if (options.what != "regressor") result.torque.resize(num_samples, n);
@@ -97,7 +121,8 @@ LogResult work_on(const std::string& path, const Options& options, const model::
         const int count = std::min(kRowsAtOnce, num_samples - k);
         result.torque.middleRows(k, count) =
             motion.torque(log.time.segment(k, count).array() - log.time[0], log.q.middleRows(k, count),
-                          log.qd.middleRows(k, count), log.qdd.middleRows(k, count));
+                          log.qd.middleRows(k, count), log.qdd.middleRows(k, count), 0.0,
+                          displacement.middleRows(k, displacement.rows() > 0 ? count : 0));
       }
       append_row(csv, log.time[k], result.torque.row(k));
       continue;

@@ -73,10 +73,10 @@ constexpr bool joint_effect_has_memory(int kind) {
 /// One effect on one joint with its values.
 template <typename Scalar>
 struct JointEffect {
-  int kind{0};                            ///< place in JointEffectTypes
-  int joint{0};                           ///< counted from 0
-  EffectParameters<Scalar> parameters{};  ///< in the order of the effect's kParameters
-  Displacement displacement{Displacement::kPosition};
+  int kind{0};                                         ///< place in JointEffectTypes
+  int joint{0};                                        ///< counted from 0
+  EffectParameters<Scalar> parameters{};               ///< in the order of the effect's kParameters
+  Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
 };
 
 /// Torque of an effect at one instant [N·m, N]; 0 for a kind that does not exist. No allocation.
