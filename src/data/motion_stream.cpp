@@ -778,7 +778,9 @@ void MotionStream::Impl::add_displacement(const Window& window, Index lo, Index 
     chunk.displacement = steps(travelled, lo, size);
     return;
   }
+  // Memory goes by turning points: one that lies between rows of the grid moves to the nearest of them.
   Eigen::MatrixXd even(window.grid.size(), travelled.cols());
+  const double half = 0.5 / summary.sample_rate;
   Index at = 0;
   for (Index k = 0; k < window.grid.size(); ++k) {
     const double t = window.grid[k];
@@ -786,7 +788,18 @@ void MotionStream::Impl::add_displacement(const Window& window, Index lo, Index 
     const Index next = std::min(at + 1, count - 1);
     const double span = window.time[next] - window.time[at];
     const double share = span > 0.0 ? std::clamp((t - window.time[at]) / span, 0.0, 1.0) : 0.0;
-    even.row(k) = (1.0 - share) * travelled.row(at) + share * travelled.row(next);
+    const Eigen::RowVectorXd between = (1.0 - share) * travelled.row(at) + share * travelled.row(next);
+    even.row(k) = between;
+    Index first = at;
+    while (first > 0 && window.time[first - 1] > t - half) --first;
+    for (Index i = first; i < count && window.time[i] <= t + half; ++i) {
+      if (window.time[i] <= t - half || i == 0 || i + 1 == count) continue;
+      for (Index c = 0; c < travelled.cols(); ++c) {
+        const double x = travelled(i, c);
+        const bool turns = (x - travelled(i - 1, c)) * (travelled(i + 1, c) - x) < 0.0;
+        if (turns && std::abs(x - between[c]) > std::abs(even(k, c) - between[c])) even(k, c) = x;
+      }
+    }
   }
   chunk.displacement = steps(even, lo, size);
 }

@@ -15,6 +15,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heft/core/effects/hysteresis.hpp"
 #include "heft/host/error.hpp"
 #include "motion_steps.hpp"
 #include "support/temporary_folder.hpp"
@@ -358,6 +359,42 @@ TEST(MotionStream, TellsDisplacementsFromTheVelocitiesAsLogged) {
     options.displacement = true;
     log.qd.resize(0, 0);
     EXPECT_EQ(columns(), 0);
+  }
+}
+
+TEST(MotionStream, GridsOfUnevenLogsKeepTurningPointsOfTheDisplacement) {
+  // A joint stops, swings back by a tenth of a milliradian and rests: for a row or two of the log it is at the turn.
+  constexpr double kRate = 100.0, kSwing = 1e-4;
+  const heft::EffectParameters<double> friction{1e-4, 0.0};
+  for (unsigned seed = 1; seed <= 30; ++seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> late(-0.45, 0.45);
+    Log log;
+    log.path = "swinging back";
+    const Index rows = 500;
+    log.time.resize(rows), log.q.resize(rows, 1), log.qd.setZero(rows, 1), log.tau.setZero(rows, 1);
+    for (Index k = 0; k < rows; ++k) {
+      const double t = log.time[k] = (static_cast<double>(k) + late(random)) / kRate;
+      const double u = std::clamp((t - 1.0) / 2.0, 0.0, 1.0);
+      log.q(k, 0) = 0.5 * u * u * (3.0 - 2.0 * u);
+      log.qd(k, 0) = 1.5 * u * (1.0 - u);
+    }
+    log.qd(310, 0) = -2.0 * kSwing * kRate;
+    log.qd(311, 0) = 1.4 * kSwing * kRate;
+    StreamOptions options;
+    options.motion.cutoff = 6.0;
+    options.prefer_logged = false;
+    options.displacement = true;
+    double on_rows = 0.0, on_grid = 0.0;
+    MotionStream(log, options).for_each([&](const MotionChunk& piece) {
+      const auto remember = [&](double& z, const Eigen::Ref<const Eigen::VectorXd>& steps) {
+        for (const double step : steps) z = heft::Hysteresis::memory(friction, z, step);
+      };
+      remember(on_rows, piece.row_displacement.col(0));
+      remember(on_grid, piece.displacement.col(0).segment(piece.begin, piece.count));
+    });
+    EXPECT_LT(std::abs(on_rows), 0.9);
+    EXPECT_NEAR(on_grid, on_rows, 0.05) << seed;
   }
 }
 
