@@ -199,7 +199,7 @@ struct MotionTorque::Impl {
     for (std::size_t k = 0; k < robot.effects.size(); ++k) {
       const JointEffect<double>& effect = robot.effects[k];
       const int j = effect.joint;
-      if (started) {
+      if (started && !memory_stays) {
         const bool as_measured = effect.displacement != Displacement::kPosition && measured.cols() > 0;
         const double step =
             as_measured ? measured(at, displacement_column(effect.displacement, j, robot.num_joints()))
@@ -249,6 +249,7 @@ struct MotionTorque::Impl {
 
   // State.
   bool started{false};
+  bool memory_stays{false};  ///< whatever the motion
   double last_time{0.0};
   Eigen::VectorXd last_q;
   std::vector<double> memory;
@@ -307,8 +308,11 @@ void MotionTorque::start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd
   if (!any || time.size() == 0) return;
   Index rows = 0;
   while (rows < time.size() && time[rows] - time[0] < kSeenAtRest) ++rows;
+  // Memory that begins at 0 would wander with the noise of the position.
+  s.memory_stays = true;
   const Eigen::MatrixXd left = tau.topRows(rows) - torque(time.head(rows), q.topRows(rows), qd.topRows(rows),
                                                           qdd.topRows(rows), sign_width);
+  s.memory_stays = false;
   s.reset();
   for (std::size_t k = 0; k < s.robot.effects.size(); ++k) {
     const JointEffect<double>& effect = s.robot.effects[k];

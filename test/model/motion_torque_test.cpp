@@ -218,6 +218,27 @@ TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {
   EXPECT_EQ(moving, motion.torque(m.time, m.q, m.qd, m.qdd));
 }
 
+TEST(MotionTorque, BeginsWhereFrictionIsSeenToHoldThoughThePositionIsNoisy) {
+  // As above; the position as logged wanders by two thirds of x0 while the joint stands, the velocity does not.
+  const double x0 = 0.03, Fc = 0.8, z0 = 0.7;
+  Robot robot = arm_with_friction();
+  const Eigen::Index rows = 60;
+  Motion m{Eigen::VectorXd::LinSpaced(rows, 0.0, 0.59), Eigen::MatrixXd::Zero(rows, 2),
+           Eigen::MatrixXd::Zero(rows, 2), Eigen::MatrixXd::Zero(rows, 2)};
+  Eigen::MatrixXd held = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd);
+  held.col(1).array() += Fc * z0;
+  robot.effects = {effect_of<Hysteresis>(1, {x0, 0.0})};
+  robot.effects[0].displacement = heft::Displacement::kVelocity;
+  for (Eigen::Index k = 20; k < 40; ++k) m.q(k, 1) = 0.02;
+  // The second joint of this arm feels gravity's change with its position.
+  held += MotionTorque(arm_with_friction()).torque(m.time, m.q, m.qd, m.qdd) -
+          MotionTorque(arm_with_friction()).torque(m.time, 0.0 * m.q, m.qd, m.qdd);
+  MotionTorque motion(robot);
+  motion.start_from(m.time, m.q, m.qd, m.qdd, held);
+  const Eigen::MatrixXd stands = Eigen::MatrixXd::Zero(rows, heft::kMeasuredDisplacements * 2);
+  EXPECT_LT((motion.torque(m.time, m.q, m.qd, m.qdd, 0.0, stands) - held).cwiseAbs().maxCoeff(), 1e-12);
+}
+
 TEST(MotionTorque, SmoothsTheSignOfEffectsLikeThatOfFriction) {
   const Motion m = swing(50, 50.0);
   const double width = 2.0;
