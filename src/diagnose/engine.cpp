@@ -58,11 +58,10 @@ void Engine::build() {
   MatrixXd keep = keep_;
   double delay = 0.0;
   bool elastic = false;
-  for (int j = 0; j < table_.num_joints; ++j) {
-    const bool remembers = std::any_of(accepted.begin(), accepted.end(), [&](const Candidate& e) {
-      return e.joint == j && joint_effect_has_memory(e.effect);
-    });
-    if (remembers || j == standing_counts) keep.col(j) += table_.standing.col(j);
+  const auto count_standing = [&](int j) { keep.col(j) = keep_.col(j) + table_.standing.col(j); };
+  if (standing_counts >= 0) count_standing(standing_counts);
+  for (const Candidate& e : accepted) {
+    if (joint_effect_has_memory(e.effect)) count_standing(e.joint);
   }
   for (const Candidate& e : accepted) {
     if (e.kind == "delay") delay += e.shape;

@@ -66,10 +66,7 @@ struct LogResult {
 /// What friction's memory goes by where the model says so: displacements as logged, samples × 2 n; no columns where
 /// no effect asks for them or the log has no velocities of its own.
 Eigen::MatrixXd displacement_as_logged(const model::Robot& robot, const PreparedLog& log) {
-  const bool asked = std::any_of(
-      robot.effects.begin(), robot.effects.end(),
-      [](const JointEffect<double>& effect) { return effect.displacement != Displacement::kPosition; });
-  if (!asked || log.motion.velocity_derived) return {};
+  if (!goes_by_logged_displacement(robot) || log.motion.velocity_derived) return {};
   data::StreamOptions options;
   options.displacement = true;
   options.cut_standstill = false;
@@ -119,10 +116,11 @@ LogResult work_on(const std::string& path, const Options& options, const model::
     if (is_torque) {
       if (k % kRowsAtOnce == 0) {
         const int count = std::min(kRowsAtOnce, num_samples - k);
+        Eigen::MatrixXd steps;
+        if (displacement.cols() > 0) steps = displacement.middleRows(k, count);
         result.torque.middleRows(k, count) =
             motion.torque(log.time.segment(k, count).array() - log.time[0], log.q.middleRows(k, count),
-                          log.qd.middleRows(k, count), log.qdd.middleRows(k, count), 0.0,
-                          displacement.middleRows(k, displacement.rows() > 0 ? count : 0));
+                          log.qd.middleRows(k, count), log.qdd.middleRows(k, count), 0.0, steps);
       }
       append_row(csv, log.time[k], result.torque.row(k));
       continue;

@@ -98,9 +98,7 @@ void judge_logs(const Options& options) {
     streaming.prefer_logged = false;
     if (band == 0) band = loaded.fit->band_hz;
   }
-  streaming.displacement = std::any_of(
-      robot.effects.begin(), robot.effects.end(),
-      [](const JointEffect<double>& effect) { return effect.displacement != Displacement::kPosition; });
+  streaming.displacement = goes_by_logged_displacement(robot);
   std::vector<data::MotionStream> streams;
   for (const std::string& path : options.log.logs) {
     if (std::find(loaded.fitted_to.begin(), loaded.fitted_to.end(), path) != loaded.fitted_to.end()) {

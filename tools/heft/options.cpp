@@ -1,5 +1,6 @@
 #include "options.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -92,6 +93,12 @@ LoadedRobot load_robot_and_fit(const RobotOptions& options) {
 }
 
 model::Robot load_robot(const RobotOptions& options) { return load_robot_and_fit(options).robot; }
+
+bool goes_by_logged_displacement(const model::Robot& robot) {
+  return std::any_of(robot.effects.begin(), robot.effects.end(), [](const JointEffect<double>& effect) {
+    return effect.displacement != Displacement::kPosition;
+  });
+}
 
 model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
   const bool fitted_at_joint = loaded.fit && loaded.fit->torque_at == "joint";

@@ -53,6 +53,8 @@ enum class TorqueAt {
 /// The robot whose joint torque is what was measured there: a sensor behind the gears sees rigid bodies only,
 /// unless the model was fitted to such a sensor; then friction that it has is friction that the sensor saw.
 model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at);
+/// Whether friction of this robot remembers by a displacement as logged rather than by the derived position.
+bool goes_by_logged_displacement(const model::Robot& robot);
 
 /// --log, --torque-constant, --torque-at, --band.
 struct LogOptions {

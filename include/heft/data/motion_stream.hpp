@@ -34,6 +34,7 @@ struct MotionChunk {
   Eigen::MatrixXd row_q, row_qd, row_qdd, row_tau;
   /// Displacements since the row before, on the grid and of the log's own rows, rows × 2 n: the integral of the logged
   /// velocity, then the same held within four standard deviations of the logged position; see displacement_column().
+  /// On a grid other than the log's own, turning points between its rows move to the nearest of them.
   /// Friction's memory sees in them how a joint settles, which a low-pass rounds off and the encoder's steps and noise
   /// hide [rad, m]. No columns unless asked for, or without logged velocities.
   Eigen::MatrixXd displacement, row_displacement;
