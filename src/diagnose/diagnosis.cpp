@@ -28,6 +28,8 @@ constexpr double kLevel = 1e-3;
 constexpr double kSteadyGain = 2.5;
 /// Least fall of the rms error on left-out blocks in the joint where it shows most.
 constexpr double kSizeThatMatters = 0.02;
+/// The same when three or more runs all gain from it.
+constexpr double kSizeInRuns = 0.01;
 /// Least part of what stands above the noise that it must explain there.
 constexpr double kShareThatNames = 0.2;
 /// The same when three or more runs all gain from it.
@@ -354,18 +356,18 @@ class Session {
     const bool in_time = c.kind == "payload_change" || c.kind == "friction_drift";
     if (!in_time && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
     if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";
+    // Several runs that agree say what one run leaves open.
+    const auto& runs = c.trial.run_gain;
+    const bool agreed = runs.size() >= 3 && *std::min_element(runs.begin(), runs.end()) > 0.0;
     Index main = 0;
     const double size = fall(c.trial).maxCoeff(&main);
-    if (!(size > kSizeThatMatters)) return "too small to matter";
+    if (!(size > (agreed ? kSizeInRuns : kSizeThatMatters))) return "too small to matter";
     if (c.kind == "delay" && (fall(c.trial).array() > 0.5 * kSizeThatMatters).count() < 2) {
       return "shows in one joint only: a late channel is late for all";
     }
     const double rows = engine_->problem().counted()[main];
     const double floor = rows * noise_floor[main] * noise_floor[main];
     const double above = std::max(1e-300, c.trial.joint_before[main] - floor);
-    // Several runs that agree say what one run leaves open.
-    const auto& runs = c.trial.run_gain;
-    const bool agreed = runs.size() >= 3 && *std::min_element(runs.begin(), runs.end()) > 0.0;
     const double least = agreed ? kShareInRuns : kShareThatNames;
     if ((c.trial.joint_before[main] - c.trial.joint_after[main]) / above < least) {
       return "explains only a small part of what is left there";
@@ -442,7 +444,8 @@ class Session {
     notes_.push_back(fmt::format("stopped at {} effects; what is left may hold more", options_.most_effects));
   }
 
-  /// What a joint's friction remembers was found before another effect of that joint was in place.
+  /// What a joint's friction remembers was found before another effect of that joint was in place, or beside one that
+  /// has gone.
   void find_memory_anew(int joint) {
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
       Candidate& own = engine_->accepted[e];
@@ -537,16 +540,20 @@ class Session {
         continue;
       }
       evidence_.clear();  // no longer that of the model as it stands
+      const int joint = own.joint;
+      const bool remembers = joint_effect_has_memory(own.effect);
       if (best == nullptr) {
         refusals_.push_back({own.kind, own.joint, "another effect has made it needless", 0.0});
         engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(e));
         engine_->build();
+        if (!remembers) find_memory_anew(joint);
         continue;
       }
       if (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain) {
         if (options_.trace) options_.trace(fmt::format("exchanged {} for {}", name_of(own), name_of(*best)));
         engine_->accepted[e] = *best;
         engine_->build();
+        if (!remembers) find_memory_anew(joint);
       }
       ++e;
     }

@@ -1,5 +1,5 @@
-/// Friction that remembers, told from what a joint does after it has stopped: two joints that stop and settle by
-/// tenths of a milliradian, with encoders too coarse to show it.
+/// What several runs of an arm tell: friction that remembers, from what a joint does after it has stopped (two joints
+/// settle by tenths of a milliradian, with encoders too coarse to show it), and effects too small for one run.
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -28,8 +28,19 @@ model::Robot arm() {
   return robot;
 }
 
+model::Robot remembering_arm() {
+  model::Robot robot = arm();
+  JointEffect<double> memory;
+  memory.kind = joint_effect_kind<Hysteresis>();
+  memory.joint = 0;
+  memory.parameters = {kX0, kSharp};
+  memory.displacement = Displacement::kVelocity;
+  robot.effects = {memory};
+  return robot;
+}
+
 /// Rests, moves for 24 s and rests again; each joint swings back a little as it stops.
-data::Log log_of(unsigned seed, bool velocities) {
+data::Log log_of(const model::Robot& robot, unsigned seed, bool velocities) {
   const double moving = 24.0, begin = 2.0, rest = 4.0;
   const auto rows = static_cast<Index>((begin + moving + rest) * kRate);
   std::mt19937 random(seed);
@@ -63,13 +74,6 @@ data::Log log_of(unsigned seed, bool velocities) {
       if (k > 0) steps(k, j) = log.q(k, j) - log.q(k - 1, j);
     }
   }
-  model::Robot robot = arm();
-  JointEffect<double> memory;
-  memory.kind = joint_effect_kind<Hysteresis>();
-  memory.joint = 0;
-  memory.parameters = {kX0, kSharp};
-  memory.displacement = Displacement::kVelocity;
-  robot.effects = {memory};
   log.tau = model::MotionTorque(robot).torque(log.time, log.q, log.qd, qdd, 1e-3, steps);
   for (Index k = 0; k < rows; ++k) {
     for (int j = 0; j < 2; ++j) {
@@ -83,8 +87,8 @@ data::Log log_of(unsigned seed, bool velocities) {
 
 TEST(Memory, GoesByTheVelocityWhereTheEncoderIsTooCoarse) {
   for (const bool velocities : {true, false}) {
-    const Diagnosis d = diagnose(arm(), {log_of(1, velocities), log_of(2, velocities), log_of(3, velocities)},
-                                 {log_of(4, velocities)});
+    const auto log = [velocities](unsigned seed) { return log_of(remembering_arm(), seed, velocities); };
+    const Diagnosis d = diagnose(arm(), {log(1), log(2), log(3)}, {log(4)});
     const Finding* found = nullptr;
     for (const Finding& f : d.findings) {
       EXPECT_TRUE(f.kind == "hysteresis" && f.joint == 0) << f.kind << " " << f.joint + 1;
@@ -106,6 +110,25 @@ TEST(Memory, GoesByTheVelocityWhereTheEncoderIsTooCoarse) {
     };
     EXPECT_LT(rms(judged.after), 0.1 * rms(judged.before));
   }
+}
+
+TEST(Size, ThatMattersIsLessWhereThreeRunsAgree) {
+  // An offset that makes up between one and two per cent of its joint's error: two runs leave it open, three that all
+  // show it do not.
+  model::Robot robot = arm();
+  robot.joints[1].actuation.friction_offset = 0.04;
+  const auto log = [&robot](unsigned seed) { return log_of(robot, seed, false); };
+  const auto is_the_offset = [](const auto& x) { return x.kind == "offset" && x.joint == 1; };
+
+  const Diagnosis two = diagnose(arm(), {log(2), log(3)}, {log(4)});
+  EXPECT_TRUE(two.findings.empty());
+  const auto refused = std::find_if(two.refusals.begin(), two.refusals.end(), is_the_offset);
+  ASSERT_NE(refused, two.refusals.end());
+  EXPECT_GT(refused->gain, 1.0 - 0.99 * 0.99);  // of the squared error
+  EXPECT_LT(refused->gain, 1.0 - 0.98 * 0.98);
+
+  const Diagnosis three = diagnose(arm(), {log(1), log(2), log(3)}, {log(4)});
+  EXPECT_EQ(std::count_if(three.findings.begin(), three.findings.end(), is_the_offset), 1);
 }
 
 }  // namespace
