@@ -445,7 +445,7 @@ class Session {
   }
 
   /// What a joint's friction remembers was found before another effect of that joint was in place, or beside one that
-  /// has gone.
+  /// backward checks have taken out.
   void find_memory_anew(int joint) {
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
       Candidate& own = engine_->accepted[e];
@@ -541,7 +541,7 @@ class Session {
       }
       evidence_.clear();  // no longer that of the model as it stands
       const int joint = own.joint;
-      const bool remembers = joint_effect_has_memory(own.effect);
+      const bool remembers = joint_effect_has_memory(own.effect);  // compared in each of its forms above
       if (best == nullptr) {
         refusals_.push_back({own.kind, own.joint, "another effect has made it needless", 0.0});
         engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(e));
