@@ -314,12 +314,21 @@ void MotionTorque::start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd
                                                           qdd.topRows(rows), sign_width);
   s.memory_stays = false;
   s.reset();
+  // What several memories of a joint hold together, each does with its part of what they can.
+  const auto most = [&](const JointEffect<double>& effect) {
+    EffectPoint<double> slid;
+    slid.memory = joint_effect_has_memory(effect.kind) ? 1.0 : 0.0;
+    return slid.memory * joint_effect_torque(
+                             effect, slid, s.robot.joints[static_cast<std::size_t>(effect.joint)].actuation);
+  };
+  Eigen::VectorXd together = Eigen::VectorXd::Zero(s.robot.num_joints());
+  for (const JointEffect<double>& effect : s.robot.effects) together[effect.joint] += most(effect);
   for (std::size_t k = 0; k < s.robot.effects.size(); ++k) {
     const JointEffect<double>& effect = s.robot.effects[k];
     if (!(qd.col(effect.joint).head(rows).cwiseAbs().maxCoeff() < kRestSpeed)) continue;
-    s.memory[k] =
-        joint_effect_memory_at_rest(effect, left.col(effect.joint).mean(),
-                                    s.robot.joints[static_cast<std::size_t>(effect.joint)].actuation);
+    s.memory[k] = joint_effect_memory_at_rest(
+        effect, left.col(effect.joint).mean() * (most(effect) / together[effect.joint]),
+        s.robot.joints[static_cast<std::size_t>(effect.joint)].actuation);
   }
 }
 

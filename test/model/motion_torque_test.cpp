@@ -218,6 +218,30 @@ TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {
   EXPECT_EQ(moving, motion.torque(m.time, m.q, m.qd, m.qdd));
 }
 
+TEST(MotionTorque, BeginsWithTwoDistancesThatHoldTogether) {
+  // Half of the friction turns over within x1, a quarter within x2, the rest at once: at rest both memories hold with
+  // the same part of what they can.
+  const double x1 = 0.01, x2 = 0.05, Fc = 0.8, z0 = -0.6;
+  Robot robot = arm_with_friction();
+  const Eigen::Index rows = 90;
+  Motion m{Eigen::VectorXd::LinSpaced(rows, 0.0, 0.89), Eigen::MatrixXd::Zero(rows, 2),
+           Eigen::MatrixXd::Zero(rows, 2), Eigen::MatrixXd::Zero(rows, 2)};
+  for (Eigen::Index k = 60; k < rows; ++k) {
+    m.q(k, 1) = 0.002 * static_cast<double>(k - 59);
+    m.qd(k, 1) = 0.2;
+  }
+  Eigen::MatrixXd measured = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd);
+  for (Eigen::Index k = 0; k < rows; ++k) {
+    for (const auto& [x, part] : {std::pair(x1, 0.5), std::pair(x2, 0.25)}) {
+      measured(k, 1) += Fc * part * (1 - (1 - z0) * std::exp(-m.q(k, 1) / x) - sign(m.qd(k, 1)));
+    }
+  }
+  robot.effects = {effect_of<Hysteresis>(1, {x1, 0.5}), effect_of<Hysteresis>(1, {x2, 0.75})};
+  MotionTorque motion(robot);
+  motion.start_from(m.time, m.q, m.qd, m.qdd, measured);
+  EXPECT_LT((motion.torque(m.time, m.q, m.qd, m.qdd) - measured).cwiseAbs().maxCoeff(), 1e-12);
+}
+
 TEST(MotionTorque, BeginsWhereFrictionIsSeenToHoldThoughThePositionIsNoisy) {
   // As above; the position as logged wanders by two thirds of x0 while the joint stands, the velocity does not.
   const double x0 = 0.03, Fc = 0.8, z0 = 0.7;
