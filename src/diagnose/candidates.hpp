@@ -20,6 +20,9 @@ struct FrictionForm {
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
 };
 
+/// Runs that have to agree before an effect counts that a single run leaves open.
+inline constexpr std::size_t kRunsThatAgree = 3;
+
 /// One effect on one joint (or the whole arm) at its best shape.
 struct Candidate {
   std::string kind;
@@ -32,13 +35,22 @@ struct Candidate {
   Trial trial;
   bool stale{false};         ///< judged before another effect was taken
   std::vector<int> entries;  ///< payload_change: inertial parameters that the coefficients are
-  double second{0.0};        ///< another shape (damping)
+  double second{0.0};        ///< another shape (damping; beside a first memory: that one's distance)
   double level{0.0};         ///< friction that it makes up in the last fit [N·m, N]
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
-  std::string refused;                                 ///< why it cannot be; empty: it can
-  std::vector<std::pair<double, double>> events;       ///< contact: begin and length [s]
-  std::vector<Eigen::Vector3d> forces;                 ///< contact [N]
+  /// A second memory, which takes its part from the first one of its joint; as a candidate its columns are its own and
+  /// those of the first one at the distance that goes with it.
+  bool beside{false};
+  std::string refused;                            ///< why it cannot be; empty: it can
+  std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
+  std::vector<Eigen::Vector3d> forces;            ///< contact [N]
   std::vector<int> event_runs;
+};
+
+/// The memory that the friction of a joint has already.
+struct FirstMemory {
+  const Candidate* effect{nullptr};  ///< none: nullptr
+  int column{-1};                    ///< of the problem, the effect's
 };
 
 /// What candidates are made from.
@@ -52,6 +64,7 @@ struct Workbench {
   const Eigen::MatrixXd* load;               ///< m × n: rigid-body torque of the present fit
   /// logs × n: torque that friction holds a resting joint with when the log begins; not finite where it moves
   const Eigen::MatrixXd* held;
+  std::vector<FirstMemory> memories;  ///< n: what each joint's friction remembers already
 };
 
 /// Best candidate of every kind of joint effect on a joint, judged; an effect that can take the place of the Coulomb
@@ -67,6 +80,11 @@ EffectParameters<double> effect_parameters(int effect, const Eigen::VectorXd& co
 /// @param level  the friction that it makes up, which tells where its memory begins [N·m, N]
 Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape,
                                      FrictionForm form, double level);
+
+/// Column of a second memory beside the first one of its joint, m × 1: that of its own less that of the first one, so
+/// that its coefficient is what it takes over from it.
+Eigen::MatrixXd second_memory_columns(const Workbench& bench, const Candidate& second,
+                                      const Candidate& first);
 
 /// Candidates of the whole arm, judged: delay, base tilt, payload change, couplings.
 std::vector<Candidate> arm_candidates(const Workbench& bench);

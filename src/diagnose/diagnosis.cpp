@@ -80,7 +80,7 @@ int tried_of(const std::vector<Candidate>& candidates) {
 /// The same effect in the same place, and in the same form.
 bool same_effect(const Candidate& a, const Candidate& b) {
   return a.kind == b.kind && a.joint == b.joint && (a.replaces >= 0) == (b.replaces >= 0) &&
-         a.displacement == b.displacement;
+         a.displacement == b.displacement && a.beside == b.beside;
 }
 
 std::string name_of(const Candidate& c) {
@@ -336,9 +336,10 @@ class Session {
   std::string objection(const Candidate& c, int tried, const VectorXd& noise_floor,
                         const std::vector<Candidate>& taken) const {
     if (!c.refused.empty()) return c.refused;
-    for (const Candidate& e : taken) {
-      if (e.kind == c.kind && e.joint == c.joint) return "is in the model already";
-    }
+    const auto in_place = std::count_if(taken.begin(), taken.end(), [&](const Candidate& e) {
+      return e.kind == c.kind && e.joint == c.joint;
+    });
+    if (in_place > (c.beside ? 1 : 0)) return "is in the model already";
     if (!c.trial.valid) return "this motion cannot tell it from the rest of the model";
     if (c.kind == "friction_drift" && c.shape < kQuickestWarming)
       return "too quick for a joint that warms up";
@@ -358,7 +359,8 @@ class Session {
     if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";
     // Several runs that agree say what one run leaves open.
     const auto& runs = c.trial.run_gain;
-    const bool agreed = runs.size() >= 3 && *std::min_element(runs.begin(), runs.end()) > 0.0;
+    const bool agreed = runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
+    if (c.beside && !agreed) return "a second distance takes three runs that agree";
     Index main = 0;
     const double size = fall(c.trial).maxCoeff(&main);
     if (!(size > (agreed ? kSizeInRuns : kSizeThatMatters))) return "too small to matter";
@@ -433,7 +435,7 @@ class Session {
       }
       best = simplest(pool, best, tried, noise, engine_->accepted);
       const Candidate taken = *best;
-      engine_->accepted.push_back(taken);
+      engine_->put(engine_->accepted.size(), taken);
       engine_->build();
       if (taken.kind == "elasticity" || taken.kind == "delay") engine_->tune();
       find_memory_anew(taken.joint);
@@ -449,7 +451,9 @@ class Session {
   void find_memory_anew(int joint) {
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
       Candidate& own = engine_->accepted[e];
-      if (own.joint != joint || !joint_effect_has_memory(own.effect)) continue;
+      // The first of two comes with the second.
+      if (own.joint != joint || !joint_effect_has_memory(own.effect) || engine_->second_memory(e) >= 0)
+        continue;
       std::vector<Candidate> forms = forms_of_memory(e, {own.joint});
       if (forms.empty()) continue;
       if (options_.trace) {
@@ -457,7 +461,7 @@ class Session {
                                    displacement_name(forms[0].displacement), own.shape,
                                    displacement_name(own.displacement)));
       }
-      own = std::move(forms[0]);
+      engine_->put(e, std::move(forms[0]));
       engine_->build();
     }
   }
@@ -541,7 +545,8 @@ class Session {
       }
       evidence_.clear();  // no longer that of the model as it stands
       const int joint = own.joint;
-      const bool remembers = joint_effect_has_memory(own.effect);  // compared in each of its forms above
+      // A memory was compared in each of its forms above; the first of two takes its own distance again.
+      const bool remembers = joint_effect_has_memory(own.effect) && !own.beside;
       if (best == nullptr) {
         refusals_.push_back({own.kind, own.joint, "another effect has made it needless", 0.0});
         engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(e));
@@ -551,7 +556,7 @@ class Session {
       }
       if (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain) {
         if (options_.trace) options_.trace(fmt::format("exchanged {} for {}", name_of(own), name_of(*best)));
-        engine_->accepted[e] = *best;
+        engine_->put(e, *best);
         engine_->build();
         if (!remembers) find_memory_anew(joint);
       }
@@ -571,7 +576,9 @@ class Session {
     engine->masses_held = masses_held;
     engine->standing_counts = standing_counts;
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
-      if (static_cast<std::ptrdiff_t>(e) != without) engine->accepted.push_back(engine_->accepted[e]);
+      const auto own = static_cast<std::ptrdiff_t>(e);
+      if (own != without && (without < 0 || engine_->first_memory(e) != without))
+        engine->accepted.push_back(engine_->accepted[e]);
     }
     if (!engine->accepted.empty() || standing_counts >= 0) engine->build();
     return engine;
@@ -665,7 +672,8 @@ class Session {
     for (const Candidate& form : forms_of_memory(effect, {own.joint, -1})) {
       if (same_effect(form, own) && std::abs(std::log(form.shape / own.shape)) < 0.05) continue;
       auto tried = rebuilt_without(effect);
-      tried->accepted.insert(tried->accepted.begin() + static_cast<std::ptrdiff_t>(effect), form);
+      tried->accepted.insert(tried->accepted.begin() + static_cast<std::ptrdiff_t>(effect), own);
+      tried->put(effect, form);
       tried->build();
       const MatrixXd with = predicted_by(judged_table_, tried->robot());
       if (!harm(form, rms_errors(judged_table_, with), before,

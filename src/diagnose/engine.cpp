@@ -51,7 +51,12 @@ Engine::Engine(const model::Robot& robot, MotionTable table, double steady)
 }
 
 Workbench Engine::bench() const {
-  return {problem_.get(), &base_, &table_, &motion_, &rows_, &rigid_, &load_, &held_};
+  std::vector<FirstMemory> memories(static_cast<std::size_t>(table_.num_joints));
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    if (!joint_effect_has_memory(accepted[e].effect) || first_memory(e) >= 0) continue;
+    memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
+  }
+  return {problem_.get(), &base_, &table_, &motion_, &rows_, &rigid_, &load_, &held_, std::move(memories)};
 }
 
 void Engine::build() {
@@ -131,10 +136,13 @@ void Engine::refit(bool deflect) {
     Candidate& effect = accepted[e];
     if (effect.kind == "delay" || effect.kind == "contact") continue;
     if (effect.effect >= 0) {
+      const std::ptrdiff_t first = first_memory(e);
+      effect.beside = first >= 0;
       if (load_.size() > 0) {
-        effect.columns.values = {joint_effect_columns(bench(), effect.effect, effect.joint, effect.shape,
-                                                      {effect.replaces >= 0, effect.displacement},
-                                                      effect.level)};
+        effect.columns.values = {
+            effect.beside ? second_memory_columns(bench(), effect, accepted[static_cast<std::size_t>(first)])
+                          : joint_effect_columns(bench(), effect.effect, effect.joint, effect.shape,
+                                                 {effect.replaces >= 0, effect.displacement}, effect.level)};
       }
     } else if (effect.kind == "elasticity") {
       if (deflect) {
@@ -189,9 +197,11 @@ void Engine::see_what_is_held() {
     for (std::size_t e = 0; e < accepted.size(); ++e) {
       Candidate& effect = accepted[e];
       if (!joint_effect_has_memory(effect.effect) || first_column_[e] < 0) continue;
-      effect.level = coefficients(e)[0];
+      // Two of them hold in step, each with its part: as if the first one did it all.
+      const std::ptrdiff_t first = first_memory(e);
+      effect.level = first >= 0 ? accepted[static_cast<std::size_t>(first)].level : fitted(e)[0];
       held_(r, effect.joint) +=
-          effect.level * effect.columns.values[0].col(0).segment(begin, end - begin).mean();
+          fitted(e)[0] * effect.columns.values[0].col(0).segment(begin, end - begin).mean();
     }
   }
 }
@@ -242,7 +252,51 @@ void Engine::tune() {
   build();
 }
 
+void Engine::put(std::size_t index, Candidate candidate) {
+  if (candidate.beside) {
+    candidate.replaces = -1;
+    candidate.columns.values[0].conservativeResize(Eigen::NoChange, 1);
+    const auto first = std::find_if(accepted.begin(), accepted.end(), [&](const Candidate& e) {
+      return e.joint == candidate.joint && joint_effect_has_memory(e.effect);
+    });
+    first->shape = candidate.second;
+    const auto at = static_cast<std::size_t>(first - accepted.begin());
+    if (at > index) {  // the first of two stands before the second
+      std::swap(accepted[at], accepted[index]);
+      index = at;
+    }
+  }
+  if (index == accepted.size()) {
+    accepted.push_back(std::move(candidate));
+  } else {
+    accepted[index] = std::move(candidate);
+  }
+}
+
+std::ptrdiff_t Engine::first_memory(std::size_t index) const {
+  if (!joint_effect_has_memory(accepted[index].effect)) return -1;
+  for (std::size_t e = 0; e < index; ++e) {
+    if (accepted[e].joint == accepted[index].joint && joint_effect_has_memory(accepted[e].effect))
+      return static_cast<std::ptrdiff_t>(e);
+  }
+  return -1;
+}
+
+std::ptrdiff_t Engine::second_memory(std::size_t index) const {
+  for (std::size_t e = index + 1; e < accepted.size(); ++e) {
+    if (first_memory(e) == static_cast<std::ptrdiff_t>(index)) return static_cast<std::ptrdiff_t>(e);
+  }
+  return -1;
+}
+
 VectorXd Engine::coefficients(std::size_t index) const {
+  VectorXd c = fitted(index);
+  const std::ptrdiff_t second = second_memory(index);
+  if (second >= 0) c -= fitted(static_cast<std::size_t>(second));
+  return c;
+}
+
+VectorXd Engine::fitted(std::size_t index) const {
   if (first_column_[index] < 0) return {};
   const Candidate& e = accepted[index];
   const int count = e.replaces >= 0 || e.kind == "elasticity" ? 1 : e.columns.count();
@@ -299,11 +353,11 @@ MatrixXd Engine::predicted() const {
     const Candidate& effect = accepted[e];
     if (first_column_[e] < 0) continue;
     if (effect.kind == "elasticity") {
-      tau.col(effect.joint) += motion_.qdd.col(effect.joint) * coefficients(e)[0];
+      tau.col(effect.joint) += motion_.qdd.col(effect.joint) * fitted(e)[0];
       continue;
     }
     for (std::size_t a = 0; a < effect.columns.joints.size(); ++a) {
-      tau.col(effect.columns.joints[a]) += effect.columns.values[a] * coefficients(e);
+      tau.col(effect.columns.joints[a]) += effect.columns.values[a] * fitted(e);
     }
   }
   return tau;
@@ -333,7 +387,8 @@ std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {
 
 void Engine::judge_again(Candidate& candidate) const {
   if (candidate.stale && candidate.kind != "contact" && candidate.columns.count() > 0) {
-    candidate.trial = problem_->judge(problem_->moments(candidate.columns), candidate.replaces);
+    candidate.trial =
+        problem_->judge(problem_->moments(candidate.columns), candidate.replaces, candidate.beside ? 1 : 0);
   }
   candidate.stale = false;
 }

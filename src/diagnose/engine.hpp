@@ -20,6 +20,9 @@ class Engine {
 
   /// Fits base and accepted effects anew.
   void build();
+  /// Puts a candidate in place of an accepted effect, or as one more: index accepted.size(). A second memory brings the
+  /// distance of the first one with it. build() comes after it.
+  void put(std::size_t index, Candidate candidate);
   /// Betters the shapes of elastic joints and delays, which the rest of the model has a part in.
   void tune();
   /// Candidates for one more effect, judged: those of the joints asked for and those of the whole arm.
@@ -46,13 +49,18 @@ class Engine {
   model::Robot robot() const;
   /// Torque of every row, also of rows that do not count, m × n.
   Eigen::MatrixXd predicted() const;
-  /// Coefficients of an accepted effect.
+  /// Coefficients of an accepted effect. The first memory of a joint's friction holds its part of what both do.
   Eigen::VectorXd coefficients(std::size_t index) const;
+  /// The memory that an accepted one stands beside, or that stands beside it; -1: none.
+  std::ptrdiff_t first_memory(std::size_t index) const;
+  std::ptrdiff_t second_memory(std::size_t index) const;
   double steady() const { return steady_; }
 
  private:
   Workbench bench() const;
   void refit(bool deflect);
+  /// Of the columns.
+  Eigen::VectorXd fitted(std::size_t index) const;
   void see_what_is_held();
 
   MotionTable table_;

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "candidates.hpp"
 #include "heft/core/effects/effects.hpp"
@@ -51,6 +52,13 @@ MatrixXd columns_of(const Workbench& bench, int joint, double shape, FrictionFor
   return values;
 }
 
+/// Ratio of neighbours in the grid of a shape.
+template <typename Effect>
+double range_ratio() {
+  const ShapeRange& range = Effect::kShapes[0];
+  return std::pow(range.to / range.from, 1.0 / std::max(1.0, range.steps - 1.0));
+}
+
 /// The first grid of a shape.
 std::vector<double> grid_of(const ShapeRange& range, const MotionTable& table, int joint) {
   double unit = 1.0;
@@ -73,6 +81,75 @@ std::vector<double> grid_of(const ShapeRange& range, const MotionTable& table, i
   return grid;
 }
 
+/// Range of a shape for a memory that goes by a displacement.
+template <typename Effect>
+ShapeRange range_of(Displacement displacement) {
+  ShapeRange range = Effect::kShapes[0];
+  if (displacement != Displacement::kPosition) {
+    // What was measured resolves shorter distances than a low-passed position.
+    constexpr double kShorter = 0.05;
+    const double step = std::log(range.to / range.from) / std::max(1.0, range.steps - 1.0);
+    range.from *= kShorter;
+    range.steps += static_cast<int>(std::lround(-std::log(kShorter) / step));
+  }
+  return range;
+}
+
+/// Finds a second memory of a joint's friction beside the one in place, and that one's distance anew: the distance of
+/// one alone lies between the two.
+template <typename Effect>
+Candidate second_memory(const Workbench& bench, int joint, Displacement displacement) {
+  const FirstMemory& in_place = bench.memories[static_cast<std::size_t>(joint)];
+  Candidate first = *in_place.effect;
+  Candidate c;
+  c.kind = std::string(Effect::kId);
+  c.joint = joint;
+  c.effect = joint_effect_kind<Effect>();
+  c.displacement = displacement;
+  c.beside = true;
+  c.level = first.level;
+  c.columns.joints = {joint};
+  const auto columns = [&](double own, double other) -> MatrixXd {
+    c.shape = own, first.shape = other;
+    MatrixXd values(bench.table->rows(), 2);
+    values << second_memory_columns(bench, c, first),
+        columns_of<Effect>(bench, joint, other, {first.replaces >= 0, first.displacement}, first.level);
+    return values;
+  };
+  const auto best_of = [&](const std::vector<double>& owns, const std::vector<double>& others) {
+    std::pair<double, double> best;
+    double most = -1.0;
+    for (const double own : owns) {
+      std::vector<Columns> list;
+      for (const double other : others) list.push_back({{joint}, {columns(own, other)}});
+      c.tried += static_cast<int>(list.size());
+      const std::vector<double> gains = bench.problem->gains(list, in_place.column);
+      const auto top = std::max_element(gains.begin(), gains.end());
+      if (*top > most) most = *top, best = {own, others[static_cast<std::size_t>(top - gains.begin())]};
+    }
+    return best;
+  };
+  // Every second distance of the grids, then finer steps around the best pair.
+  const auto coarse = [&](Displacement by) {
+    std::vector<double> all = grid_of(range_of<Effect>(by), *bench.table, joint), some;
+    for (std::size_t k = 0; k < all.size(); k += 2) some.push_back(all[k]);
+    return some;
+  };
+  auto [own, other] = best_of(coarse(displacement), coarse(first.displacement));
+  double step = range_ratio<Effect>();
+  for (int k = 0; k < 4; ++k, step = std::sqrt(step)) {
+    std::tie(own, other) = best_of({own / step, own, own * step}, {other / step, other, other * step});
+  }
+  c.columns.values = {columns(own, other)};
+  c.second = other;
+  c.replaces = in_place.column;
+  c.trial = bench.problem->judge(bench.problem->moments(c.columns), c.replaces, 1);
+  const VectorXd& parts = c.trial.coefficients;
+  if (!(parts[0] > 0.0)) c.refused = "would be negative";
+  if (!(parts[0] < parts[1])) c.refused = "would be more than all of the friction";
+  return c;
+}
+
 /// Finds the best shape of one effect on one joint.
 template <typename Effect>
 class Search {
@@ -90,14 +167,7 @@ class Search {
     candidate.effect = joint_effect_kind<Effect>();
     double best = 0.0;
     if constexpr (Effect::kShapes.size() > 0) {
-      ShapeRange range = Effect::kShapes[0];
-      if (form_.displacement != Displacement::kPosition) {
-        // What was measured resolves shorter distances than a low-passed position.
-        constexpr double kShorter = 0.05;
-        const double step = std::log(range.to / range.from) / std::max(1.0, range.steps - 1.0);
-        range.from *= kShorter;
-        range.steps += static_cast<int>(std::lround(-std::log(kShorter) / step));
-      }
+      const ShapeRange range = range_of<Effect>(form_.displacement);
       const std::vector<double> grid = grid_of(range, *bench_.table, joint_);
       candidate.tried = static_cast<int>(grid.size());
       const std::vector<double> gains = gains_of(grid);
@@ -209,6 +279,13 @@ MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, dou
   return values;
 }
 
+MatrixXd second_memory_columns(const Workbench& bench, const Candidate& second, const Candidate& first) {
+  const auto part = [&](const Candidate& c) {
+    return joint_effect_columns(bench, c.effect, c.joint, c.shape, {false, c.displacement}, first.level);
+  };
+  return part(second) - part(first);
+}
+
 EffectParameters<double> effect_parameters(int effect, const VectorXd& coefficients, double shape,
                                            const JointActuation<double>& actuation) {
   EffectParameters<double> result{};
@@ -231,6 +308,13 @@ std::vector<Candidate> joint_candidates(const Workbench& bench, int joint, int o
            {Displacement::kPosition, Displacement::kVelocity, Displacement::kMeasured}) {
         const bool measured = displacement != Displacement::kPosition;
         if (measured && (!EffectWithMemory<Effect> || bench.motion->displacement.cols() == 0)) continue;
+        if constexpr (EffectWithMemory<Effect>) {
+          if (bench.memories[static_cast<std::size_t>(joint)].effect != nullptr) {
+            if (bench.table->runs.size() >= kRunsThatAgree)
+              found.push_back(second_memory<Effect>(bench, joint, displacement));
+            continue;
+          }
+        }
         found.push_back(Search<Effect>(bench, joint, {ReplacesCoulomb<Effect>, displacement}).run());
         if constexpr (ReplacesCoulomb<Effect>) {
           found.push_back(Search<Effect>(bench, joint, {false, displacement}).run());

@@ -387,7 +387,7 @@ double Problem::gain(const ColumnMoments& m, int without) const {
   return std::max(0.0, error_ - solve(whole, without, steady_, ridge_, false).error);
 }
 
-Trial Problem::judge(const ColumnMoments& m, int without) const {
+Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
   const int n = num_joints();
   const int k = m.count;
   const std::size_t blocks = table_->blocks.size();
@@ -442,12 +442,13 @@ Trial Problem::judge(const ColumnMoments& m, int without) const {
   if (used < 4) return trial;
   meat *= static_cast<double>(used) / static_cast<double>(used - 1);
   trial.std = meat.diagonal().cwiseSqrt();
-  VectorXd in_deviations = trial.coefficients;
-  if (!solve_positive(meat, in_deviations)) return trial;
-  trial.wald = trial.coefficients.dot(in_deviations);
-  // Hotelling: W (B - k) / (k (B - 1)) follows F(k, B - k).
-  const double f = trial.wald * (used - k) / (static_cast<double>(k) * (used - 1));
-  trial.p_value = identify::fisher_tail(f, k, used - k);
+  const int t = tested > 0 ? tested : k;
+  VectorXd in_deviations = trial.coefficients.head(t);
+  if (!solve_positive(meat.topLeftCorner(t, t), in_deviations)) return trial;
+  trial.wald = trial.coefficients.head(t).dot(in_deviations);
+  // Hotelling: W (B - t) / (t (B - 1)) follows F(t, B - t).
+  const double f = trial.wald * (used - t) / (static_cast<double>(t) * (used - 1));
+  trial.p_value = identify::fisher_tail(f, t, used - t);
   MatrixXd over_naive = meat;
   solve_positive(naive, over_naive);
   const double design = std::max(1.0, over_naive.trace() / k);
@@ -502,7 +503,8 @@ Trial Problem::judge(const ColumnMoments& m, int without) const {
 
   // Left-out blocks. Gains count by n ln(before / after), the fall of the log-likelihood with the noise of each
   // block its own: a few violent blocks would drown all others otherwise.
-  trial.run_gain.assign(table_->runs.size(), 0.0);
+  const auto runs = static_cast<Index>(table_->runs.size());
+  MatrixXd run_before = MatrixXd::Zero(runs, n), run_after = run_before, run_rows = run_before;
   std::vector<double> gains;
   std::vector<int> place_of_joint(static_cast<std::size_t>(n), -1);
   for (std::size_t a = 0; a < m.joints.size(); ++a)
@@ -524,12 +526,23 @@ Trial Problem::judge(const ColumnMoments& m, int without) const {
             squared_error(moments_[b][s], places_[s], with.theta, &m, b, place_of_joint[s], columns_);
         trial.joint_before[j] += before;
         trial.joint_after[j] += after;
+        const Index run = table_->blocks[b].run;
+        run_before(run, j) += before;
+        run_after(run, j) += after;
+        run_rows(run, j) += rows;
         // A block that fits perfectly would count without bound.
         const double floor = 1e-4 * noise_[j] * noise_[j] * rows;
         gain += rows * std::log(std::max(before, floor) / std::max(after, floor));
       }
       gains.push_back(gain);
-      trial.run_gain[static_cast<std::size_t>(table_->blocks[b].run)] += gain;
+    }
+  }
+  trial.run_gain.assign(table_->runs.size(), 0.0);
+  for (Index r = 0; r < runs; ++r) {
+    for (int j = 0; j < n; ++j) {
+      if (run_after(r, j) > 0.0 && run_before(r, j) > 0.0)
+        trial.run_gain[static_cast<std::size_t>(r)] +=
+            run_rows(r, j) * std::log(run_before(r, j) / run_after(r, j));
     }
   }
   for (int j = 0; j < n; ++j) {

@@ -35,14 +35,14 @@ struct Trial {
   double gain{0.0};              ///< fall of the weighted squared error on the rows of the fit
   double cv_gain{0.0};           ///< rows times fall of ln(squared error) on left-out blocks: what counts
   double cv_t{0.0};              ///< mean of it over blocks against its standard error
-  double wald{0.0};              ///< statistic of all coefficients, robust
+  double wald{0.0};              ///< statistic of the coefficients tested, robust
   double p_value{1.0};           ///< of it, one candidate
   double effective_rows{0.0};    ///< rows less what their correlation costs
   Eigen::VectorXd joint_before, joint_after;  ///< n: squared error on left-out blocks [N²m²]
   /// Largest deviation of the first coefficient in a quarter of the time from that of the whole, in parts of it;
   /// only what stands above three standard errors counts.
   double drift{0.0};
-  std::vector<double> run_gain;  ///< gain on left-out blocks by log
+  std::vector<double> run_gain;  ///< of each log: rows times fall of ln(squared error) on its left-out blocks
   bool valid{false};             ///< false: the base explains the columns, nothing can be said
 };
 
@@ -93,7 +93,8 @@ class Problem {
   /// Fall of the weighted squared error on the rows of the fit.
   /// @param without  column of the base that the candidate stands in for; -1: none
   double gain(const ColumnMoments& moments, int without = -1) const;
-  Trial judge(const ColumnMoments& moments, int without = -1) const;
+  /// @param tested  how many of the first coefficients chance is asked of; 0: all
+  Trial judge(const ColumnMoments& moments, int without = -1, int tested = 0) const;
   double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }
 
  private:

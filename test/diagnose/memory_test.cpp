@@ -112,6 +112,36 @@ TEST(Memory, GoesByTheVelocityWhereTheEncoderIsTooCoarse) {
   }
 }
 
+TEST(Memory, OfTwoDistancesIsFoundWhereThreeRunsAgree) {
+  // Most of the friction turns over within a short distance, the rest within one fifteen times as long.
+  constexpr double kShort = 1.5e-4, kLong = 2.2e-3, kPart = 0.6;
+  model::Robot robot = remembering_arm();
+  robot.effects.push_back(robot.effects[0]);
+  robot.effects[0].parameters = {kShort, 1.0 - kPart};
+  robot.effects[1].parameters = {kLong, kPart};
+  const auto log = [&robot](unsigned seed) { return log_of(robot, seed, true); };
+
+  const Diagnosis two = diagnose(arm(), {log(1), log(2)}, {log(4)});
+  ASSERT_EQ(two.findings.size(), 1u);
+  EXPECT_EQ(two.findings[0].kind, "hysteresis");
+
+  const Diagnosis three = diagnose(arm(), {log(1), log(2), log(3)}, {log(4)});
+  ASSERT_EQ(three.findings.size(), 2u);
+  std::vector<std::pair<double, double>> found;  // distance and part
+  for (const Finding& f : three.findings) {
+    EXPECT_TRUE(f.kind == "hysteresis" && f.joint == 0) << f.kind << " " << f.joint + 1;
+    found.emplace_back(f.parameters[0].second, 1.0 - f.parameters[1].second);
+  }
+  std::sort(found.begin(), found.end());
+  EXPECT_NEAR(found[0].first, kShort, 0.25 * kShort);
+  EXPECT_NEAR(found[1].first, kLong, 0.25 * kLong);
+  EXPECT_NEAR(found[0].second, kPart, 0.1);
+  EXPECT_NEAR(found[0].second + found[1].second, 1.0, 0.05);
+  EXPECT_LT(three.validate_after.rmse[0], 0.8 * two.validate_after.rmse[0]);
+  // The robot that is handed on predicts what the diagnosis says.
+  EXPECT_EQ(three.after.effects.size(), 2u);
+}
+
 TEST(Size, ThatMattersIsLessWhereThreeRunsAgree) {
   // An offset that makes up between one and two per cent of its joint's error: two runs leave it open, three that all
   // show it do not.

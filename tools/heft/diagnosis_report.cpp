@@ -363,7 +363,7 @@ report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext
     report::Table effects({"", "effect", "term", "parameters", "motion that shows it"});
     int rank = 0;
     for (const Finding& finding : diagnosis.findings) {
-      effects.add_row({fmt::format("{}", ++rank), capital(effect_in_place(finding.kind, finding.joint)),
+      effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)),
                        effect_equation(finding.kind), parameters_in_words(finding, robot),
                        shown_by(finding)});
     }

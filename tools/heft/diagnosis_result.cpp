@@ -366,6 +366,13 @@ std::string effect_in_place(const std::string& kind, int joint) {
   return joint < 0 ? name : fmt::format("{} in joint {}", name, joint + 1);
 }
 
+std::string finding_in_place(const Diagnosis& diagnosis, const Finding& finding) {
+  const auto same = std::count_if(
+      diagnosis.findings.begin(), diagnosis.findings.end(),
+      [&](const Finding& other) { return other.kind == finding.kind && other.joint == finding.joint; });
+  return effect_in_place(finding.kind, finding.joint) + (same > 1 ? ", one of two distances" : "");
+}
+
 std::string effect_equation(const std::string& kind) {
   std::string equation;
   for (const EffectWords& words : kNames) {
@@ -511,7 +518,9 @@ std::string diagnosis_verdict(const Diagnosis& diagnosis) {
     constexpr std::size_t kMostNames = 3, kMostJoints = 2;
     std::vector<std::string> effects, joints;
     for (const Finding& finding : diagnosis.findings) {
-      if (effects.size() < kMostNames) effects.push_back(effect_in_place(finding.kind, finding.joint));
+      const std::string name = effect_in_place(finding.kind, finding.joint);
+      const bool told = std::find(effects.begin(), effects.end(), name) != effects.end();
+      if (!told && effects.size() < kMostNames) effects.push_back(name);
     }
     text = fmt::format("{} effects are missing{}{}", count_in_words(diagnosis.findings.size()),
                        diagnosis.findings.size() > kMostNames ? ", the strongest " : ": ", list_of(effects));
@@ -614,7 +623,7 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
   std::string text = diagnosis_verdict(diagnosis) + "\n";
   int rank = 0;
   for (const Finding& finding : diagnosis.findings) {
-    text += fmt::format("\n{}. {}\n", ++rank, capital(effect_in_place(finding.kind, finding.joint)));
+    text += fmt::format("\n{}. {}\n", ++rank, capital(finding_in_place(diagnosis, finding)));
     const auto line = [&](const char* label, const std::string& content) {
       if (!content.empty()) text += fmt::format("   {:<12}{}\n", label, content);
     };
