@@ -317,8 +317,13 @@ class Session {
     if (cutoff_ > 0.0) return;
     double least = 0.0;
     int step = 0;
-    for (const double hz : {from_motion, 6.0, 12.0, 20.0, 32.0}) {
+    double tried = -1.0;
+    for (double hz : {from_motion, 6.0, 12.0, 20.0, 32.0}) {
       tell("motion", step++ / 5.0);
+      // Motion that is cut off cannot say what the torque does in the band that was asked for.
+      hz = std::max(hz, options_.band);
+      if (hz == tried) continue;
+      tried = hz;
       const std::vector<data::MotionStream> streams = streams_of(train, hz > 0.0 ? hz : 5.0);
       if (hz >= 0.4 * streams.front().summary().sample_rate) continue;
       const Engine engine(robot_, table_of(robot_, streams));

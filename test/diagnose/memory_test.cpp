@@ -142,6 +142,17 @@ TEST(Memory, OfTwoDistancesIsFoundWhereThreeRunsAgree) {
   EXPECT_EQ(three.after.effects.size(), 2u);
 }
 
+TEST(Motion, KeepsTheBandThatWasAskedFor) {
+  // Chosen by the residual, the cut-off of these logs is lower.
+  const auto log = [](unsigned seed) { return log_of(arm(), seed, false); };
+  DiagnoseOptions options;
+  options.band = 25.0;
+  EXPECT_LT(diagnose(arm(), {log(1)}, {log(2)}).cutoff, options.band);
+  EXPECT_GE(diagnose(arm(), {log(1)}, {log(2)}, options).cutoff, options.band);
+  options.cutoff = 10.0;
+  EXPECT_EQ(diagnose(arm(), {log(1)}, {log(2)}, options).cutoff, 10.0);
+}
+
 TEST(Size, ThatMattersIsLessWhereThreeRunsAgree) {
   // An offset that makes up between one and two per cent of its joint's error: two runs leave it open, three that all
   // show it do not.

@@ -224,7 +224,7 @@ model::ModelFile extended_model(const diagnose::Diagnosis& diagnosis, const Diag
   file.provenance.logs = context.train;
   file.provenance.notes.push_back(diagnosis_verdict(diagnosis));
   for (const diagnose::Finding& finding : diagnosis.findings) {
-    file.provenance.notes.push_back(fmt::format("{}: {}; {}", effect_in_place(finding.kind, finding.joint),
+    file.provenance.notes.push_back(fmt::format("{}: {}; {}", finding_in_place(diagnosis, finding),
                                                 parameters_in_words(finding, diagnosis.after),
                                                 evidence_in_words(finding)));
   }
@@ -278,7 +278,8 @@ Action set_up_diagnose(CommandLine line) {
       .type_name("HZ")
       .positive();
   line.get_option("--band").description(
-      "low-pass of the errors in band [Hz] (default: chosen from the motion)");
+      "low-pass of the errors in band [Hz] (default: chosen from the motion); that of the positions is no "
+      "lower");
   line.add_flag("--trace", options->trace, "tell on standard error what the search sees");
   add_output_option(line, options->model, "model file with the effects found", false);
   add_result_options(line, options->result);
