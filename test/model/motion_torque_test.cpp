@@ -188,10 +188,8 @@ TEST(MotionTorque, MemoryGoesByTheDisplacementThatItNames) {
   EXPECT_EQ(MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd), by_position);
 }
 
-TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {
-  // A joint rests for 0.6 s, held by 0.7 of what can hold it, and then moves on: z = 1 - (1 - 0.7) e^{-s/x0}.
-  const double x0 = 0.03, Fc = 0.8, sharp = 0.25, z0 = 0.7;
-  Robot robot = arm_with_friction();
+/// The second joint rests for 0.6 s and then moves on at 0.2 rad/s.
+Motion standing_at_first() {
   const Eigen::Index rows = 100;
   Motion m{Eigen::VectorXd::LinSpaced(rows, 0.0, 0.99), Eigen::MatrixXd::Zero(rows, 2),
            Eigen::MatrixXd::Zero(rows, 2), Eigen::MatrixXd::Zero(rows, 2)};
@@ -199,6 +197,15 @@ TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {
     m.q(k, 1) = 0.002 * static_cast<double>(k - 59);
     m.qd(k, 1) = 0.2;
   }
+  return m;
+}
+
+TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {
+  // A joint rests for 0.6 s, held by 0.7 of what can hold it, and then moves on: z = 1 - (1 - 0.7) e^{-s/x0}.
+  const double x0 = 0.03, Fc = 0.8, sharp = 0.25, z0 = 0.7;
+  Robot robot = arm_with_friction();
+  Motion m = standing_at_first();
+  const Eigen::Index rows = m.time.size();
   Eigen::MatrixXd measured = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd);
   for (Eigen::Index k = 0; k < rows; ++k) {
     const double z = 1 - (1 - z0) * std::exp(-m.q(k, 1) / x0);
@@ -223,13 +230,8 @@ TEST(MotionTorque, BeginsWithTwoDistancesThatHoldTogether) {
   // the same part of what they can.
   const double x1 = 0.01, x2 = 0.05, Fc = 0.8, z0 = -0.6;
   Robot robot = arm_with_friction();
-  const Eigen::Index rows = 90;
-  Motion m{Eigen::VectorXd::LinSpaced(rows, 0.0, 0.89), Eigen::MatrixXd::Zero(rows, 2),
-           Eigen::MatrixXd::Zero(rows, 2), Eigen::MatrixXd::Zero(rows, 2)};
-  for (Eigen::Index k = 60; k < rows; ++k) {
-    m.q(k, 1) = 0.002 * static_cast<double>(k - 59);
-    m.qd(k, 1) = 0.2;
-  }
+  const Motion m = standing_at_first();
+  const Eigen::Index rows = m.time.size();
   Eigen::MatrixXd measured = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd);
   for (Eigen::Index k = 0; k < rows; ++k) {
     for (const auto& [x, part] : {std::pair(x1, 0.5), std::pair(x2, 0.25)}) {
