@@ -146,7 +146,9 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   c.trial = bench.problem->judge(bench.problem->moments(c.columns), c.replaces, 1);
   const VectorXd& parts = c.trial.coefficients;
   if (!(parts[0] > 0.0)) c.refused = "would be negative";
-  if (!(parts[0] < parts[1])) c.refused = "would be more than all of the friction";
+  const bool too_much =
+      first.replaces < 0 && c.trial.valid && !(parts[1] < c.trial.base[bench.base->coulomb(joint)]);
+  if (!(parts[0] < parts[1]) || too_much) c.refused = "would be more than all of the friction";
   return c;
 }
 
