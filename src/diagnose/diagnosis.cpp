@@ -308,24 +308,25 @@ class Session {
 
   /// The cut-off that leaves the smallest residual: a low one loses motion, a high one lets encoder noise in.
   void choose_cutoff(const std::vector<data::Log>& train) {
-    double from_motion = 0.0;
+    double from_motion = 0.0, highest = 0.0;
     for (const data::MotionStream& stream : streams_of(train, 0.0)) {
+      if (highest == 0.0) highest = 0.4 * stream.summary().sample_rate;
       from_motion = std::max(from_motion, stream.summary().cutoff);
       bandwidth_ = std::max(bandwidth_, stream.summary().bandwidth);
     }
     cutoff_ = options_.cutoff;
     if (cutoff_ > 0.0) return;
+    // Motion that is cut off cannot say what the torque does in the band that was asked for.
+    const double lowest = options_.band < highest ? options_.band : 0.0;
     double least = 0.0;
     int step = 0;
     double tried = -1.0;
     for (double hz : {from_motion, 6.0, 12.0, 20.0, 32.0}) {
       tell("motion", step++ / 5.0);
-      // Motion that is cut off cannot say what the torque does in the band that was asked for.
-      hz = std::max(hz, options_.band);
-      if (hz == tried) continue;
+      hz = std::max(hz, lowest);
+      if (hz == tried || hz >= highest) continue;
       tried = hz;
       const std::vector<data::MotionStream> streams = streams_of(train, hz > 0.0 ? hz : 5.0);
-      if (hz >= 0.4 * streams.front().summary().sample_rate) continue;
       const Engine engine(robot_, table_of(robot_, streams));
       double logs = 0.0;
       const VectorXd rms = rms_error(engine.table(), engine.predicted());
