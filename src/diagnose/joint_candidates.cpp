@@ -88,9 +88,8 @@ ShapeRange range_of(Displacement displacement) {
   if (displacement != Displacement::kPosition) {
     // What was measured resolves shorter distances than a low-passed position.
     constexpr double kShorter = 0.05;
-    const double step = std::log(range.to / range.from) / std::max(1.0, range.steps - 1.0);
     range.from *= kShorter;
-    range.steps += static_cast<int>(std::lround(-std::log(kShorter) / step));
+    range.steps += static_cast<int>(std::lround(-std::log(kShorter) / std::log(range_ratio<Effect>())));
   }
   return range;
 }
@@ -100,7 +99,7 @@ ShapeRange range_of(Displacement displacement) {
 template <typename Effect>
 Candidate second_memory(const Workbench& bench, int joint, Displacement displacement) {
   const FirstMemory& in_place = bench.memories[static_cast<std::size_t>(joint)];
-  Candidate first = *in_place.effect;
+  const Candidate& first = *in_place.effect;
   Candidate c;
   c.kind = std::string(Effect::kId);
   c.joint = joint;
@@ -109,19 +108,25 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   c.beside = true;
   c.level = first.level;
   c.columns.joints = {joint};
-  const auto columns = [&](double own, double other) -> MatrixXd {
-    c.shape = own, first.shape = other;
-    MatrixXd values(bench.table->rows(), 2);
-    values << second_memory_columns(bench, c, first),
-        columns_of<Effect>(bench, joint, other, {first.replaces >= 0, first.displacement}, first.level);
+  const auto part = [&](double shape, Displacement by) {
+    return columns_of<Effect>(bench, joint, shape, {false, by}, first.level);
+  };
+  /// Columns of both: what the second takes over from the first, and the first.
+  const auto pair_of = [&](const MatrixXd& own, const MatrixXd& other) -> MatrixXd {
+    MatrixXd values(own.rows(), 2);
+    values << own - other, other;
+    if (first.replaces >= 0) values.col(1) += bench.motion->direction.col(joint);
     return values;
   };
   const auto best_of = [&](const std::vector<double>& owns, const std::vector<double>& others) {
+    std::vector<MatrixXd> of_others;
+    for (const double other : others) of_others.push_back(part(other, first.displacement));
     std::pair<double, double> best;
     double most = -1.0;
     for (const double own : owns) {
+      const MatrixXd of_own = part(own, displacement);
       std::vector<Columns> list;
-      for (const double other : others) list.push_back({{joint}, {columns(own, other)}});
+      for (const MatrixXd& other : of_others) list.push_back({{joint}, {pair_of(of_own, other)}});
       c.tried += static_cast<int>(list.size());
       const std::vector<double> gains = bench.problem->gains(list, in_place.column);
       const auto top = std::max_element(gains.begin(), gains.end());
@@ -140,7 +145,8 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   for (int k = 0; k < 4; ++k, step = std::sqrt(step)) {
     std::tie(own, other) = best_of({own / step, own, own * step}, {other / step, other, other * step});
   }
-  c.columns.values = {columns(own, other)};
+  c.columns.values = {pair_of(part(own, displacement), part(other, first.displacement))};
+  c.shape = own;
   c.second = other;
   c.replaces = in_place.column;
   c.trial = bench.problem->judge(bench.problem->moments(c.columns), c.replaces, 1);
