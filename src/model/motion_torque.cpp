@@ -316,10 +316,11 @@ void MotionTorque::start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd
   s.reset();
   // What several memories of a joint hold together, each does with its part of what they can.
   const auto most = [&](const JointEffect<double>& effect) {
+    if (!joint_effect_has_memory(effect.kind)) return 0.0;
     EffectPoint<double> slid;
-    slid.memory = joint_effect_has_memory(effect.kind) ? 1.0 : 0.0;
-    return slid.memory * joint_effect_torque(
-                             effect, slid, s.robot.joints[static_cast<std::size_t>(effect.joint)].actuation);
+    slid.memory = 1.0;
+    return joint_effect_torque(effect, slid,
+                               s.robot.joints[static_cast<std::size_t>(effect.joint)].actuation);
   };
   Eigen::VectorXd together = Eigen::VectorXd::Zero(s.robot.num_joints());
   for (const JointEffect<double>& effect : s.robot.effects) together[effect.joint] += most(effect);
