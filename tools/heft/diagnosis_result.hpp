@@ -25,7 +25,7 @@ std::string effect_name(const std::string& kind);
 std::string capital(std::string text);
 /// "Stribeck friction in joint 2", "a delay of the torque channel".
 std::string effect_in_place(const std::string& kind, int joint);
-/// The same of a finding; one of two of a kind in a joint says so.
+/// The same of a finding; friction that remembers one of two distances of a joint says so.
 std::string finding_in_place(const diagnose::Diagnosis& diagnosis, const diagnose::Finding& finding);
 /// "Fs 1.2 N·m, vs 0.05 rad/s": numbers with units, words, events.
 std::string parameters_in_words(const diagnose::Finding& finding, const model::Robot& robot);
