@@ -213,6 +213,7 @@ Result run(const std::string& name, bool shared, bool least_squares) {
     // The checks are about data, not about cost: every k is to be counted in its steady state, with the gate working
     // but never refusing, so that the batch sees the same rows.
     config.gate = Scalar(1e6);
+    config.standstill_speed = Scalar(0);
     config.max_amplification = Scalar(1e6);
     config.max_amplification_least_squares = Scalar(1e6);
     typename Arm::Vector coulomb, viscous;

@@ -138,6 +138,9 @@ class SizedRecursion final : public Recursion {
     config.noise_std = settings.noise_std;
     config.correlated_samples = settings.correlated_samples;
     config.gate = settings.gate;
+    // One load a segment; changes are the change detector's.
+    config.forgetting_factor = 1.0;
+    config.gate_widening = 0.0;
     config.standstill_speed = settings.standstill_speed;
     config.estimate_friction = settings.estimate_friction;
     config.friction_prior = settings.friction_prior;

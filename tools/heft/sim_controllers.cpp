@@ -179,6 +179,7 @@ class LoadObserver {
     config.length_prior = std::max(0.02, 0.1 * reach);
     farthest_ = std::max(0.1, 0.5 * reach);
     config.gate = 0;
+    config.forgetting_factor = 1.0;  // a change starts it afresh
     config.sign_width = kSignWidth;
     // What friction of the last joint a load may change: half of what it has.
     const auto& last = nominal.joints.back().actuation;

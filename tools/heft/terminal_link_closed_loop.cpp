@@ -296,6 +296,7 @@ void weigh(const std::vector<FilteredSample>& without, const std::vector<Filtere
   config.length_prior = 0.1;
   config.estimate_friction = false;
   config.gate = 0;
+  config.forgetting_factor = 1;
   Vector squares = Vector::Zero(), products = Vector::Zero(), last = Vector::Zero();
   constexpr std::size_t kStride = 4;  // 20 ms
   std::size_t count = 0;

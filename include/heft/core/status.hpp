@@ -9,7 +9,7 @@ namespace heft {
 /// Result of a core call. Anything but kOk leaves outputs and state as they were.
 enum class [[nodiscard]] Status : std::uint8_t{
     kOk,
-    kNonFiniteInput,       ///< an input is NaN or infinite
+    kNonFiniteInput,       ///< an input is NaN, infinite, or beyond kLargestInput (numeric_range.hpp)
     kOutOfRange,           ///< a setting is outside its documented range
     kNotConfigured,        ///< configure() has not returned kOk yet
     kSingular,             ///< a pivot vanished: the step was not taken

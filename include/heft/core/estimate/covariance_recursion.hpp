@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "heft/core/estimate/layout.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -34,8 +35,13 @@ class CovarianceRecursion {
     }
   }
 
-  /// Takes one row. @return kSingular when the denominator vanishes: the row is then left out
+  /// Takes one row.
+  /// @return kSingular when the denominator vanishes, kNonFiniteInput (also for a number beyond kLargestInput): the row
+  ///         is then left out
   Status add(int r, const Row& z, const Row& w, Scalar y) noexcept {
+    if (!is_usable(y) || !all_usable(z) || !all_usable(w)) {
+      return Status::kNonFiniteInput;
+    }
     Row pz{};
     Row wp{};
     Scalar innovation = y;

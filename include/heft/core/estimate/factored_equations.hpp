@@ -77,7 +77,7 @@ class FactoredEquations {
   /// Adds one row.
   /// @param r  row number in the layout
   /// @param z  instrument row; ignored when Symmetric
-  /// @return kSingular when a pivot lost its sign: the factors are then not valid any more, start() again
+  /// @return kSingular when a pivot lost its sign or vanished: the factors are then not valid any more, start() again
   Status add(int r, const Row& z, const Row& w, Scalar y) noexcept {
     Row x = z;
     Row u = w;
@@ -90,7 +90,8 @@ class FactoredEquations {
       const Scalar d = factors_[i][i];
       const Scalar cq = c * q;
       const Scalar updated = d + p * cq;
-      if (!(updated > Scalar(0))) {
+      // What has been forgotten down to here has no inverse that could be worked with.
+      if (!(updated > static_cast<Scalar>(kSmallestPivot))) {
         status = Status::kSingular;
         return;
       }
@@ -118,6 +119,14 @@ class FactoredEquations {
       one(i, i + 1, false);
     }
     return status;
+  }
+
+  /// Multiplies Φ and φ, to keep deferred forgetting within range: s Φ = L (s D) U, so that U, L and η stay. Cost p.
+  /// @param factor  > 0
+  void scale(const Scalar& factor) noexcept {
+    for (std::size_t i = 0; i < kSize; ++i) {
+      factors_[i][i] = factors_[i][i] * factor;
+    }
   }
 
   /// The estimate. Cost p²/2 without the layout's zeros.
@@ -154,6 +163,8 @@ class FactoredEquations {
 
  private:
   static constexpr std::size_t kSize = static_cast<std::size_t>(kParameters);
+
+  static constexpr double kSmallestPivot = 1e-30;
 
   static constexpr bool meet(std::size_t i, std::size_t j) noexcept { return !kNeverMeet<Layout>[i][j]; }
 

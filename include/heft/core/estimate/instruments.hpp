@@ -10,6 +10,7 @@
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -32,11 +33,12 @@ class JointAccelerationModel {
 
   /// @return kOutOfRange, state kept
   Status configure(const Config& config) noexcept {
-    if (!(config.period > Scalar(0))) {
+    if (!(config.period > Scalar(0)) || !is_usable(config.period)) {
       return Status::kOutOfRange;
     }
     for (int i = 0; i < N; ++i) {
-      if (!(config.gain[i] > Scalar(0)) || config.decay[i] < Scalar(0)) {
+      if (!(config.gain[i] > Scalar(0)) || !(config.decay[i] >= Scalar(0)) || !is_usable(config.gain[i]) ||
+          !is_usable(config.decay[i])) {
         return Status::kOutOfRange;
       }
     }
@@ -55,8 +57,13 @@ class JointAccelerationModel {
     started_ = false;
   }
 
-  /// The modelled acceleration at this sample. @param u  actuator inputs, n; must not contain measured accelerations
+  /// The modelled acceleration at this sample.
+  /// @param u  actuator inputs, n; must not contain measured accelerations. One with a number that is not finite or
+  ///           beyond kLargestInput is left out: the acceleration remains what it was
   const Vector& update(const Vector& u) noexcept {
+    if (!all_usable(u)) {
+      return acceleration_;
+    }
     if (started_) {
       for (int i = 0; i < N; ++i) {
         acceleration_[i] = b_[i] * (u[i] - previous_[i]) - a_[i] * acceleration_[i];
@@ -99,7 +106,8 @@ class DelayedMean {
   /// True once enough samples are in.
   bool ready() const noexcept { return filled_ >= gap_ + count_ - 1; }
 
-  /// The mean before this sample goes in, zero while not ready(); then stores the sample.
+  /// The mean before this sample goes in, zero while not ready(); then stores the sample. A sample that is not finite
+  /// shows in the means of the next `gap` + `count` samples, which the estimator refuses, and in no later one.
   Vector update(const Vector& measured) noexcept {
     Vector mean = Vector::Zero();
     if (ready()) {

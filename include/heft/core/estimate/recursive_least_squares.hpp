@@ -5,7 +5,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <type_traits>
 
+#include "heft/core/estimate/innovation_gate.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -21,6 +24,12 @@ namespace heft {
 /// without any other information the variance returns to its initial value and no higher (leakage towards the prior covariance).
 /// It moves no estimate and costs a second update(), with λ < 1 only.
 ///
+/// What the data do not show is kept, but for rounding: after 10⁸ rows of one and the same regressor a parameter they
+/// do not determine has wandered by up to twice its standard_deviation in float (0.4 of it in double), and is right
+/// again soon after the motion returns. Leave samples at standstill out where that matters.
+///
+/// Where one sample has several rows, call add() for each and forget() once: λ is then a sample's. update() does both.
+///
 /// @tparam P  number of parameters p
 template <typename Scalar, int P>
 class RecursiveLeastSquares {
@@ -28,9 +37,13 @@ class RecursiveLeastSquares {
   using Row = std::array<Scalar, P>;
 
   struct Config {
-    Scalar forgetting_factor{1};  ///< λ a row, 0 < λ ≤ 1; 1 forgets nothing
-    Scalar noise_variance{1};     ///< of the measurement, > 0 [squared unit of y]
-    Scalar gate{0};  ///< rejects a row whose innovation exceeds gate standard deviations; 0: never
+    Scalar forgetting_factor{1};  ///< λ a call of forget(), ≤ 1 with λᵖ ≥ 1e-12; 1 forgets nothing
+    Scalar noise_variance{1};     ///< of the measurement, within kLargestWeight and its inverse [squared unit of y]
+    /// Rejects a row whose innovation exceeds gate standard deviations. 0: never; then one wild row (w or y far too
+    /// large) moves the estimate by as much as it asks for, and stays until it is forgotten, with λ = 1 for ever.
+    Scalar gate{0};
+    /// How readily the gate lets in a change that lasts, see InnovationGate, 0 to 0.25; 0: not at all.
+    Scalar gate_widening{static_cast<Scalar>(0.01)};
     /// Share of the noise variance that one row shows. Below 1 where the noise is correlated in time and
     /// noise_variance is raised for it: weight and variances then count the information rightly, while the gate
     /// goes by the scatter of single rows.
@@ -41,21 +54,33 @@ class RecursiveLeastSquares {
   struct Record {
     Scalar innovation{0};           ///< y − w x before the update
     Scalar innovation_variance{0};  ///< w P wᵀ + gate_noise_share · noise variance
-    Scalar test_ratio{0};           ///< innovation² / (gate² variance); above 1 is rejected
+    Scalar test_ratio{0};           ///< innovation² / (gate² variance); above usual² of the gate is rejected
     bool used{false};
   };
 
-  /// Takes prior and settings. @return kOutOfRange, state kept
+  /// Takes prior and settings.
+  /// @param prior     x before any data, p
+  /// @param variance  of the prior, p, each within kLargestWeight and its inverse
+  /// @return kOutOfRange, kNonFiniteInput (of the prior): state kept
   Status configure(const Config& config, const Row& prior, const Row& variance) noexcept {
-    if (!(config.forgetting_factor > Scalar(0)) || config.forgetting_factor > Scalar(1) ||
-        !(config.noise_variance > Scalar(0)) || config.gate < Scalar(0) ||
-        !(config.gate_noise_share > Scalar(0)) || config.gate_noise_share > Scalar(1)) {
+    Scalar power = Scalar(1);
+    for (int i = 0; i < P; ++i) {
+      power = power * config.forgetting_factor;
+    }
+    if (!(config.forgetting_factor > Scalar(0) && config.forgetting_factor <= Scalar(1)) ||
+        !(power >= static_cast<Scalar>(1e-12)) || !is_usable_weight(config.noise_variance) ||
+        !(config.gate >= Scalar(0) && is_usable(config.gate)) ||
+        !(config.gate_widening >= Scalar(0) && config.gate_widening <= static_cast<Scalar>(0.25)) ||
+        !(config.gate_noise_share > Scalar(0) && config.gate_noise_share <= Scalar(1))) {
       return Status::kOutOfRange;
     }
     for (const Scalar& v : variance) {
-      if (!(v > Scalar(0))) {
+      if (!is_usable_weight(v)) {
         return Status::kOutOfRange;
       }
+    }
+    if (!all_usable(prior)) {
+      return Status::kNonFiniteInput;
     }
     config_ = config;
     x_ = prior;
@@ -64,34 +89,43 @@ class RecursiveLeastSquares {
     for (Row& row : u_) {
       row.fill(Scalar(0));
     }
-    Scalar power = Scalar(1);
-    for (int i = 0; i < P; ++i) {
-      power = power * config.forgetting_factor;
-    }
     leak_noise_ = power < Scalar(1) ? power / (Scalar(1) - power) : Scalar(1);
     leak_ = 0;
+    informed_ = false;
+    gate_.reset();
     configured_ = true;
     return Status::kOk;
+  }
+
+  /// Takes one row and forgets: add() and forget().
+  Status update(const Row& w, Scalar y, Scalar noise_variance, Record& record) noexcept {
+    const Status status = add(w, y, noise_variance, gate_, record);
+    if (status == Status::kOk) {
+      forget();
+    }
+    return status;
   }
 
   /// Takes one row.
   /// @param w  regressor row, p
   /// @param y  measurement
   /// @param noise_variance  of this row; 0 takes the configured one
-  /// @return kNonFiniteInput, kNotConfigured: nothing changed
-  Status update(const Row& w, Scalar y, Scalar noise_variance, Record& record) noexcept {
+  /// @param gate  of the channel that the row comes from, so that a change that shows in one of them is let in there
+  /// @return kNonFiniteInput (also for a number beyond kLargestInput), kOutOfRange (noise_variance), kNotConfigured:
+  ///         nothing changed
+  Status add(const Row& w, Scalar y, Scalar noise_variance, InnovationGate<Scalar>& gate,
+             Record& record) noexcept {
     record = Record{};
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    Scalar finite = y - y;
-    for (const Scalar& v : w) {
-      finite += v - v;
-    }
-    if (!(finite == Scalar(0))) {
+    if (!is_usable(y) || !is_usable(noise_variance) || !all_usable(w)) {
       return Status::kNonFiniteInput;
     }
-    const Scalar noise = noise_variance > Scalar(0) ? noise_variance : config_.noise_variance;
+    const Scalar noise = noise_variance == Scalar(0) ? config_.noise_variance : noise_variance;
+    if (!is_usable_weight(noise)) {
+      return Status::kOutOfRange;
+    }
 
     // f = Uᵀ wᵀ, g = D f, variance = wᵀ P w.
     Row f = w;
@@ -108,12 +142,19 @@ class RecursiveLeastSquares {
       information += f[j] * g[j];
       innovation -= w[j] * x_[j];
     }
+    // The ranges of the inputs keep these finite; were they not, the row must not get into the factors.
+    if (!(information - information == Scalar(0)) || !(innovation - innovation == Scalar(0))) {
+      return Status::kNonFiniteInput;
+    }
     record.innovation = innovation;
     record.innovation_variance = information + config_.gate_noise_share * noise;
     if (config_.gate > Scalar(0)) {
-      record.test_ratio =
-          innovation * innovation / (config_.gate * config_.gate * record.innovation_variance);
-      if (record.test_ratio > Scalar(1)) {
+      using std::abs;
+      using std::sqrt;
+      const Scalar deviations = abs(innovation) / sqrt(record.innovation_variance);
+      const Scalar of_gate = deviations / config_.gate;
+      record.test_ratio = of_gate * of_gate;
+      if (gate.refuses(deviations, config_.gate, config_.gate_widening)) {
         return Status::kOk;
       }
     }
@@ -122,12 +163,23 @@ class RecursiveLeastSquares {
     for (std::size_t j = 0; j < kSize; ++j) {
       x_[j] += gain[j] * innovation;
     }
-    if (config_.forgetting_factor < Scalar(1) && information > Scalar(0)) {
-      forget();
-    }
+    informed_ = informed_ || information > Scalar(0);
     record.used = true;
     ++updates_;
     return Status::kOk;
+  }
+
+  /// Forgets one step, if a row since the last call carried information: D is divided by λ, and one parameter leaks.
+  void forget() noexcept {
+    if (!informed_ || !(config_.forgetting_factor < Scalar(1))) {
+      return;
+    }
+    informed_ = false;
+    const Scalar inverse = Scalar(1) / config_.forgetting_factor;
+    for (Scalar& d : d_) {
+      d = d * inverse;
+    }
+    leak();
   }
 
   const Row& solution() const noexcept { return x_; }
@@ -166,15 +218,36 @@ class RecursiveLeastSquares {
   /// Rows used so far.
   long updates() const noexcept { return updates_; }
 
-  /// Multiplies all variances, up to their initial values: after a known change of tool or load.
-  void inflate(Scalar factor) noexcept {
-    for (std::size_t j = 0; j < kSize; ++j) {
-      d_[j] = d_[j] * factor > ceiling_[j] ? ceiling_[j] : d_[j] * factor;
+  /// Multiplies all variances by one factor, or by the largest smaller one that leaves none above its initial value:
+  /// after a known change of tool or load. Cost p³/6 multiplications.
+  /// @param factor  ≥ 1
+  /// @return kOutOfRange, kNotConfigured: nothing changed
+  Status inflate(Scalar factor) noexcept {
+    if (!configured_) {
+      return Status::kNotConfigured;
     }
+    if (!(factor >= Scalar(1)) || !is_usable(factor)) {
+      return Status::kOutOfRange;
+    }
+    Scalar allowed = factor;
+    for (std::size_t i = 0; i < kSize; ++i) {
+      const Scalar present = covariance(static_cast<int>(i), static_cast<int>(i));
+      if (present * allowed > ceiling_[i]) {
+        allowed = ceiling_[i] / present;
+      }
+    }
+    if (allowed > Scalar(1)) {
+      for (Scalar& d : d_) {
+        d = d * allowed;
+      }
+    }
+    return Status::kOk;
   }
 
  private:
   static constexpr std::size_t kSize = static_cast<std::size_t>(P);
+  /// Smallest entry of D, as a share of its initial value; a standard deviation of 1e-10 (float), 1e-30.
+  static constexpr double kSmallestShare = std::is_same_v<Scalar, float> ? 1e-20 : 1e-60;
 
   // Bierman's update of U and D, column by column. f = Uᵀ wᵀ, g = D f. Returns the gain P wᵀ / (w P wᵀ + noise).
   Row reduce(const Row& f, const Row& g, const Scalar& noise) noexcept {
@@ -186,7 +259,10 @@ class RecursiveLeastSquares {
       const Scalar previous_inverse = inverse;
       alpha += f[j] * g[j];
       inverse = Scalar(1) / alpha;
-      d_[j] = d_[j] * previous * inverse;
+      d_[j] = d_[j] * (previous * inverse);
+      // A variance of nothing could never grow again.
+      const Scalar floor = ceiling_[j] * static_cast<Scalar>(kSmallestShare);
+      d_[j] = d_[j] > floor ? d_[j] : floor;
       b[j] = g[j];
       const Scalar lambda = -f[j] * previous_inverse;
       for (std::size_t i = 0; i < j; ++i) {
@@ -201,13 +277,9 @@ class RecursiveLeastSquares {
     return b;
   }
 
-  // Division by λ, then the leak of one parameter. Each is reached once in p rows, over which its information falls by
-  // λ^p: a pseudo-measurement of information (1 − λ^p) / (λ^p ceiling) lets the variance swing up to the ceiling.
-  void forget() noexcept {
-    const Scalar inverse = Scalar(1) / config_.forgetting_factor;
-    for (Scalar& d : d_) {
-      d = d * inverse;
-    }
+  // Each parameter is reached once in p steps, over which its information falls by λ^p: a pseudo-measurement of
+  // information (1 − λ^p) / (λ^p ceiling) lets the variance swing up to the ceiling.
+  void leak() noexcept {
     const std::size_t k = leak_;
     leak_ = leak_ + 1 == kSize ? 0 : leak_ + 1;
     Row f{};
@@ -228,7 +300,9 @@ class RecursiveLeastSquares {
   Scalar leak_noise_{1};  ///< λ^p / (1 − λ^p)
   std::size_t leak_{0};
   long updates_{0};
+  InnovationGate<Scalar> gate_;
   bool configured_{false};
+  bool informed_{false};  ///< a row since the last forget() carried information
 };
 
 }  // namespace heft

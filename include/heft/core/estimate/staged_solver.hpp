@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "heft/core/estimate/layout.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -62,7 +63,7 @@ class StagedSolver {
 
   bool busy() const noexcept { return stage_ != Stage::kDone; }
 
-  /// kOk, or kSingular when the diagonal is not positive or a pivot vanished.
+  /// kOk, or kSingular when the diagonal is not positive, a pivot vanished or the solution is out of range.
   Status status() const noexcept { return status_; }
   /// The solution. @pre status() == kOk and not busy()
   const Row& solution() const noexcept { return x_; }
@@ -229,8 +230,7 @@ class StagedSolver {
   }
 
   void finish() noexcept {
-    // Not finite: the difference with itself is not zero.
-    status_ = x_[0] - x_[0] == Scalar(0) ? Status::kOk : Status::kSingular;
+    status_ = all_usable(x_) ? Status::kOk : Status::kSingular;
     stage_ = Stage::kDone;
   }
 

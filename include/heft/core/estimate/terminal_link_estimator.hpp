@@ -12,8 +12,10 @@
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/terminal_rows.hpp"
 #include "heft/core/estimate/factored_equations.hpp"
+#include "heft/core/estimate/magnitude_gate.hpp"
 #include "heft/core/estimate/normal_equations.hpp"
 #include "heft/core/estimate/staged_solver.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -50,6 +52,10 @@ constexpr const char* to_string(EstimateSource source) noexcept {
 /// Numbers handed out are always usable: the prior until least squares is determined by the data, least squares
 /// until the instrumental system passes its conditioning check, instrumental variables from then on.
 ///
+/// Glitches stay out in two ways. A row whose regressor, instrument or torque is far larger than those of late is
+/// refused from the start on (MagnitudeGate); once the estimate rests on data, so is a row whose innovation is far above
+/// its usual size. Both let in what lasts. A sample with a number beyond kLargestInput is refused as a whole.
+///
 /// @tparam Arm    StaticArm
 /// @tparam First  k − 1: first joint whose row is used
 /// @tparam Form   how the estimate is kept
@@ -68,9 +74,10 @@ class TerminalLinkEstimator {
   using Row = std::array<Scalar, kParameters>;
 
   struct Config {
-    /// Weight of each row, inverse to its noise variance (the diagonal of P² in (47)); 1 costs nothing.
+    /// Weight of each row, inverse to its noise variance (the diagonal of P² in (47)); 1 costs nothing. Within
+    /// kLargestWeight and its inverse.
     std::array<Scalar, kRows> row_weight = filled(Scalar(1));
-    Scalar forgetting_factor{1};  ///< λ a sample, 0 < λ ≤ 1; held while the arm stands still
+    Scalar forgetting_factor{1};  ///< λ a sample, 0.5 ≤ λ ≤ 1; held while the arm stands still
     int solve_every{50};  ///< samples from one solve to the next, ≥ 2 (information form and start-up)
     Scalar prior_precision{
         0};  ///< P₀⁻¹ relative to the information of one unit row, ≥ 0, all parameters alike
@@ -79,9 +86,13 @@ class TerminalLinkEstimator {
         10};  ///< the instrumental system is trusted below this (StagedSolver::amplification)
     Scalar max_amplification_least_squares{30};  ///< and least squares below this
     int min_samples{200};                        ///< fewer samples never leave the prior
-    Scalar gate{8};  ///< a row whose innovation exceeds gate times its usual size is refused; 0: off
-    Scalar standstill_speed{
-        0};  ///< samples with all joints of the rows slower than this are left out [rad/s]; 0: off
+    /// A row whose innovation exceeds gate times its usual size is refused, as is one with numbers gate² times as large
+    /// as the largest of late; ≥ 1. 0: both off; then one wild sample remains in the estimate until it is forgotten, with λ = 1 for ever.
+    Scalar gate{8};
+    /// Samples with all joints of the rows slower than this are left out [rad/s, m/s]: at rest friction takes up any
+    /// torque below its level. 0: off; with λ < 1 a long standstill then wears the estimate away (half of a payload in
+    /// ten hours) while source() remains and status() says that the solves fail. Set it above the noise of the velocity.
+    Scalar standstill_speed{static_cast<Scalar>(0.01)};
     Scalar sign_width{0};  ///< of the Coulomb sign, see velocity_sign [rad/s]
   };
 
@@ -97,20 +108,31 @@ class TerminalLinkEstimator {
   /// Checks settings, forgets all data, starts at the nominal parameters.
   /// @param nominal   reduced parameters of the whole arm
   /// @param coulomb,viscous  nominal friction of all joints [N·m, N·m·s/rad]
-  /// @return kOutOfRange, state kept
+  /// @return kOutOfRange, kNonFiniteInput: state kept
   Status configure(const Config& config, const ReducedParameters<Scalar, Description>& nominal,
                    const Vector& coulomb, const Vector& viscous) noexcept {
-    if (!(config.forgetting_factor > Scalar(0)) || config.forgetting_factor > Scalar(1) ||
-        config.solve_every < 2 || config.prior_precision < Scalar(0) ||
-        !(config.max_amplification > Scalar(1)) || config.min_samples < 0 || config.gate < Scalar(0)) {
+    const auto not_negative = [](const Scalar& value) { return value >= Scalar(0) && is_usable(value); };
+    if (!(config.forgetting_factor >= static_cast<Scalar>(0.5) && config.forgetting_factor <= Scalar(1)) ||
+        config.solve_every < 2 || !not_negative(config.prior_precision) || config.min_samples < 0 ||
+        !(config.max_amplification > Scalar(1)) || !(config.max_amplification_least_squares > Scalar(1)) ||
+        !(config.gate == Scalar(0) || (config.gate >= Scalar(1) && is_usable(config.gate))) || !not_negative(config.standstill_speed) ||
+        !not_negative(config.sign_width)) {
       return Status::kOutOfRange;
     }
     for (const Scalar& weight : config.row_weight) {
-      if (!(weight > Scalar(0))) {
+      if (!is_usable_weight(weight)) {
         return Status::kOutOfRange;
       }
     }
+    bool usable = all_usable(coulomb) && all_usable(viscous);
+    for (const auto& link : nominal.links) {
+      usable = usable && all_usable(link);
+    }
+    if (!usable) {
+      return Status::kNonFiniteInput;
+    }
     config_ = config;
+    far_ = config.gate * config.gate;
     nominal_ = nominal;
     write_prior(coulomb, viscous);
     reset();
@@ -120,18 +142,16 @@ class TerminalLinkEstimator {
 
   /// Forgets all data and goes back to the nominal parameters.
   void reset() noexcept {
-    Row precision;
-    precision.fill(config_.prior_precision);
-    instrumental_.reset(prior_, precision);
-    least_squares_.reset(prior_, precision);
     estimate_ = prior_;
     source_ = EstimateSource::kPrior;
-    gain_ = Scalar(1);
-    samples_ = 0;
-    solved_at_ = 0;
-    running_ = false;
+    begin_sums();
     usual_.fill(Scalar(0));
-    solver_.reset();
+    for (MagnitudeGate<Scalar>& gate : row_gate_) {
+      gate.reset();
+    }
+    for (MagnitudeGate<Scalar>& gate : torque_gate_) {
+      gate.reset();
+    }
     amplification_ = Scalar(0);
     status_ = Status::kNotExcited;
   }
@@ -142,9 +162,15 @@ class TerminalLinkEstimator {
   /// @param qdd         measured accelerations, n [rad/s²]
   /// @param instrument  accelerations free of this sample's measurement noise, n [rad/s²]
   /// @param tau         measured torques, n, link side [N·m]
-  /// @return kNonFiniteInput: the sample is refused, nothing changed; kNotConfigured
+  /// @return kNonFiniteInput (a number of any joint is not finite or beyond kLargestInput): the sample is refused,
+  ///         nothing changed; kNotConfigured
   Status update(const Vector& q, const Vector& qd, const Vector& qdd, const Vector& instrument,
                 const Vector& tau, Record& record) noexcept {
+    if (configured_ && !(all_usable(q) && all_usable(qdd) && all_usable(instrument))) {
+      record = Record{};
+      record.source = source_;
+      return Status::kNonFiniteInput;
+    }
     terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {qdd, instrument},
                                  config_.sign_width, rows_);
     return update_rows(rows_[0], rows_[1], qd, tau, record);
@@ -159,7 +185,7 @@ class TerminalLinkEstimator {
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    if (!finite(rows, instruments, tau)) {
+    if (!usable(rows, instruments, tau) || !all_usable(qd)) {
       return Status::kNonFiniteInput;
     }
     if (config_.standstill_speed > Scalar(0) && stands_still(qd)) {
@@ -264,24 +290,18 @@ class TerminalLinkEstimator {
     }
   }
 
-  // A sum of differences of each number with itself is 0 exactly when all are finite. The last row of the
-  // regressor and the torques show every non-finite position, velocity or acceleration.
-  static bool finite(const Rows& rows, const Rows& instruments, const Vector& tau) noexcept {
+  // Torques of rows before k are not looked at.
+  static bool usable(const Rows& rows, const Rows& instruments, const Vector& tau) noexcept {
     bool ok = true;
     for (int r = 0; r < kRows; ++r) {
       const std::size_t i = static_cast<std::size_t>(r);
       for_support<Layout>(r, [&](int column) {
         const std::size_t c = static_cast<std::size_t>(column);
-        ok = ok && is_finite(rows[i][c]) && is_finite(instruments[i][c]);
+        ok = ok && is_usable(rows[i][c]) && is_usable(instruments[i][c]);
       });
-      ok = ok && is_finite(tau[First + r]);
+      ok = ok && is_usable(tau[First + r]);
     }
     return ok;
-  }
-
-  static bool is_finite(const Scalar& v) noexcept {
-    using std::isfinite;
-    return isfinite(v);
   }
 
   bool stands_still(const Vector& qd) const noexcept {
@@ -299,9 +319,15 @@ class TerminalLinkEstimator {
     gain_ = gain_ / config_.forgetting_factor;
     if (gain_ > static_cast<Scalar>(1e6)) {
       const Scalar factor = Scalar(1) / gain_;
+      gain_ = Scalar(1);
+      if constexpr (kIsFactored) {
+        if (running_) {  // and the sums are not used any more
+          factored_.scale(factor);
+          return;
+        }
+      }
       instrumental_.scale(factor);
       least_squares_.scale(factor);
-      gain_ = Scalar(1);
     }
   }
 
@@ -314,7 +340,8 @@ class TerminalLinkEstimator {
         innovation -= w[static_cast<std::size_t>(column)] * estimate_[static_cast<std::size_t>(column)];
       });
       record.innovation[i] = innovation;
-      if (source_ != EstimateSource::kPrior && refused(i, innovation)) {
+      if (far_too_large(r, w, instruments[i], y) ||
+          (source_ != EstimateSource::kPrior && refused(i, innovation))) {
         return;
       }
     }
@@ -364,17 +391,46 @@ class TerminalLinkEstimator {
     instrumental_.add(r, z, w, y);
   }
 
-  // After a lost pivot: new sums from the estimate in hand, which stays what it is until they are good.
-  void collect_afresh() noexcept {
+  // New sums around the estimate in hand, which stays what it is until they are good.
+  void begin_sums() noexcept {
     Row precision;
     precision.fill(config_.prior_precision);
     instrumental_.reset(estimate_, precision);
     least_squares_.reset(estimate_, precision);
-    running_ = false;
-    source_ = EstimateSource::kLeastSquares;
+    gain_ = Scalar(1);
     samples_ = 0;
     solved_at_ = 0;
+    running_ = false;
+    solver_.reset();
+  }
+
+  // After a lost pivot.
+  void collect_afresh() noexcept {
+    begin_sums();
+    source_ = EstimateSource::kLeastSquares;
     status_ = Status::kSingular;
+  }
+
+  // Compares the largest entry of regressor and instrument, and the torque, with those of late. A start with wild
+  // numbers is dropped as soon as it shows.
+  bool far_too_large(int r, const Row& w, const Row& z, const Scalar& y) noexcept {
+    using std::abs;
+    using Verdict = typename MagnitudeGate<Scalar>::Verdict;
+    Scalar largest(0);
+    for_support<Layout>(r, [&](int column) {
+      const std::size_t c = static_cast<std::size_t>(column);
+      const Scalar of_w = abs(w[c]), of_z = abs(z[c]);
+      largest = of_w > largest ? of_w : largest;
+      largest = of_z > largest ? of_z : largest;
+    });
+    const std::size_t i = static_cast<std::size_t>(r);
+    const Verdict row = row_gate_[i].look(largest, far_);
+    const Verdict torque = row == Verdict::kRefuse ? row : torque_gate_[i].look(abs(y), far_);
+    if ((row == Verdict::kAcceptAfresh || torque == Verdict::kAcceptAfresh) &&
+        source_ == EstimateSource::kPrior) {
+      begin_sums();
+    }
+    return torque == Verdict::kRefuse;
   }
 
   // Least squares is kept beside the instruments until these are trusted; alone when there are none.
@@ -392,7 +448,7 @@ class TerminalLinkEstimator {
       return false;
     }
     const Scalar limit = config_.gate * usual_[r];
-    const bool refuse = magnitude > limit;
+    const bool refuse = !(magnitude <= limit);
     usual_[r] += static_cast<Scalar>(0.01) * ((refuse ? limit : magnitude) - usual_[r]);
     return refuse;
   }
@@ -400,8 +456,13 @@ class TerminalLinkEstimator {
   void work(Record& record) noexcept {
     if constexpr (kIsFactored) {
       if (running_) {
-        estimate_ = factored_.solution();
-        record.new_estimate = true;
+        const Row solution = factored_.solution();
+        if (all_usable(solution)) {
+          estimate_ = solution;
+          record.new_estimate = true;
+        } else {
+          collect_afresh();
+        }
         return;
       }
     }
@@ -457,7 +518,9 @@ class TerminalLinkEstimator {
     running_ =
         factored_.start(equations.matrix(), equations.right_side(), !config_.use_instruments) == Status::kOk;
     if (running_) {
-      estimate_ = factored_.solution();
+      const Row solution = factored_.solution();
+      running_ = all_usable(solution);
+      estimate_ = running_ ? solution : estimate_;
     }
   }
 
@@ -470,7 +533,8 @@ class TerminalLinkEstimator {
   StagedSolver<Scalar, Layout> solver_;
   std::array<Rows, 2> rows_{};  ///< entries that a row does not reach stay zero
   std::array<Scalar, kRows> usual_{};
-  Scalar gain_{1}, amplification_{0};
+  std::array<MagnitudeGate<Scalar>, kRows> row_gate_{}, torque_gate_{};
+  Scalar gain_{1}, far_{64}, amplification_{0};
   long samples_{0}, solved_at_{0};
   Status status_{Status::kNotExcited};
   EstimateSource source_{EstimateSource::kPrior};

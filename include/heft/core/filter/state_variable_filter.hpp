@@ -3,10 +3,12 @@
 #pragma once
 
 #include <cmath>
+#include <type_traits>
 
 #include <Eigen/Core>
 
 #include "heft/core/arm_geometry.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -22,10 +24,10 @@ class StateVariableFilter {
  public:
   using Vector = JointVector<Scalar, N>;
 
-  /// @param cut_off_hz  frequency of the poles ω / 2π, > 0; −3 dB lies at 0.51 of it
+  /// @param cut_off_hz  frequency of the poles ω / 2π, 1e-6 to 1e6; −3 dB lies at 0.51 of it
   /// @return kOutOfRange, state kept
   Status configure(Scalar cut_off_hz) noexcept {
-    if (!(cut_off_hz > Scalar(0)) || !(cut_off_hz - cut_off_hz == Scalar(0))) {
+    if (!(cut_off_hz >= static_cast<Scalar>(1e-6) && cut_off_hz <= static_cast<Scalar>(1e6))) {
       return Status::kOutOfRange;
     }
     omega_ = static_cast<Scalar>(6.283185307179586) * cut_off_hz;
@@ -38,13 +40,12 @@ class StateVariableFilter {
 
   /// Takes one sample.
   /// @param u       input, n
-  /// @param period  time since the sample before, > 0 [s]; the filter starts anew after a gap of ten time constants
-  /// @return kNonFiniteInput or kOutOfRange: state kept
+  /// @param period  time since the last sample taken, > 0 [s]; the filter starts anew after a gap of ten time
+  ///                constants. In less than 1e-4 of a time constant (1e-9 in double) an input cannot change: refused
+  /// @return kNonFiniteInput (also for a number beyond kLargestInput) or kOutOfRange: state kept
   Status update(const Vector& u, Scalar period) noexcept {
-    for (int i = 0; i < N; ++i) {
-      if (!(u[i] - u[i] == Scalar(0))) {
-        return Status::kNonFiniteInput;
-      }
+    if (!all_usable(u)) {
+      return Status::kNonFiniteInput;
     }
     if (!started_) {
       x_ = u;
@@ -63,11 +64,15 @@ class StateVariableFilter {
       started_ = false;
       return update(u, period);
     }
+    if (h < static_cast<Scalar>(kShortestStep)) {
+      return Status::kOutOfRange;
+    }
     // Against the steady answer to the ramp u0 + s t, which is u0 + s (t − 3/ω) with velocity s, the rest decays as
     // e^{-ωt} (c0 + c1 t + c2 t²).
     using std::exp;
     const Scalar decay = exp(-h);
     const Scalar w = omega_;
+    Vector x, xd, xdd;
     for (int i = 0; i < N; ++i) {
       const Scalar slope = (u[i] - previous_[i]) / period;
       const Scalar e = x_[i] - (previous_[i] - Scalar(3) * slope / w);
@@ -80,10 +85,16 @@ class StateVariableFilter {
       const Scalar p = c0 + t * (c1 + t * c2);
       const Scalar pd = c1 + Scalar(2) * t * c2;
       const Scalar pdd = Scalar(2) * c2;
-      x_[i] = u[i] - Scalar(3) * slope / w + decay * p;
-      xd_[i] = slope + decay * (pd - w * p);
-      xdd_[i] = decay * (pdd - Scalar(2) * w * pd + w * w * p);
+      x[i] = u[i] - Scalar(3) * slope / w + decay * p;
+      xd[i] = slope + decay * (pd - w * p);
+      xdd[i] = decay * (pdd - Scalar(2) * w * pd + w * w * p);
+      if (!(x[i] - x[i] == Scalar(0)) || !(xd[i] - xd[i] == Scalar(0)) || !(xdd[i] - xdd[i] == Scalar(0))) {
+        return Status::kNonFiniteInput;
+      }
     }
+    x_ = x;
+    xd_ = xd;
+    xdd_ = xdd;
     previous_ = u;
     age_ = age_ + h < static_cast<Scalar>(100) ? age_ + h : static_cast<Scalar>(100);
     return Status::kOk;
@@ -99,6 +110,8 @@ class StateVariableFilter {
   Scalar delay() const noexcept { return Scalar(3) / omega_; }
 
  private:
+  static constexpr double kShortestStep = std::is_same_v<Scalar, float> ? 1e-4 : 1e-9;
+
   Vector x_ = Vector::Zero(), xd_ = Vector::Zero(), xdd_ = Vector::Zero(), previous_ = Vector::Zero();
   Scalar omega_{static_cast<Scalar>(62.8)}, age_{0};
   bool started_{false};
