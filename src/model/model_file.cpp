@@ -221,14 +221,14 @@ std::string place_of(const std::string& kind) {
   return {};
 }
 
-/// The effect has a finite torque at rest and in motion: no width, time or distance of zero.
-bool has_torque(const JointEffect<double>& effect) {
-  const JointActuation<double> actuation{0.0, 1.0, 1.0, 0.0};
-  const EffectPoint<double> rest{}, moving{1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
-  return std::isfinite(joint_effect_torque(effect, rest, actuation)) &&
-         std::isfinite(joint_effect_torque(effect, moving, actuation)) &&
-         std::isfinite(joint_effect_memory(effect, 0.0, 0.0)) &&
-         std::isfinite(joint_effect_memory(effect, 0.0, 1.0));
+/// What a parameter of an effect must be.
+std::string range_of(const EffectParameter& parameter) {
+  switch (parameter.range) {
+    case EffectRange::kPositive: return fmt::format("a number above zero [{}]", parameter.unit);
+    case EffectRange::kPart: return "a part, 0 to 1";
+    case EffectRange::kAny: break;
+  }
+  return fmt::format("a number [{}]", parameter.unit);
 }
 
 /// One entry of `effects`, put where the model keeps it.
@@ -286,17 +286,18 @@ void read_effect(const Node& node, std::size_t num_joints, ModelFile& model) {
     std::size_t i = 0;
     for (const EffectParameter& parameter : decltype(type)::kParameters) {
       const std::string name(parameter.name);
-      const double value = parameter.part ? parameters.number_or_zero(name.c_str())
-                                          : parameters.at(name.c_str(), std::string(parameter.unit)).number();
-      if (parameter.part && !(value >= 0 && value <= 1)) {
-        parameters.at(name.c_str(), "").fail(fmt::format("found {}", value), "a part, 0 to 1");
-      }
-      effect.parameters[i++] = value;
+      effect.parameters[i] = parameter.range == EffectRange::kPart
+                                 ? parameters.number_or_zero(name.c_str())
+                                 : parameters.at(name.c_str(), range_of(parameter)).number();
+      ++i;
+    }
+    if (const int wrong = parameter_out_of_range(effect); wrong >= 0) {
+      const EffectParameter& parameter = decltype(type)::kParameters[static_cast<std::size_t>(wrong)];
+      parameters.at(std::string(parameter.name).c_str(), "")
+          .fail(fmt::format("found {}", effect.parameters[static_cast<std::size_t>(wrong)]),
+                range_of(parameter));
     }
   });
-  if (!has_torque(effect)) {
-    parameters.fail("found values that give no finite torque", "widths, times and distances above zero");
-  }
   model.effects.push_back(effect);
 }
 

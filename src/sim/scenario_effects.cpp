@@ -47,14 +47,11 @@ int read_joint(const SettingsReader& reader, int n) {
 
 /// Which numbers a parameter of a joint effect takes.
 Range range_of(const EffectParameter& given) {
-  if (given.part) return Range::kPart;
-  const std::string_view parameter = given.name;
-  // Those that stand in a denominator, and those that are levels.
-  for (std::string_view name : {"vs", "x0", "T", "p", "n"}) {
-    if (parameter == name) return Range::kPositive;
-  }
+  if (given.range == EffectRange::kPart) return Range::kPart;
+  if (given.range == EffectRange::kPositive) return Range::kPositive;
+  // Levels.
   for (std::string_view name : {"Fs", "mu", "Ia", "c", "k", "A"}) {
-    if (parameter == name) return Range::kNotNegative;
+    if (given.name == name) return Range::kNotNegative;
   }
   return Range::kAny;
 }
@@ -70,7 +67,7 @@ void read_joint_effect(const SettingsReader& reader, int kind, const model::Robo
       const std::string name(parameters[k].name);
       // An angle, a neutral position or a share left out is zero.
       const bool optional =
-          parameters[k].part || name == "phase" || name == "q0" || name == "alpha_c" || name == "alpha_v";
+          parameters[k].range == EffectRange::kPart || name == "phase" || name == "q0" || name == "alpha_c" || name == "alpha_v";
       const Range range = range_of(parameters[k]);
       effect.parameters[k] = optional ? reader.number_or(name, 0.0, range) : reader.number(name, range);
     }

@@ -144,6 +144,29 @@ TEST(EffectFeedForward, RefusesWhatItCannotHold) {
   EXPECT_EQ(effects.count(), 1);
 }
 
+TEST(EffectFeedForward, RefusesLengthsTimesAndExponentsThatAreNotPositive) {
+  EffectFeedForward<double, 1, 8> effects;
+  const auto refused = [&](int kind, EffectParameters<double> parameters) {
+    return effects.add({kind, 0, parameters}) == Status::kOutOfRange && effects.count() == 0;
+  };
+  for (const double wrong : {0.0, -0.01}) {
+    EXPECT_TRUE(refused(joint_effect_kind<Hysteresis>(), {wrong}));
+    EXPECT_TRUE(refused(joint_effect_kind<FrictionDrift>(), {0.5, 0.5, wrong}));
+    EXPECT_TRUE(refused(joint_effect_kind<Stribeck>(), {1.0, wrong}));
+    EXPECT_TRUE(refused(joint_effect_kind<ViscousNonlinear>(), {1.0, wrong}));
+    EXPECT_TRUE(refused(joint_effect_kind<Ripple>(), {1.0, wrong, 0.0}));
+  }
+  EXPECT_TRUE(refused(joint_effect_kind<Hysteresis>(), {0.01, 1.5}));
+  EXPECT_TRUE(refused(joint_effect_kind<Hysteresis>(), {0.01, -0.5}));
+  // A time that single precision rounds to zero.
+  EffectFeedForward<float, 1, 1> single;
+  const std::array<JointEffect<double>, 1> short_time{{{joint_effect_kind<FrictionDrift>(), 0, {1, 1, 1e-60}}}};
+  EXPECT_EQ(single.configure(short_time), Status::kOutOfRange);
+  // Levels may have any sign.
+  EXPECT_EQ(effects.add({joint_effect_kind<Spring>(), 0, {-2.0, 0.1}}), Status::kOk);
+  EXPECT_EQ(effects.add({joint_effect_kind<Hysteresis>(), 0, {1e-12, 0.0}}), Status::kOk);
+}
+
 TEST(EffectFeedForward, LeavesTorqueAndMemoryAloneWhenTheInputIsNotFinite) {
   EffectFeedForward<double, 1, 2> effects;
   ASSERT_EQ(effects.add({joint_effect_kind<Hysteresis>(), 0, {0.03}}), Status::kOk);

@@ -309,6 +309,18 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
               AllOf(HasSubstr("/effects/0/parameters"), HasSubstr("above zero")));
   EXPECT_THAT(message(R"([{"kind": "hysteresis", "joint": 1, "parameters": {"x0": 0}}])"),
               AllOf(HasSubstr("/effects/0/parameters"), HasSubstr("above zero")));
+  const auto wrong = [&](const std::string& kind, const std::string& parameters, const std::string& name,
+                         const std::string& found) {
+    EXPECT_THAT(message(R"([{"kind": ")" + kind + R"(", "joint": 1, "parameters": {)" + parameters + "}}]"),
+                AllOf(HasSubstr("/effects/0/parameters/" + name + ": found " + found),
+                      HasSubstr("expected a number above zero")));
+  };
+  wrong("hysteresis", R"("x0": -0.01)", "x0", "-0.01");
+  wrong("friction_drift", R"("alpha_c": 1, "alpha_v": 1, "T": -1)", "T", "-1");
+  wrong("friction_drift", R"("alpha_c": 1, "alpha_v": 1, "T": 0)", "T", "0");
+  wrong("stribeck", R"("Fs": 1, "vs": -0.1)", "vs", "-0.1");
+  wrong("viscous_nonlinear", R"("c": 1, "p": -2)", "p", "-2");
+  wrong("ripple", R"("A": 1, "n": 0, "phase": 0)", "n", "0");
   EXPECT_THAT(message(R"([{"kind": "hysteresis", "joint": 1, "parameters": {"x0": 0.01, "sharp": 1.5}}])"),
               AllOf(HasSubstr("/effects/0/parameters/sharp"), HasSubstr("found 1.5"), HasSubstr("0 to 1")));
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"damping": 1}}])"),

@@ -30,7 +30,8 @@ class EffectFeedForward {
   using Vector = JointVector<Scalar, N>;
 
   /// One effect more.
-  /// @return kOutOfRange when there is no room, or no such joint or effect; kNonFiniteInput; state kept
+  /// @return kOutOfRange when there is no room, no such joint or effect, or a parameter outside its range (a length or
+  ///         time that is not positive); kNonFiniteInput; state kept
   Status add(const JointEffect<Scalar>& effect) noexcept {
     if (count_ >= M || effect.joint < 0 || effect.joint >= N || effect.kind < 0 ||
         effect.kind >= kNumJointEffects) {
@@ -40,6 +41,9 @@ class EffectFeedForward {
       if (!(value - value == Scalar(0))) {
         return Status::kNonFiniteInput;
       }
+    }
+    if (parameter_out_of_range(effect) >= 0) {
+      return Status::kOutOfRange;
     }
     effects_[static_cast<std::size_t>(count_)] = effect;
     memory_[static_cast<std::size_t>(count_)] = Scalar(0);

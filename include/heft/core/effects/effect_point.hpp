@@ -6,7 +6,7 @@
 /// of its own beside this one, and one entry in effects.hpp. The struct states
 ///
 ///   kId, kEquation            id of the contract, and the term as text
-///   kParameters               names and units of its physical parameters
+///   kParameters               names, units and ranges of its physical parameters
 ///   kShapes                   ranges of the parameters that the torque is not linear in (at most one)
 ///   kNotNegative              which of its linear coefficients cannot be negative
 ///   kShownBy                  the motion that shows it
@@ -39,12 +39,19 @@ struct EffectPoint {
   Scalar memory{0};     ///< the effect's own state
 };
 
+/// Where a physical parameter may lie.
+enum class EffectRange : std::uint8_t {
+  kAny,       ///< any finite number
+  kPositive,  ///< above zero: a width, a length, a time, an exponent, a number of periods
+  kPart       ///< a part, 0 to 1, that may be left out of a file: 0 then
+};
+
 /// Name and unit of a physical parameter.
 struct EffectParameter {
   std::string_view name;
   std::string_view unit;            ///< on a revolute joint
   std::string_view prismatic_unit;  ///< on a prismatic joint
-  bool part{false};                 ///< a part, 0 to 1, that may be left out of a file: 0 then
+  EffectRange range{EffectRange::kAny};
 };
 
 /// Largest number of physical parameters of a joint effect.

@@ -79,6 +79,25 @@ struct JointEffect {
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
 };
 
+/// First of the effect's parameters, in the order of kParameters, that lies outside its range (a length or time that is
+/// not positive, a part outside 0 to 1, a number that is not finite); -1 when all are within, or for a kind that does
+/// not exist.
+template <typename Scalar>
+constexpr int parameter_out_of_range(const JointEffect<Scalar>& effect) {
+  int found = -1;
+  visit_joint_effect(effect.kind, [&](auto type) {
+    const auto& given = decltype(type)::kParameters;
+    for (std::size_t i = 0; i < given.size() && found < 0; ++i) {
+      const Scalar& value = effect.parameters[i];
+      const bool within = value - value == Scalar(0) &&
+                          (given[i].range != EffectRange::kPositive || value > Scalar(0)) &&
+                          (given[i].range != EffectRange::kPart || (value >= Scalar(0) && value <= Scalar(1)));
+      found = within ? -1 : static_cast<int>(i);
+    }
+  });
+  return found;
+}
+
 /// Torque of an effect at one instant [N·m, N]; 0 for a kind that does not exist. No allocation.
 /// @param actuation  the joint's declared friction: some effects scale or replace it
 template <typename Scalar>

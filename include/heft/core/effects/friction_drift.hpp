@@ -14,7 +14,7 @@ struct FrictionDrift {
   static constexpr std::string_view kId = "friction_drift";
   static constexpr std::string_view kEquation = "Fc alpha_c exp(-t/T) sign(qd) + Fv alpha_v exp(-t/T) qd";
   static constexpr std::array<EffectParameter, 3> kParameters{
-      {{"alpha_c", "1", "1"}, {"alpha_v", "1", "1"}, {"T", "s", "s"}}};
+      {{"alpha_c", "1", "1"}, {"alpha_v", "1", "1"}, {"T", "s", "s", EffectRange::kPositive}}};
   static constexpr std::array<ShapeRange, 1> kShapes{{{0.05, 2.0, ShapeScale::kDuration, 8, false, false}}};
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 2> kNotNegative{true, true};

@@ -18,7 +18,8 @@ struct Hysteresis {
   static constexpr std::string_view kId = "hysteresis";
   static constexpr std::string_view kEquation =
       "Fc (1 - sharp) (z - sign(qd)), dz = (sign(dq) - z) |dq| / x0";
-  static constexpr std::array<EffectParameter, 2> kParameters{{{"x0", "rad", "m"}, {"sharp", "", "", true}}};
+  static constexpr std::array<EffectParameter, 2> kParameters{
+      {{"x0", "rad", "m", EffectRange::kPositive}, {"sharp", "", "", EffectRange::kPart}}};
   static constexpr std::array<ShapeRange, 1> kShapes{{{2e-4, 0.1, ShapeScale::kTravel, 14, false, false}}};
   /// Its column, z - sign(q̇), takes the place of the Coulomb friction, wholly (the fitted coefficient is all of
   /// F_c) or in part.

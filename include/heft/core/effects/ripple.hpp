@@ -13,7 +13,7 @@ struct Ripple {
   static constexpr std::string_view kId = "ripple";
   static constexpr std::string_view kEquation = "A sin(n q + phase)";
   static constexpr std::array<EffectParameter, 3> kParameters{
-      {{"A", "N·m", "N"}, {"n", "1/turn", "rad/m"}, {"phase", "rad", "rad"}}};
+      {{"A", "N·m", "N"}, {"n", "1/turn", "rad/m", EffectRange::kPositive}, {"phase", "rad", "rad"}}};
   static constexpr std::array<ShapeRange, 1> kShapes{{{2.0, 100.0, ShapeScale::kAbsolute, 99, true, false}}};
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 2> kNotNegative{false, false};

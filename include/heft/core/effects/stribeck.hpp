@@ -13,7 +13,8 @@ namespace heft {
 struct Stribeck {
   static constexpr std::string_view kId = "stribeck";
   static constexpr std::string_view kEquation = "Fs exp(-(qd/vs)^2) sign(qd)";
-  static constexpr std::array<EffectParameter, 2> kParameters{{{"Fs", "N·m", "N"}, {"vs", "rad/s", "m/s"}}};
+  static constexpr std::array<EffectParameter, 2> kParameters{
+      {{"Fs", "N·m", "N"}, {"vs", "rad/s", "m/s", EffectRange::kPositive}}};
   static constexpr std::array<ShapeRange, 1> kShapes{
       {{0.004, 0.35, ShapeScale::kTopSpeed, 12, false, false}}};
   /// Which coefficients physics keeps from being negative.

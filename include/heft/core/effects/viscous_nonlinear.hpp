@@ -13,7 +13,7 @@ struct ViscousNonlinear {
   static constexpr std::string_view kId = "viscous_nonlinear";
   static constexpr std::string_view kEquation = "c |qd|^p sign(qd)";
   static constexpr std::array<EffectParameter, 2> kParameters{
-      {{"c", "N·m·(s/rad)^p", "N·(s/m)^p"}, {"p", "1", "1"}}};
+      {{"c", "N·m·(s/rad)^p", "N·(s/m)^p"}, {"p", "1", "1", EffectRange::kPositive}}};
   static constexpr std::array<ShapeRange, 1> kShapes{{{0.6, 3.0, ShapeScale::kAbsolute, 2, false, true}}};
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 1> kNotNegative{true};
