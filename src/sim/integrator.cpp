@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <cvode/cvode.h>
 #include <fmt/format.h>
@@ -19,6 +20,9 @@ namespace {
 /// Largest shift before a fresh start. CVODE keeps about sixteen digits of the shifted coordinates, of which
 /// three are to remain below the absolute tolerance.
 double max_shift(double absolute_tolerance) { return std::clamp(1e13 * absolute_tolerance, 1.0, 1e3); }
+
+/// Most steps that may be saved up for one sample.
+constexpr double kMostSteps = 1e5;
 
 }  // namespace
 
@@ -47,6 +51,7 @@ struct Integrator::Impl {
   std::vector<double> scratch;  ///< true state during callbacks
   std::vector<int> events;
   SolverCounts past;  ///< counts before the last start
+  double steps_left{kMostSteps};
 
   Impl(System& sys, const SolverSettings& set)
       : system(sys), settings(set), n(sys.num_positions()), m(sys.num_extra()) {
@@ -75,12 +80,42 @@ struct Integrator::Impl {
 
   void check(int flag, const char* call) const {
     if (flag >= 0) return;
-    if (!failure.empty()) throw Error(failure);
-    throw Error(
-        fmt::format("simulation: CVODE stopped at t = {:.9g} s in {} (code {}): {}; expected a step to be "
-                    "possible; check for very stiff settings or infinite torques, loosen the tolerances "
-                    "or choose the method \"bdf\"",
-                    t, call, flag, solver_message.empty() ? "no further message" : solver_message));
+    if (!failure.empty()) throw SimulationError(failure);
+    const std::string where = fmt::format("simulation: joint {} at t = {:.9g} s", hardest_joint() + 1, t);
+    if (flag == CV_TOO_MUCH_WORK) {
+      throw SimulationError(
+          fmt::format("{}: found a motion that uses up the solver's steps; expected at most {:.6g} steps a "
+                      "simulated second; check the joint's inertia, gains and torque limit, add damping, or raise "
+                      "\"max_steps_per_second\" of the solver",
+                      where, settings.max_steps_per_second));
+    }
+    throw SimulationError(
+        fmt::format("{}: found no step that is short enough (CVODE, {}, code {}: {}); expected finite torques and "
+                    "accelerations; check gains, torques, inertia and the scale of the scenario, loosen the "
+                    "tolerances or choose the method \"bdf\"",
+                    where, call, flag, solver_message.empty() ? "no further message" : solver_message));
+  }
+
+  /// The joint with the largest acceleration: what is too fast to follow, or torn by a torque without bound.
+  int hardest_joint() const {
+    std::vector<double> rate(static_cast<std::size_t>(n + std::max(1, m)));
+    const double* x = state.data();
+    try {
+      system.evaluate(t, x, x + n, x + 2 * n, rate.data(), rate.data() + n);
+    } catch (const std::exception&) {
+      return 0;
+    }
+    int hardest = 0;
+    double largest = -1.0;
+    for (int i = 0; i < n; ++i) {
+      double size = std::abs(rate[static_cast<std::size_t>(i)]);
+      if (!std::isfinite(size)) size = std::numeric_limits<double>::infinity();
+      if (size > largest) {
+        largest = size;
+        hardest = i;
+      }
+    }
+    return system.joint_of(hardest);
   }
 
   void unshift(double at, const double* shifted, double* out) const {
@@ -180,7 +215,6 @@ struct Integrator::Impl {
         linear = SUNLinSol_Dense(y, matrix, context);
         check(CVodeSetLinearSolver(cvode, linear, matrix), "CVodeSetLinearSolver");
       }
-      check(CVodeSetMaxNumSteps(cvode, 1000000), "CVodeSetMaxNumSteps");
       if (settings.max_step > 0.0) check(CVodeSetMaxStep(cvode, settings.max_step), "CVodeSetMaxStep");
       if (system.num_roots() > 0) {
         check(CVodeRootInit(cvode, system.num_roots(), &Impl::root), "CVodeRootInit");
@@ -219,9 +253,15 @@ struct Integrator::Impl {
     }
     fresh = false;
     check(CVodeSetStopTime(cvode, limit), "CVodeSetStopTime");
+    check(CVodeSetMaxNumSteps(cvode, std::max(1L, static_cast<long>(steps_left))), "CVodeSetMaxNumSteps");
+    long before = 0, after = 0;
+    CVodeGetNumSteps(cvode, &before);
     realtype reached = t;
     const int flag = CVode(cvode, to, y, &reached, CV_NORMAL);
+    if (flag < 0) t = reached;
     check(flag, "CVode");
+    CVodeGetNumSteps(cvode, &after);
+    steps_left -= static_cast<double>(after - before);
     t = reached;
     unshift(t, N_VGetArrayPointer(y), state.data());
     if (flag == CV_ROOT_RETURN) {
@@ -245,6 +285,10 @@ void Integrator::start(double t, const double* q, const double* qd, const double
   std::copy(qd, qd + impl.n, impl.state.begin() + static_cast<std::ptrdiff_t>(n));
   std::copy(z, z + impl.m, impl.state.begin() + static_cast<std::ptrdiff_t>(2 * n));
   impl.begin();
+}
+
+void Integrator::grant(double steps) {
+  impl_->steps_left = std::min(std::max(kMostSteps, steps), impl_->steps_left + steps);
 }
 
 Integrator::Stop Integrator::advance(double t_stop) { return impl_->go(t_stop, t_stop); }

@@ -18,6 +18,8 @@ class System {
   virtual int num_positions() const = 0;
   virtual int num_extra() const = 0;
   virtual int num_roots() const = 0;
+  /// Joint, counted from 0, whose motion a position describes.
+  virtual int joint_of(int position) const { return position; }
   /// Accelerations and the rates of the extra states.
   virtual void evaluate(double t, const double* q, const double* qd, const double* z, double* qdd,
                         double* zd) = 0;
@@ -42,6 +44,10 @@ class Integrator {
 
   /// Starts anew at a state; q, qd, z are copied.
   void start(double t, const double* q, const double* qd, const double* z);
+
+  /// Steps of the solver that it may take from now on, besides those left over from before up to kMostSteps.
+  /// advance() and advance_freely() throw SimulationError when they are used up.
+  void grant(double steps);
 
   /// Goes on to `t_stop`, never evaluating the system beyond it, or to the first event before it.
   Stop advance(double t_stop);

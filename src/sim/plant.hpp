@@ -22,6 +22,9 @@ class Plant : public System {
   int num_positions() const override { return n_ + static_cast<int>(elastic_.size()); }
   int num_extra() const override { return num_extra_; }
   int num_roots() const override { return static_cast<int>(dry_.size()) + 1; }
+  int joint_of(int position) const override {
+    return position < n_ ? position : elastic_[static_cast<std::size_t>(position - n_)].joint;
+  }
   void evaluate(double t, const double* q, const double* qd, const double* z, double* qdd,
                 double* zd) override;
   void roots(double t, const double* q, const double* qd, const double* z, double* g) override;

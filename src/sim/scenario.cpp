@@ -212,6 +212,8 @@ SolverSettings read_solver(const SettingsReader& reader, SolverSettings solver) 
     reader.refuse("absolute_tolerance", "", "at least 1e-15", "loosen it");
   }
   solver.max_step = reader.number_or("max_step", solver.max_step, Range::kNotNegative);
+  solver.max_steps_per_second =
+      reader.number_or("max_steps_per_second", solver.max_steps_per_second, Range::kPositive);
   reader.finish();
   return solver;
 }

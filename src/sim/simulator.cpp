@@ -31,6 +31,30 @@ void check_size(const char* what, Eigen::Index size, int n, bool may_be_empty) {
          "give one value per joint");
 }
 
+/// Largest entry of a setting beyond which it is no robot's.
+void check_scale(const char* what, const Eigen::Ref<const VectorXd>& values, double largest,
+                 const char* unit) {
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    if (std::abs(values[i]) <= largest) continue;
+    refuse(fmt::format("{}, entry {}", what, i + 1), fmt::format("{:.6g} {}", values[i], unit),
+           fmt::format("at most {:.6g} {}", largest, unit), "check the unit");
+  }
+}
+
+/// The log is kept in memory.
+void check_memory(const SimulationSettings& s) {
+  constexpr double kMostValues = 2.5e8;  // 2 GB
+  const double n = s.robot.num_joints();
+  const double columns = 1 + 4 * n + (s.reference != nullptr ? 2 * n : 0) +
+                         (s.sensors.torque_constant.size() > 0 ? n : 0) + (s.log_truth ? 8 * n + 2 : 0);
+  const double rows = s.duration * (s.log_rate > 0.0 ? s.log_rate : s.sample_rate);
+  if (rows * columns <= kMostValues) return;
+  refuse("duration",
+         fmt::format("{:.6g} s with {:.6g} rows a second: {:.3g} GB", s.duration, rows / s.duration,
+                     8e-9 * rows * columns),
+         "a log of at most 2 GB", "shorten it or lower log_rate");
+}
+
 void check_settings(const SimulationSettings& s) {
   const int n = s.robot.num_joints();
   check_size("initial_position", s.initial_position.size(), n, false);
@@ -67,6 +91,19 @@ void check_settings(const SimulationSettings& s) {
   }
   if (!(s.robot.torque_delay >= 0.0)) {
     refuse("robot.torque_delay", fmt::format("{} s", s.robot.torque_delay), "at least 0", "correct it");
+  }
+  check_memory(s);
+  check_scale("initial_position", s.initial_position, 1e4, "rad or m");
+  check_scale("initial_velocity", s.initial_velocity, 1e4, "rad/s or m/s");
+  check_scale("gravity", s.gravity ? *s.gravity : Eigen::Map<const Eigen::Vector3d>(s.robot.gravity.data()),
+              1e4, "m/s²");
+  if (s.solver.max_step != 0.0 && !(s.solver.max_step >= 1e-7)) {
+    refuse("solver.max_step", fmt::format("{:.6g} s", s.solver.max_step), "0 or at least 1e-7 s",
+           "raise it, or leave it out");
+  }
+  if (!(s.solver.max_steps_per_second > 0.0)) {
+    refuse("solver.max_steps_per_second", fmt::format("{:.6g}", s.solver.max_steps_per_second),
+           "a positive number", "raise it, or leave it out");
   }
   bool held = false;
   double last = 0.0;
@@ -198,6 +235,7 @@ class Run {
     double previous = 0.0;
     for (long k = 0; k <= samples; ++k) {
       const double nominal = static_cast<double>(k) / s_.sample_rate;
+      integrator_.grant(s_.solver.max_steps_per_second * std::max(sample_time, 1e-3));
       const double time = k == 0 ? 0.0 : nominal + sensors_.jitter();
       if (k == 0) {
         apply_due_payload();
@@ -246,10 +284,10 @@ class Run {
     s_.controller->control(m.time, m, tau_);
     for (int i = 0; i < n_; ++i) {
       if (!std::isfinite(tau_[i])) {
-        throw Error(
-            fmt::format("simulation: the controller gave {} for joint {} at t = {:.6g} s, expected a finite "
-                        "torque; check its gains and what it does with the measurement",
-                        tau_[i], i + 1, m.time));
+        throw SimulationError(
+            fmt::format("simulation: joint {} at t = {:.6g} s: found {} as the controller's torque; expected a "
+                        "finite one; check its gains and what it does with the measurement",
+                        i + 1, m.time, tau_[i]));
       }
     }
     if (s_.torque_limit.size() > 0) tau_ = tau_.cwiseMin(s_.torque_limit).cwiseMax(-s_.torque_limit);
@@ -309,7 +347,7 @@ class Run {
       if (stop == Integrator::Stop::kEvent) {
         events_here = t_ > before ? 0 : events_here + 1;
         if (events_here > 100) {
-          throw Error(
+          throw SimulationError(
               fmt::format("simulation: friction modes at t = {:.9g} s do not settle: found 100 events at one "
                           "time, expected a few; check that friction levels are positive and finite",
                           t_));

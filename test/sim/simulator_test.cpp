@@ -1,6 +1,7 @@
 #include "heft/sim/simulator.hpp"
 
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <random>
 #include <vector>
@@ -15,6 +16,8 @@
 namespace heft::sim {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -376,6 +379,77 @@ TEST(Simulation, NamesTheJointWhoseTorqueIsNotFinite) {
   } catch (const Error& e) {
     EXPECT_THAT(e.what(), testing::AllOf(testing::HasSubstr("joint 1"), testing::HasSubstr("0.001 s")));
   }
+}
+
+/// A torque on the second joint of two that no arm survives.
+class Runaway : public Controller {
+ public:
+  explicit Runaway(double torque) : torque_(torque) {}
+  void control(double, const Measurement&, Eigen::Ref<VectorXd> torque) override {
+    torque.setZero();
+    torque[1] = torque_;
+  }
+
+ private:
+  double torque_;
+};
+
+std::string failure_of(const SimulationSettings& s) {
+  try {
+    (void)simulate(s);
+  } catch (const SimulationError& error) {  // exit code 4
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Simulation, EndsWithJointAndTimeWhereTheSolverWouldTakeForEver) {
+  SimulationSettings s = tight(test::planar_two_link(), 0.1);
+  s.controller = std::make_shared<Runaway>(1e9);
+  EXPECT_THAT(failure_of(s), AllOf(HasSubstr("joint 2 at t = 0.00"), HasSubstr("uses up the solver's steps"),
+                                   HasSubstr("at most 500000 steps a simulated second"),
+                                   HasSubstr("max_steps_per_second")));
+  // The bound counts time as well: a hundredth of the steps, and an ordinary motion over long samples does not end.
+  SimulationSettings slow = tight(test::pendulum(), 20.0);
+  slow.initial_position[0] = 1.0;
+  slow.sample_rate = 0.5;
+  slow.solver.max_steps_per_second = 5e3;
+  EXPECT_EQ(failure_of(slow), "");
+}
+
+TEST(Simulation, EndsWithJointAndTimeWhereATorqueIsWithoutBound) {
+  SimulationSettings s = tight(test::planar_two_link(), 0.1);
+  for (const double torque : {1e200, 1e300}) {
+    s.controller = std::make_shared<Runaway>(torque);
+    EXPECT_THAT(failure_of(s), AllOf(HasSubstr("simulation: joint "), HasSubstr(" at t = "), HasSubstr("expected")))
+        << torque;
+  }
+  s.controller = std::make_shared<Runaway>(std::numeric_limits<double>::infinity());
+  EXPECT_THAT(failure_of(s), AllOf(HasSubstr("joint 2 at t = 0 s"), HasSubstr("found inf")));
+}
+
+TEST(Simulation, RefusesWhatIsFarOutOfScale) {
+  const auto message = [](auto change) {
+    SimulationSettings s = tight(test::pendulum(), 0.1);
+    s.initial_velocity = VectorXd::Zero(1);
+    change(s);
+    try {
+      (void)simulate(s);
+    } catch (const ModelError& error) {  // exit code 3
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(message([](auto& s) { s.initial_position[0] = 1e300; }),
+              AllOf(HasSubstr("initial_position, entry 1"), HasSubstr("found 1e+300"), HasSubstr("at most 10000")));
+  EXPECT_THAT(message([](auto& s) { s.initial_velocity[0] = std::nan(""); }), HasSubstr("initial_velocity, entry 1"));
+  EXPECT_THAT(message([](auto& s) { s.initial_velocity[0] = -1e10; }), HasSubstr("initial_velocity, entry 1"));
+  EXPECT_THAT(message([](auto& s) { s.gravity = Eigen::Vector3d(0, 0, -1e300); }), HasSubstr("gravity, entry 3"));
+  EXPECT_THAT(message([](auto& s) { s.solver.max_step = 1e-300; }), HasSubstr("solver.max_step"));
+  EXPECT_THAT(message([](auto& s) { s.solver.max_steps_per_second = 0; }), HasSubstr("max_steps_per_second"));
+  EXPECT_THAT(message([](auto& s) { s.duration = 1e5; }),
+              AllOf(HasSubstr("duration"), HasSubstr("GB"), HasSubstr("at most 2 GB"), HasSubstr("log_rate")));
+  EXPECT_EQ(message([](auto&) {}), "");
 }
 
 TEST(Simulation, RefusesSettingsThatDoNotFitTheRobot) {

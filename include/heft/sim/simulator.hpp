@@ -12,6 +12,7 @@
 #include <Eigen/Core>
 
 #include "heft/data/log.hpp"
+#include "heft/host/error.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/sim/controller.hpp"
 #include "heft/sim/forward_dynamics.hpp"
@@ -19,6 +20,12 @@
 #include "heft/sim/reference.hpp"
 
 namespace heft::sim {
+
+/// The solver cannot go on: says which joint and when (exit code 4 of the command).
+class SimulationError : public NotIdentifiableError {
+ public:
+  using NotIdentifiableError::NotIdentifiableError;
+};
 
 /// Family of multistep methods.
 enum class SolverMethod {
@@ -31,6 +38,9 @@ struct SolverSettings {
   double relative_tolerance{1e-8};
   double absolute_tolerance{1e-10};  ///< [rad, rad/s; m, m/s]
   double max_step{0.0};              ///< [s]; 0 leaves it to the solver
+  /// Steps that a simulated second may take, and a thousandth of that that a sample may; what is left over is saved
+  /// up, to 1e5. What takes more (a link of almost no inertia, gains without a torque limit) ends in SimulationError.
+  double max_steps_per_second{5e5};
   /// Start the multistep method anew at every controller sample instead of carrying its history across.
   /// Slower; there to be compared with.
   bool restart_at_samples{false};
@@ -162,7 +172,8 @@ Eigen::VectorXd effort_limits_of(const model::Robot& robot);
 Eigen::Vector3d tilted_gravity(const Eigen::Vector3d& gravity, double tilt, double azimuth);
 
 /// Runs a simulation.
-/// @throws ModelError on settings that do not fit together, Error when the solver cannot go on.
+/// @throws ModelError on settings that do not fit together or are far out of scale, SimulationError when the solver
+///         cannot go on or the controller gives a torque that is not finite.
 SimulationResult simulate(const SimulationSettings& settings);
 
 }  // namespace heft::sim
