@@ -1,7 +1,9 @@
 // The counted cost of one estimator sample stays within what is promised. Counts are exact, so they can be asserted.
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -59,6 +61,23 @@ TEST(OperationCount, InformationFormBesideComputedTorque) {
 }
 
 TEST(OperationCount, ExactEverySample) { expect_mean(form("factored", false), 1250, 1250); }
+
+TEST(OperationCount, IsWhatTheReadmeSaysToOneDecimal) {
+  std::ifstream in(HEFT_SOURCE_DIR "/README.md");
+  const std::string readme((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  const auto figures = [](const nlohmann::json& f, const char* format) {
+    char text[100];
+    std::snprintf(text, sizeof text, format, f.at("mean").at("mul").get<double>(),
+                  f.at("mean").at("add").get<double>());
+    return std::string(text);
+  };
+  for (const std::string& text :
+       {figures(form("information", false), "%.1f multiplications, %.1f additions (1984"),
+        figures(form("information", true), "; %.1f, %.1f beside computed torque"),
+        figures(form("factored", false), "exact after every sample | %.1f multiplications, %.1f additions |")}) {
+    EXPECT_NE(readme.find(text), std::string::npos) << "README.md does not say: " << text;
+  }
+}
 
 TEST(OperationCount, WhatIsCountedIsWhatRuns) {
   for (const auto& per_k : counts().at("all_k")) {

@@ -60,9 +60,8 @@ std::string operation_count_line() {
     return {};
   }
   return fmt::format(
-      "one estimator sample (6 joints, k = 5, 18 parameters): {:.0f} multiplications, {:.0f} additions, "
-      "solves "
-      "included; the publication of 1984: about 1800 and 1500",
+      "one estimator sample (6 joints, k = 5, 18 parameters): {:.1f} multiplications, {:.1f} additions, "
+      "solves included; the publication of 1984: about 1800 and 1500",
       static_cast<double>(total.mul) / counted, static_cast<double>(total.add) / counted);
 }
 
