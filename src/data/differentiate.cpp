@@ -37,7 +37,7 @@ double median_period(const Eigen::VectorXd& time) {
 Eigen::MatrixXd spline_curvature(const Eigen::VectorXd& t, const Eigen::MatrixXd& y) {
   const Index n = t.size();
   Eigen::MatrixXd curvature = Eigen::MatrixXd::Zero(n, y.cols());
-  if (n < 3 || y.cols() == 0) return curvature;
+  if (n < 3) return curvature;
   const Eigen::VectorXd h = t.tail(n - 1) - t.head(n - 1);
   const auto slope = [&](Index k) { return ((y.row(k + 1) - y.row(k)) / h[k]).eval(); };
   if (n == 3) {
@@ -208,6 +208,7 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
                                 signal.rows()));
   }
   Eigen::MatrixXd result(at.size(), signal.cols());
+  if (signal.cols() == 0) return result;  // an empty matrix has no rows to point at
   if (n == 1) {
     for (Index k = 0; k < at.size(); ++k) result.row(k) = signal.row(0);
     return result;

@@ -214,6 +214,15 @@ TEST(Resample, DrawsAStraightLineAcrossAGap) {
   EXPECT_EQ(gaps[0].end, to);
 }
 
+TEST(Resample, TakesSignalsWithoutColumns) {  // and, under UBSan, points at none of their rows
+  const Eigen::VectorXd at = Eigen::VectorXd::LinSpaced(7, 0.0, 1.0);
+  for (const Eigen::Index n : {1, 3, 20}) {
+    const Eigen::MatrixXd result = resample(Eigen::VectorXd::LinSpaced(n, 0.0, 1.0), Eigen::MatrixXd(n, 0), at);
+    EXPECT_EQ(result.rows(), 7);
+    EXPECT_EQ(result.cols(), 0);
+  }
+}
+
 TEST(Resample, TakesOneTwoAndThreeSamples) {
   EXPECT_EQ(resample(Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, 4.0), Eigen::Vector2d(-1, 1)),
             Eigen::Vector2d(4, 4));
