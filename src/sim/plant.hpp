@@ -22,6 +22,10 @@ class Plant : public System {
   int num_positions() const override { return n_ + static_cast<int>(elastic_.size()); }
   int num_extra() const override { return num_extra_; }
   int num_roots() const override { return static_cast<int>(dry_.size()) + 1; }
+  /// Joint whose friction mode an event function is about; of the last one, the payload's, the first joint.
+  int joint_of_root(int root) const {
+    return root < static_cast<int>(dry_.size()) ? dry_[static_cast<std::size_t>(root)] : 0;
+  }
   int joint_of(int position) const override {
     return position < n_ ? position : elastic_[static_cast<std::size_t>(position - n_)].joint;
   }

@@ -347,10 +347,12 @@ class Run {
       if (stop == Integrator::Stop::kEvent) {
         events_here = t_ > before ? 0 : events_here + 1;
         if (events_here > 100) {
-          throw SimulationError(
-              fmt::format("simulation: friction modes at t = {:.9g} s do not settle: found 100 events at one "
-                          "time, expected a few; check that friction levels are positive and finite",
-                          t_));
+          const std::vector<int>& happened = integrator_.events();
+          const auto root = std::find_if(happened.begin(), happened.end(), [](int event) { return event != 0; });
+          throw SimulationError(fmt::format(
+              "simulation: joint {} at t = {:.9g} s: found 100 changes between sticking and slipping at one time; "
+              "expected a few; check that friction levels and torques are finite and within reason",
+              plant_.joint_of_root(static_cast<int>(root - happened.begin())) + 1, t_));
         }
         const std::vector<int>& events = integrator_.events();
         if (events[static_cast<std::size_t>(plant_.num_roots()) - 1] != 0) {
