@@ -83,17 +83,17 @@ struct Integrator::Impl {
     if (!failure.empty()) throw SimulationError(failure);
     const std::string where = fmt::format("simulation: joint {} at t = {:.9g} s", hardest_joint() + 1, t);
     if (flag == CV_TOO_MUCH_WORK) {
-      throw SimulationError(
-          fmt::format("{}: found a motion that uses up the solver's steps; expected at most {:.6g} steps a "
-                      "simulated second; check the joint's inertia, gains and torque limit, add damping, or raise "
-                      "\"max_steps_per_second\" of the solver",
-                      where, settings.max_steps_per_second));
+      throw SimulationError(fmt::format(
+          "{}: found a motion that uses up the solver's steps; expected at most {:.6g} steps a "
+          "simulated second; check the joint's inertia, gains and torque limit, add damping, or raise "
+          "\"max_steps_per_second\" of the solver",
+          where, settings.max_steps_per_second));
     }
-    throw SimulationError(
-        fmt::format("{}: found no step that is short enough (CVODE, {}, code {}: {}); expected finite torques and "
-                    "accelerations; check gains, torques, inertia and the scale of the scenario, loosen the "
-                    "tolerances or choose the method \"bdf\"",
-                    where, call, flag, solver_message.empty() ? "no further message" : solver_message));
+    throw SimulationError(fmt::format(
+        "{}: found no step that is short enough (CVODE, {}, code {}: {}); expected finite torques and "
+        "accelerations; check gains, torques, inertia and the scale of the scenario, loosen the "
+        "tolerances or choose the method \"bdf\"",
+        where, call, flag, solver_message.empty() ? "no further message" : solver_message));
   }
 
   /// The joint with the largest acceleration: what is too fast to follow, or torn by a torque without bound.

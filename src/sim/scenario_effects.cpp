@@ -66,8 +66,8 @@ void read_joint_effect(const SettingsReader& reader, int kind, const model::Robo
     for (std::size_t k = 0; k < parameters.size(); ++k) {
       const std::string name(parameters[k].name);
       // An angle, a neutral position or a share left out is zero.
-      const bool optional =
-          parameters[k].range == EffectRange::kPart || name == "phase" || name == "q0" || name == "alpha_c" || name == "alpha_v";
+      const bool optional = parameters[k].range == EffectRange::kPart || name == "phase" || name == "q0" ||
+                            name == "alpha_c" || name == "alpha_v";
       const Range range = range_of(parameters[k]);
       effect.parameters[k] = optional ? reader.number_or(name, 0.0, range) : reader.number(name, range);
     }

@@ -284,10 +284,10 @@ class Run {
     s_.controller->control(m.time, m, tau_);
     for (int i = 0; i < n_; ++i) {
       if (!std::isfinite(tau_[i])) {
-        throw SimulationError(
-            fmt::format("simulation: joint {} at t = {:.6g} s: found {} as the controller's torque; expected a "
-                        "finite one; check its gains and what it does with the measurement",
-                        i + 1, m.time, tau_[i]));
+        throw SimulationError(fmt::format(
+            "simulation: joint {} at t = {:.6g} s: found {} as the controller's torque; expected a "
+            "finite one; check its gains and what it does with the measurement",
+            i + 1, m.time, tau_[i]));
       }
     }
     if (s_.torque_limit.size() > 0) tau_ = tau_.cwiseMin(s_.torque_limit).cwiseMax(-s_.torque_limit);
@@ -348,9 +348,11 @@ class Run {
         events_here = t_ > before ? 0 : events_here + 1;
         if (events_here > 100) {
           const std::vector<int>& happened = integrator_.events();
-          const auto root = std::find_if(happened.begin(), happened.end(), [](int event) { return event != 0; });
+          const auto root =
+              std::find_if(happened.begin(), happened.end(), [](int event) { return event != 0; });
           throw SimulationError(fmt::format(
-              "simulation: joint {} at t = {:.9g} s: found 100 changes between sticking and slipping at one time; "
+              "simulation: joint {} at t = {:.9g} s: found 100 changes between sticking and slipping at one "
+              "time; "
               "expected a few; check that friction levels and torques are finite and within reason",
               plant_.joint_of_root(static_cast<int>(root - happened.begin())) + 1, t_));
         }

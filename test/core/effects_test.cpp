@@ -160,7 +160,8 @@ TEST(EffectFeedForward, RefusesLengthsTimesAndExponentsThatAreNotPositive) {
   EXPECT_TRUE(refused(joint_effect_kind<Hysteresis>(), {0.01, -0.5}));
   // A time that single precision rounds to zero.
   EffectFeedForward<float, 1, 1> single;
-  const std::array<JointEffect<double>, 1> short_time{{{joint_effect_kind<FrictionDrift>(), 0, {1, 1, 1e-60}}}};
+  const std::array<JointEffect<double>, 1> short_time{
+      {{joint_effect_kind<FrictionDrift>(), 0, {1, 1, 1e-60}}}};
   EXPECT_EQ(single.configure(short_time), Status::kOutOfRange);
   // Levels may have any sign.
   EXPECT_EQ(effects.add({joint_effect_kind<Spring>(), 0, {-2.0, 0.1}}), Status::kOk);

@@ -81,8 +81,10 @@ TYPED_TEST(HugeNumbers, RecursionRefusesThemAndIsWhatItWas) {
       auto w = this->random_row();
       w[3] = bad;
       EXPECT_EQ(estimator.update(w, TypeParam(1), TypeParam(0), record), Status::kNonFiniteInput) << bad;
-      EXPECT_EQ(estimator.update(this->random_row(), bad, TypeParam(0), record), Status::kNonFiniteInput) << bad;
-      EXPECT_NE(estimator.update(this->random_row(), TypeParam(1), bad, record), Status::kOk) << "noise " << bad;
+      EXPECT_EQ(estimator.update(this->random_row(), bad, TypeParam(0), record), Status::kNonFiniteInput)
+          << bad;
+      EXPECT_NE(estimator.update(this->random_row(), TypeParam(1), bad, record), Status::kOk)
+          << "noise " << bad;
       EXPECT_FALSE(record.used);
     }
     EXPECT_NE(estimator.update(this->random_row(), TypeParam(1), TypeParam(-1), record), Status::kOk);
@@ -106,8 +108,9 @@ TYPED_TEST(HugeNumbers, OutliersOfEverySizeThatIsAcceptedLeaveTheRecursionFinite
       if (gate > 0) {
         EXPECT_FALSE(record.used) << size;
       }
-      ASSERT_EQ(estimator.update(this->random_row(), static_cast<TypeParam>(0.99 * size), TypeParam(0), record),
-                Status::kOk);
+      ASSERT_EQ(
+          estimator.update(this->random_row(), static_cast<TypeParam>(0.99 * size), TypeParam(0), record),
+          Status::kOk);
       if (gate > 0) {
         EXPECT_FALSE(record.used) << size;
       }
@@ -181,7 +184,8 @@ TYPED_TEST(HugeNumbers, StateVariableFilterRefusesThemAndIsWhatItWas) {
   }
   // No time for the input to change in: differences over such a period have no digit left.
   for (const double period : {1e-310, 1e-40, 1e-12}) {
-    EXPECT_EQ(filter.update(V(TypeParam(0), TypeParam(0)), static_cast<TypeParam>(period)), Status::kOutOfRange);
+    EXPECT_EQ(filter.update(V(TypeParam(0), TypeParam(0)), static_cast<TypeParam>(period)),
+              Status::kOutOfRange);
   }
   EXPECT_EQ(filter.update(V(TypeParam(0), TypeParam(0)), this->kNan), Status::kOutOfRange);
   EXPECT_EQ(filter.value(), value);
@@ -269,7 +273,8 @@ class PayloadPutDown {
         }
       }
       JointVector<double, 6> residual = JointVector<double, 6>::Zero();
-      if (n < put_down_at) residual = inverse_dynamics(loaded_, q, qd, qdd) - inverse_dynamics(bare_, q, qd, qdd);
+      if (n < put_down_at)
+        residual = inverse_dynamics(loaded_, q, qd, qdd) - inverse_dynamics(bare_, q, qd, qdd);
       for (int i = 0; i < 6; ++i) residual[i] += normal(random);
       LinkRegressor<double, 6> Y;
       link_regressor(bare_, joint_trigonometry<DynamicArm<double, 6>>(q), q, qd, qdd, Y);

@@ -84,7 +84,8 @@ TYPED_TEST(LongRun, GlitchesOfEverySizeAndMomentLeaveTheEstimateUsable) {
   for (const double forgetting : {1.0, 0.999}) {
     for (const Glitch glitch : {Glitch::kTorque, Glitch::kMeasured, Glitch::kInstrument}) {
       for (const double size : sizes) {
-        for (const std::size_t at : {std::size_t{0}, std::size_t{15}, std::size_t{16}, std::size_t{150}, std::size_t{2500}}) {
+        for (const std::size_t at :
+             {std::size_t{0}, std::size_t{15}, std::size_t{16}, std::size_t{150}, std::size_t{2500}}) {
           auto estimator = this->started(forgetting);
           double worst = 0;
           for (std::size_t n = 0; n < 6000; ++n) {
@@ -93,8 +94,8 @@ TYPED_TEST(LongRun, GlitchesOfEverySizeAndMomentLeaveTheEstimateUsable) {
             ASSERT_TRUE(status == Status::kOk || (n == at && status == Status::kNonFiniteInput));
             if (n > 3000 && n % 50 == 0) worst = std::max(worst, this->error(estimator, true));
           }
-          ASSERT_LT(worst, 0.10) << "λ " << forgetting << " glitch " << static_cast<int>(glitch) << " of " << size
-                                 << " at " << at;
+          ASSERT_LT(worst, 0.10) << "λ " << forgetting << " glitch " << static_cast<int>(glitch) << " of "
+                                 << size << " at " << at;
           ASSERT_EQ(estimator.source(), EstimateSource::kInstrumental) << size << " at " << at;
         }
       }
@@ -162,7 +163,8 @@ TYPED_TEST(LongStandstill, RecursiveLeastSquaresStaysWithinWhatItClaims) {
       }
     };
     move(2000);
-    const typename Rls::Row same{TypeParam(0.3), TypeParam(-1), TypeParam(0.7), TypeParam(2), TypeParam(0.1), TypeParam(1)};
+    const typename Rls::Row same{TypeParam(0.3), TypeParam(-1),  TypeParam(0.7),
+                                 TypeParam(2),   TypeParam(0.1), TypeParam(1)};
     double y = 0;
     for (std::size_t i = 0; i < kP; ++i) y += static_cast<double>(i + 1) * static_cast<double>(same[i]);
     for (int n = 0; n < 20000000; ++n) {
@@ -173,7 +175,8 @@ TYPED_TEST(LongStandstill, RecursiveLeastSquaresStaysWithinWhatItClaims) {
     for (int i = 0; i < kP; ++i) {
       const double deviation = std::sqrt(static_cast<double>(estimator.variance(i)));
       EXPECT_LE(deviation, 10.001) << "the initial one";
-      EXPECT_NEAR(static_cast<double>(estimator.solution()[static_cast<std::size_t>(i)]), i + 1, 2 * deviation)
+      EXPECT_NEAR(static_cast<double>(estimator.solution()[static_cast<std::size_t>(i)]), i + 1,
+                  2 * deviation)
           << "parameter " << i << " λ " << forgetting;
     }
     move(static_cast<int>(12 / (1 - forgetting)));  // 12 memories

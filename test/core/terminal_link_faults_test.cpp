@@ -115,7 +115,8 @@ TYPED_TEST(TerminalLinkFaults, RefusesNumbersOfEveryJointAndEveryInput) {
   ASSERT_EQ(TypeParam::configure(estimator, {}), Status::kOk);
   const auto s = terminal_link_run(1, 0.0, 30).front();
   typename TypeParam::Estimator::Record record;
-  for (const Scalar bad : {std::numeric_limits<Scalar>::quiet_NaN(), std::numeric_limits<Scalar>::infinity()}) {
+  for (const Scalar bad :
+       {std::numeric_limits<Scalar>::quiet_NaN(), std::numeric_limits<Scalar>::infinity()}) {
     for (int field = 0; field < 5; ++field) {
       for (int joint = 0; joint < 6; ++joint) {
         std::array<Vector, 5> inputs{s.q.cast<Scalar>(), s.qd.cast<Scalar>(), s.measured.cast<Scalar>(),

@@ -217,7 +217,8 @@ TEST(Resample, DrawsAStraightLineAcrossAGap) {
 TEST(Resample, TakesSignalsWithoutColumns) {  // and, under UBSan, points at none of their rows
   const Eigen::VectorXd at = Eigen::VectorXd::LinSpaced(7, 0.0, 1.0);
   for (const Eigen::Index n : {1, 3, 20}) {
-    const Eigen::MatrixXd result = resample(Eigen::VectorXd::LinSpaced(n, 0.0, 1.0), Eigen::MatrixXd(n, 0), at);
+    const Eigen::MatrixXd result =
+        resample(Eigen::VectorXd::LinSpaced(n, 0.0, 1.0), Eigen::MatrixXd(n, 0), at);
     EXPECT_EQ(result.rows(), 7);
     EXPECT_EQ(result.cols(), 0);
   }

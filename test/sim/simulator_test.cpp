@@ -16,10 +16,10 @@
 namespace heft::sim {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 const VectorXd& extra(const data::Log& log, const std::string& name) {
   for (const auto& [column, values] : log.extra) {
@@ -406,9 +406,9 @@ std::string failure_of(const SimulationSettings& s) {
 TEST(Simulation, EndsWithJointAndTimeWhereTheSolverWouldTakeForEver) {
   SimulationSettings s = tight(test::planar_two_link(), 0.1);
   s.controller = std::make_shared<Runaway>(1e9);
-  EXPECT_THAT(failure_of(s), AllOf(HasSubstr("joint 2 at t = 0.00"), HasSubstr("uses up the solver's steps"),
-                                   HasSubstr("at most 500000 steps a simulated second"),
-                                   HasSubstr("max_steps_per_second")));
+  EXPECT_THAT(failure_of(s),
+              AllOf(HasSubstr("joint 2 at t = 0.00"), HasSubstr("uses up the solver's steps"),
+                    HasSubstr("at most 500000 steps a simulated second"), HasSubstr("max_steps_per_second")));
   // The bound counts time as well: a hundredth of the steps, and an ordinary motion over long samples does not end.
   SimulationSettings slow = tight(test::pendulum(), 20.0);
   slow.initial_position[0] = 1.0;
@@ -421,7 +421,8 @@ TEST(Simulation, EndsWithJointAndTimeWhereATorqueIsWithoutBound) {
   SimulationSettings s = tight(test::planar_two_link(), 0.1);
   for (const double torque : {1e200, 1e300}) {
     s.controller = std::make_shared<Runaway>(torque);
-    EXPECT_THAT(failure_of(s), AllOf(HasSubstr("simulation: joint "), HasSubstr(" at t = "), HasSubstr("expected")))
+    EXPECT_THAT(failure_of(s),
+                AllOf(HasSubstr("simulation: joint "), HasSubstr(" at t = "), HasSubstr("expected")))
         << torque;
   }
   s.controller = std::make_shared<Runaway>(std::numeric_limits<double>::infinity());
@@ -440,15 +441,20 @@ TEST(Simulation, RefusesWhatIsFarOutOfScale) {
     }
     return std::string();
   };
-  EXPECT_THAT(message([](auto& s) { s.initial_position[0] = 1e300; }),
-              AllOf(HasSubstr("initial_position, entry 1"), HasSubstr("found 1e+300"), HasSubstr("at most 10000")));
-  EXPECT_THAT(message([](auto& s) { s.initial_velocity[0] = std::nan(""); }), HasSubstr("initial_velocity, entry 1"));
-  EXPECT_THAT(message([](auto& s) { s.initial_velocity[0] = -1e10; }), HasSubstr("initial_velocity, entry 1"));
-  EXPECT_THAT(message([](auto& s) { s.gravity = Eigen::Vector3d(0, 0, -1e300); }), HasSubstr("gravity, entry 3"));
+  EXPECT_THAT(
+      message([](auto& s) { s.initial_position[0] = 1e300; }),
+      AllOf(HasSubstr("initial_position, entry 1"), HasSubstr("found 1e+300"), HasSubstr("at most 10000")));
+  EXPECT_THAT(message([](auto& s) { s.initial_velocity[0] = std::nan(""); }),
+              HasSubstr("initial_velocity, entry 1"));
+  EXPECT_THAT(message([](auto& s) { s.initial_velocity[0] = -1e10; }),
+              HasSubstr("initial_velocity, entry 1"));
+  EXPECT_THAT(message([](auto& s) { s.gravity = Eigen::Vector3d(0, 0, -1e300); }),
+              HasSubstr("gravity, entry 3"));
   EXPECT_THAT(message([](auto& s) { s.solver.max_step = 1e-300; }), HasSubstr("solver.max_step"));
   EXPECT_THAT(message([](auto& s) { s.solver.max_steps_per_second = 0; }), HasSubstr("max_steps_per_second"));
-  EXPECT_THAT(message([](auto& s) { s.duration = 1e5; }),
-              AllOf(HasSubstr("duration"), HasSubstr("GB"), HasSubstr("at most 2 GB"), HasSubstr("log_rate")));
+  EXPECT_THAT(
+      message([](auto& s) { s.duration = 1e5; }),
+      AllOf(HasSubstr("duration"), HasSubstr("GB"), HasSubstr("at most 2 GB"), HasSubstr("log_rate")));
   EXPECT_EQ(message([](auto&) {}), "");
 }
 

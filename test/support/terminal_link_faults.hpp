@@ -54,10 +54,9 @@ struct TerminalLinkCase {
   }
 };
 
-using TerminalLinkCases = ::testing::Types<TerminalLinkCase<double, EstimatorForm::kInformation>,
-                                           TerminalLinkCase<double, EstimatorForm::kFactored>,
-                                           TerminalLinkCase<float, EstimatorForm::kInformation>,
-                                           TerminalLinkCase<float, EstimatorForm::kFactored>>;
+using TerminalLinkCases = ::testing::Types<
+    TerminalLinkCase<double, EstimatorForm::kInformation>, TerminalLinkCase<double, EstimatorForm::kFactored>,
+    TerminalLinkCase<float, EstimatorForm::kInformation>, TerminalLinkCase<float, EstimatorForm::kFactored>>;
 
 /// Which number of a sample a glitch strikes.
 enum class Glitch { kTorque, kMeasured, kInstrument };

@@ -25,12 +25,13 @@ TEST(SimulateLimits, OutOfScaleIsBadInput) {
   const std::string rest = R"("initial": {"position": [0, 0, 0, 0]}, )";
   const struct {
     std::string keys, says;
-  } cases[] = {{R"("initial": {"position": [1e300, 0, 0, 0]})", "initial_position, entry 1: found 1e+300"},
-               {R"("initial": {"position": [0, 0, 0, 0], "velocity": [0, 1e10, 0, 0]})", "initial_velocity, entry 2"},
-               {rest + R"("gravity": [0, 0, -1e300])", "gravity, entry 3"},
-               {rest + R"("solver": {"max_step": 1e-300})", "solver.max_step"},
-               {rest + R"("solver": {"max_steps_per_second": 0})", "/solver/max_steps_per_second"},
-               {rest + R"("sample_rate": 3e8)", "at most 2 GB"}};
+  } cases[] = {
+      {R"("initial": {"position": [1e300, 0, 0, 0]})", "initial_position, entry 1: found 1e+300"},
+      {R"("initial": {"position": [0, 0, 0, 0], "velocity": [0, 1e10, 0, 0]})", "initial_velocity, entry 2"},
+      {rest + R"("gravity": [0, 0, -1e300])", "gravity, entry 3"},
+      {rest + R"("solver": {"max_step": 1e-300})", "solver.max_step"},
+      {rest + R"("solver": {"max_steps_per_second": 0})", "/solver/max_steps_per_second"},
+      {rest + R"("sample_rate": 3e8)", "at most 2 GB"}};
   for (const auto& bad : cases) {
     const test::Outcome outcome = simulate(folder, bad.keys);
     EXPECT_EQ(outcome.exit_code, 3) << bad.keys << outcome.err;
@@ -49,8 +50,8 @@ TEST(SimulateLimits, AMotionWithoutBoundIsNoAnswer) {
         std::string(R"("initial": {"position": [0, 0, 0, 0]}, "torque": {"offset": [1e300, 0, 0, 0]})")}) {
     const test::Outcome outcome = simulate(folder, keys);
     EXPECT_EQ(outcome.exit_code, 4) << keys << outcome.err;
-    EXPECT_THAT(outcome.err, AllOf(HasSubstr("simulation: joint "), HasSubstr(" at t = "), HasSubstr("expected"),
-                                   HasSubstr("check")))
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr("simulation: joint "), HasSubstr(" at t = "),
+                                   HasSubstr("expected"), HasSubstr("check")))
         << keys;
     EXPECT_FALSE(std::ifstream(folder.path("s.csv")).good()) << keys;
   }

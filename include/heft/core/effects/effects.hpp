@@ -89,9 +89,9 @@ constexpr int parameter_out_of_range(const JointEffect<Scalar>& effect) {
     const auto& given = decltype(type)::kParameters;
     for (std::size_t i = 0; i < given.size() && found < 0; ++i) {
       const Scalar& value = effect.parameters[i];
-      const bool within = value - value == Scalar(0) &&
-                          (given[i].range != EffectRange::kPositive || value > Scalar(0)) &&
-                          (given[i].range != EffectRange::kPart || (value >= Scalar(0) && value <= Scalar(1)));
+      const bool within =
+          value - value == Scalar(0) && (given[i].range != EffectRange::kPositive || value > Scalar(0)) &&
+          (given[i].range != EffectRange::kPart || (value >= Scalar(0) && value <= Scalar(1)));
       found = within ? -1 : static_cast<int>(i);
     }
   });

@@ -42,7 +42,7 @@ class PayloadEstimator {
   using Row = typename Estimator::Row;
 
   struct Config {
-    int first_row{0};                   ///< k − 1
+    int first_row{0};  ///< k − 1
     /// λ a sample that used a row, with λ^p ≥ 1e-12. The default remembers 5000 samples: 5 s at 1 kHz, and nine tenths
     /// of a change are followed within 12 s of motion. 1 for a load that does not change, or with restart().
     Scalar forgetting_factor{static_cast<Scalar>(0.9998)};
@@ -50,7 +50,8 @@ class PayloadEstimator {
     /// Neighbouring samples that tell as much as one alone, because the residual is correlated in time; ≥ 1.
     /// Does not move the estimate, but makes its standard deviations hold.
     Scalar correlated_samples{1};
-    Scalar gate{5};  ///< standard deviations, or times the usual innovation of that joint's row; 0 never rejects
+    Scalar gate{
+        5};  ///< standard deviations, or times the usual innovation of that joint's row; 0 never rejects
     /// How readily the gate lets in a change that lasts, see InnovationGate: with the default after 60 rows for one of
     /// 60 standard deviations. 0: a gate of fixed width, for a caller that watches rows_rejected itself.
     Scalar gate_widening{static_cast<Scalar>(0.01)};

@@ -115,8 +115,8 @@ class TerminalLinkEstimator {
     if (!(config.forgetting_factor >= static_cast<Scalar>(0.5) && config.forgetting_factor <= Scalar(1)) ||
         config.solve_every < 2 || !not_negative(config.prior_precision) || config.min_samples < 0 ||
         !(config.max_amplification > Scalar(1)) || !(config.max_amplification_least_squares > Scalar(1)) ||
-        !(config.gate == Scalar(0) || (config.gate >= Scalar(1) && is_usable(config.gate))) || !not_negative(config.standstill_speed) ||
-        !not_negative(config.sign_width)) {
+        !(config.gate == Scalar(0) || (config.gate >= Scalar(1) && is_usable(config.gate))) ||
+        !not_negative(config.standstill_speed) || !not_negative(config.sign_width)) {
       return Status::kOutOfRange;
     }
     for (const Scalar& weight : config.row_weight) {
