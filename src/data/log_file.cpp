@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include <fmt/ranges.h>
+#include <sys/stat.h>
 
 #include "csv_fields.hpp"
 
@@ -19,6 +20,9 @@ namespace {
 
 /// Bytes taken from the file at once.
 constexpr std::size_t kBlock = std::size_t{1} << 18;
+
+/// Longest line: far more than 10 000 columns take. What is longer is no log, and would fill the memory.
+constexpr std::size_t kLongestLine = std::size_t{1} << 24;
 
 /// Joint number of `name` under `prefix` (q3 under "q" gives 3), 0 when it is not of that channel.
 int joint_number(std::string_view name, std::string_view prefix) {
@@ -57,12 +61,13 @@ void LogFile::open() {
   if (std::filesystem::is_directory(path_, ignored)) {
     throw DataError(fmt::format("{}: is a folder; expected a log file", path_));
   }
-  file_.reset(std::fopen(path_.c_str(), "rb"));
+  file_ = host::open_input(path_);
   if (!file_) {
     throw DataError(fmt::format("{}: cannot read the log: {}; check the path", path_, std::strerror(errno)));
   }
-  const auto size = std::filesystem::file_size(path_, ignored);
-  file_size_ = ignored ? 0.0 : static_cast<double>(size);
+  struct stat status {};
+  const bool is_file = ::fstat(::fileno(file_.get()), &status) == 0 && S_ISREG(status.st_mode);
+  file_size_ = is_file ? static_cast<double>(status.st_size) : 0.0;
   buffer_.resize(kBlock);
 }
 
@@ -72,7 +77,13 @@ bool LogFile::fill() {
   std::memmove(buffer_.data(), buffer_.data() + at_, filled_ - at_);
   filled_ -= at_;
   at_ = 0;
-  if (filled_ == buffer_.size()) buffer_.resize(2 * buffer_.size());  // a line longer than the buffer
+  if (filled_ == buffer_.size()) {  // a line longer than the buffer
+    if (filled_ >= kLongestLine) {
+      fail(line_ + 1, "found a line of more than {} million bytes; expected rows of numbers (CSV); this is no log",
+           kLongestLine >> 20);
+    }
+    buffer_.resize(2 * buffer_.size());
+  }
   const std::size_t count = std::fread(buffer_.data() + filled_, 1, buffer_.size() - filled_, file_.get());
   if (count == 0) {
     at_end_ = true;
@@ -80,6 +91,10 @@ bool LogFile::fill() {
       throw DataError(fmt::format("{}: reading stopped: {}; check the disk", path_, std::strerror(errno)));
     }
     return false;
+  }
+  if (std::memchr(buffer_.data() + filled_, '\0', count) != nullptr) {
+    fail(line_ + 1, "found a zero byte in this line or soon behind it; expected text (CSV); this is a binary file, "
+                    "text of another encoding than UTF-8, or a log that was not written to its end; convert it");
   }
   filled_ += count;
   bytes_read_ += static_cast<double>(count);
@@ -102,8 +117,35 @@ bool LogFile::next_line() {
     line_end_ = (stop != nullptr) ? static_cast<const char*>(stop) : buffer_.data() + filled_;
     at_ = static_cast<std::size_t>(line_end_ - buffer_.data()) + (stop != nullptr ? 1 : 0);
     ++line_;
+    terminated_ = stop != nullptr;
     return true;
   }
+}
+
+/// A log that was cut inside its last number still looks like a row. Where all rows have as many decimals, fewer at the
+/// end of the file give it away.
+void LogFile::look_at_end_of_line() {
+  constexpr int kMost = 32;
+  constexpr long kEnoughRows = 10;
+  if (decimals_ == -2) return;
+  int count = -1, digits = 0;
+  for (const char* at = line_end_; at != line_begin_ && digits < kMost; ++digits) {
+    const char c = *--at;
+    if (c == '\r' || c == ' ') --digits;
+    if (c == '.') count = digits;
+    if (c == '.' || c == ',') break;
+  }
+  if (decimals_ == -1) decimals_ = count;
+  if (count == decimals_) return;
+  if (!terminated_ && num_rows_ >= kEnoughRows && decimals_ > 0 && count < decimals_) {
+    const char* field = line_end_;
+    while (field != line_begin_ && field[-1] != ',') --field;
+    fail(line_,
+         "column '{}': found '{}' and the end of the file; expected {} decimals as in every row before, and a line "
+         "feed: the log was cut inside this number; remove the line",
+         columns_.back().name, shown(field_around(field, line_end_)), decimals_);
+  }
+  decimals_ = -2;
 }
 
 void LogFile::read_header() {
@@ -322,6 +364,7 @@ bool LogFile::next(double* values) {
          time, last_time_, line_ - 1);
   }
   last_time_ = time;
+  look_at_end_of_line();
   ++num_rows_;
   return true;
 }

@@ -4,8 +4,6 @@
 #pragma once
 
 #include <array>
-#include <cstdio>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,6 +12,7 @@
 
 #include "heft/data/log.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
 
 namespace heft::data {
 
@@ -83,10 +82,6 @@ class LogFile {
     bool wanted{true};
     bool dropped{false};
   };
-  struct CloseFile {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-
   template <typename... Args>
   [[noreturn]] void fail(std::size_t line, fmt::format_string<Args...> format, Args&&... args) const {
     throw DataError(fmt::format("{}:{}: {}", path_, line, fmt::format(format, std::forward<Args>(args)...)));
@@ -105,11 +100,12 @@ class LogFile {
   int highest(std::string_view prefix) const;
   int first_missing(std::string_view prefix, int count) const;
   void refuse_field(std::size_t index, const char* begin, int problem);
+  void look_at_end_of_line();
   [[noreturn]] void fail_ragged() const;
 
   std::string path_;
   LogRequirements needs_;
-  std::unique_ptr<std::FILE, CloseFile> file_;
+  host::InputFile file_;
   double file_size_{0.0};
   double bytes_read_{0.0};
   std::vector<char> buffer_;
@@ -119,6 +115,8 @@ class LogFile {
   const char* line_begin_{nullptr};
   const char* line_end_{nullptr};  ///< its line feed, or the end of the file
   std::size_t line_{0};            ///< number of that line
+  bool terminated_{true};          ///< that line has a line feed
+  int decimals_{-1};               ///< of the last number of every row so far; -2: not the same in all
   std::vector<Column> columns_;
   std::size_t time_column_{0};
   std::array<bool, kChannels.size()> complete_{};

@@ -322,7 +322,7 @@ class Session {
     int step = 0;
     double tried = -1.0;
     for (double hz : {from_motion, 6.0, 12.0, 20.0, 32.0}) {
-      tell("motion", step++ / 5.0);
+      tell("motion", 0.05 * step++ / 5.0);  // the effects take the rest of the time
       hz = std::max(hz, lowest);
       if (hz == tried || hz >= highest) continue;
       tried = hz;

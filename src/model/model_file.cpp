@@ -531,6 +531,7 @@ void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes
 ModelFile parse_model(const std::string& text, const std::string& path) {
   Json json;
   try {
+    host::refuse_deep_json(text, path);
     json = Json::parse(text);
   } catch (const Json::parse_error& error) {
     // The library's message starts with "[json.exception...] "; what follows names line and column.
@@ -650,7 +651,7 @@ ModelFile parse_model(const std::string& text, const std::string& path) {
   for (const auto& [key, value] : json.items()) {
     if (!known_fields().contains(key)) others[key] = value;
   }
-  if (!others.empty()) model.other_fields = others.dump();
+  if (!others.empty()) model.other_fields = others.dump(-1, ' ', false, Json::error_handler_t::replace);
   return model;
 }
 
@@ -711,7 +712,8 @@ std::string to_json(const ModelFile& model) {
                         {"logs", model.provenance.logs},
                         {"notes", model.provenance.notes}};
   if (!model.other_fields.empty()) json.update(Json::parse(model.other_fields));
-  return json.dump(1) + "\n";
+  // Names of logs are bytes; what is not UTF-8 in them must not cost the model.
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 void write_model(const std::string& path, const ModelFile& model) {

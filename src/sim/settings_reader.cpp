@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
 
 namespace heft::sim {
 namespace {
@@ -79,8 +80,14 @@ SettingsReader::SettingsReader(std::shared_ptr<Impl> impl) : impl_(std::move(imp
 SettingsReader SettingsReader::parse(std::string_view text, const std::string& file) {
   auto impl = std::make_shared<Impl>();
   impl->file = file;
+  host::refuse_deep_json(text, file);
   try {
-    impl->value = json::parse(text);
+    constexpr bool kThrows = true, kTakesComments = true;
+    impl->value = json::parse(text, nullptr, kThrows, kTakesComments);
+  } catch (const json::out_of_range& e) {
+    throw ModelError(
+        fmt::format("{}: found a number that is too large ({}), expected finite numbers in SI units; correct it",
+                    file, e.what()));
   } catch (const json::parse_error& e) {
     const std::size_t at = std::min(text.size(), e.byte > 0 ? e.byte - 1 : 0);
     const std::string_view before = text.substr(0, at);

@@ -29,10 +29,20 @@ void append_folders(std::string_view list, std::vector<std::string>& folders) {
   }
 }
 
+/// Where an installation has its robots, seen from the program that runs: it may be copied or moved as a whole.
+std::string installed_beside_program() {
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  if (error) return {};
+  const fs::path folder = (program.parent_path() / HEFT_ROBOTS_FROM_PROGRAM).lexically_normal();
+  return fs::is_directory(folder, error) ? folder.string() : std::string();
+}
+
 /// Where robots are looked for, first come first.
 std::vector<std::string> robot_folders() {
   std::vector<std::string> folders;
   if (const char* listed = std::getenv("HEFT_URDF_PATH"); listed != nullptr) append_folders(listed, folders);
+  if (std::string installed = installed_beside_program(); !installed.empty()) folders.push_back(std::move(installed));
   append_folders(HEFT_ROBOT_FOLDERS, folders);
   return folders;
 }
@@ -57,6 +67,9 @@ std::string resolve_robot(const std::string& name_or_path) {
     throw UrdfError("no robot was named; expected the path of a URDF or a name such as ur5e");
   if (is_file(name_or_path)) return name_or_path;
   std::error_code error;
+  // A pipe such as <(xacro arm.xacro).
+  const fs::file_status status = fs::status(name_or_path, error);
+  if (fs::is_fifo(status) || fs::is_character_file(status)) return name_or_path;
   const bool is_name = name_or_path.find('/') == std::string::npos;
   if (fs::is_directory(name_or_path, error) && !is_name) {
     throw UrdfError(fmt::format("{}: is a folder; expected a URDF file; name the file in it", name_or_path));

@@ -533,11 +533,6 @@ double proven_torques(const model::Robot& found, const model::Robot& expected, c
   return difference;
 }
 
-std::string default_side_file(const std::string& path_out) {
-  if (path_out == "-") return {};
-  return std::filesystem::path(path_out).replace_extension(".heft.json").string();
-}
-
 std::string read_urdf(const std::string& path) {
   try {
     return host::read_file(path, "URDF");
@@ -576,6 +571,11 @@ std::string urdf_with_parameters(const std::string& original_text, const std::st
   return text;
 }
 
+std::string side_file_of(const std::string& path_out) {
+  if (host::named_descriptor(path_out)) return {};
+  return std::filesystem::path(path_out).replace_extension(".heft.json").string();
+}
+
 void write_urdf(const std::string& original_path, const model::Robot& robot, const std::string& path_out,
                 const UrdfExportOptions& options, UrdfExportReport* report) {
   UrdfExportReport done;
@@ -584,7 +584,7 @@ void write_urdf(const std::string& original_path, const model::Robot& robot, con
 
   const bool is_needed = has_untagged(robot) || options.model.has_value();
   const std::string side_file =
-      options.side_file.value_or(is_needed ? default_side_file(path_out) : std::string());
+      options.side_file.value_or(is_needed ? side_file_of(path_out) : std::string());
   if (!side_file.empty()) {
     model::ModelFile model = model::make_model(robot);
     if (options.model) {
@@ -614,7 +614,9 @@ void write_urdf(const std::string& original_path, const model::Robot& robot, con
   try {
     host::write_file_atomically(path_out, text);
   } catch (...) {
-    if (!done.side_file.empty() && done.side_file != "-") std::filesystem::remove(done.side_file);
+    std::error_code ignored;
+    if (!done.side_file.empty() && !host::named_descriptor(done.side_file))
+      std::filesystem::remove(done.side_file, ignored);
     throw;
   }
   if (report != nullptr) *report = std::move(done);

@@ -2,7 +2,6 @@
 /// heft demo: an arm on a path picks up a load that nobody told it of, finds it and carries on.
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <memory>
 #include <string>
@@ -14,11 +13,12 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/output_folder.hpp"
 #include "heft/model/named_arms.hpp"
 #include "heft/report/report.hpp"
 #include "heft/sim/simulator.hpp"
 #include "operation_count_line.hpp"
-#include "output_folder.hpp"
+#include "options.hpp"
 #include "parallel.hpp"
 #include "payload_result.hpp"
 #include "sim_controllers.hpp"
@@ -121,7 +121,7 @@ report::Mark grasp_mark() { return {report::Mark::Direction::kVertical, kGrasp, 
 
 void run(const Options& options) {
   const Console console{options.json};
-  const std::filesystem::path folder = make_output_folder(options.output);
+  const host::OutputFolder folder(options.output);
   const model::Robot robot = demo_robot();
   const model::Robot believed = believed_robot(robot);
   const sim::Body load = demo_load(options.mass);
@@ -203,7 +203,7 @@ void run(const Options& options) {
        {{"before_grasp", before},
         {"after_grasp_uncorrected", after_without},
         {"after_grasp_corrected", after_with}}},
-      {"report", (folder / "report.html").string()}};
+      {"report", folder.file("report.html")}};
   if (!operations.empty()) json["operations"] = operations;
 
   report::Report page(
@@ -347,10 +347,6 @@ void run(const Options& options) {
       "forgotten and the new load is weighed afresh. The interval is 1.96 standard deviations, from the "
       "residuals' own size and "
       "correlation.");
-  page.write((folder / "report.html").string());
-  write_json((folder / "results.json").string(), json);
-  write_json(options.json, json);
-
   console.print(
       "The load weighs {:.3f} kg ± {:.3f} kg (in truth {:.3f} kg), found {:.2f} s after the grasp.\n", mass,
       half, load.mass, found_at);
@@ -361,7 +357,9 @@ void run(const Options& options) {
       "estimated load.\n",
       1e3 * before, 1e3 * after_without, 1e3 * after_with);
   if (!operations.empty()) console.print("{}\n", operations);
-  console.print("Report: {}\n", (folder / "report.html").string());
+  write_each({[&] { page.write(folder.file("report.html")); },
+              [&] { write_json(folder.file("results.json"), json); }, [&] { write_json(options.json, json); }});
+  console.print("Report: {}\n", folder.file("report.html"));
 }
 
 }  // namespace
@@ -371,12 +369,14 @@ Action set_up_demo(CommandLine line) {
   line.add_option("-o,--output", options->output,
                   "folder for report.html and results.json; made if it is not there")
       .type_name("FOLDER")
+      .names_file(FileUse::kOutputFolder)
       .capture_default_str();
   line.add_option("--mass", options->mass, "[kg] load that the arm grips")
       .between(0.1, 5.0)
       .capture_default_str();
   line.add_option("--json", options->json, "write the results as JSON; - is standard output")
-      .type_name("FILE");
+      .type_name("FILE")
+      .names_file(FileUse::kOutput);
   line.footer("Needs no files: arm, path, sensors and load are built in. Takes a few seconds.");
   return [options] { run(*options); };
 }

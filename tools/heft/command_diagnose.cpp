@@ -246,7 +246,7 @@ void run(const Options& options) {
   asked.band = options.log.band;
   asked.cutoff = options.cutoff;
   asked.joint_sensor = options.log.measured_at() == TorqueAt::kJoint;
-  if (options.trace) asked.trace = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
+  if (options.trace) asked.trace = [](const std::string& line) { print_to(stderr, line + "\n"); };
   diagnose::Diagnosis diagnosis;
   {
     Progress progress("diagnosing");
@@ -256,10 +256,10 @@ void run(const Options& options) {
 
   const DiagnosisContext context{options.log.logs, options.validate, options.log.torque_at,
                                  command_line(options)};
-  if (!options.model.empty()) model::write_model(options.model, extended_model(diagnosis, context));
-  write_json(options.result.json, diagnosis_json(diagnosis, context));
   console.print("{}", diagnosis_text(diagnosis, context));
-  finish(console, options.model, options.result, diagnosis_page(diagnosis, context));
+  finish(console, options.model, options.result, diagnosis_json(diagnosis, context),
+         diagnosis_page(diagnosis, context),
+         [&] { model::write_model(options.model, extended_model(diagnosis, context)); });
 }
 
 }  // namespace
@@ -272,7 +272,8 @@ Action set_up_diagnose(CommandLine line) {
           "--validate", options->validate,
           "log to judge every effect on, of another motion than the training logs; may be given several "
           "times")
-      .type_name("LOG.csv");
+      .type_name("LOG.csv")
+      .names_file(FileUse::kMeasurements);
   line.add_option("--cutoff", options->cutoff,
                   "low-pass on the positions [Hz] (default: the one that leaves the smallest residual)")
       .type_name("HZ")

@@ -2,6 +2,7 @@
 /// heft dynamics: inverse dynamics, gravity torque or regressor for each row of a log.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -12,6 +13,7 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/data/motion_stream.hpp"
+#include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/motion_torque.hpp"
@@ -49,9 +51,18 @@ std::string regressor_header(int num_joints, bool with_actuation) {
 }
 
 /// One CSV line: time, then the values, shortest form that reads back to the same number.
+/// @throws DataError when a value is not finite: no reader would take it
 template <typename Values>
-void append_row(std::string& csv, double time, const Values& values) {
-  csv += fmt::format("{}", time);
+void append_row(std::string& csv, const data::Log& log, int row, const Values& values) {
+  for (const double value : values) {
+    if (std::isfinite(value)) continue;
+    throw DataError(
+        fmt::format("{}: row {} (time {} s): the result is not finite; expected finite torques from this motion; "
+                    "check position, velocity and acceleration there, and lengths, times and speeds among the "
+                    "model's effects",
+                    log.path, row + 1, log.time[row]));
+  }
+  csv += fmt::format("{}", log.time[row]);
   for (const double value : values) csv += fmt::format(",{}", value == 0.0 ? 0.0 : value);  // no "-0"
   csv += '\n';
 }
@@ -110,7 +121,7 @@ LogResult work_on(const std::string& path, const Options& options, const model::
     const Eigen::VectorXd q = log.q.row(k);
     if (is_gravity) {
       result.torque.row(k) = dynamics.gravity_torque(q);
-      append_row(csv, log.time[k], result.torque.row(k));
+      append_row(csv, log, k, result.torque.row(k));
       continue;
     }
     if (is_torque) {
@@ -122,11 +133,11 @@ LogResult work_on(const std::string& path, const Options& options, const model::
             motion.torque(log.time.segment(k, count).array() - log.time[0], log.q.middleRows(k, count),
                           log.qd.middleRows(k, count), log.qdd.middleRows(k, count), 0.0, steps);
       }
-      append_row(csv, log.time[k], result.torque.row(k));
+      append_row(csv, log, k, result.torque.row(k));
       continue;
     }
     const Eigen::MatrixXd Y = dynamics.regressor(q, log.qd.row(k), log.qdd.row(k));
-    append_row(csv, log.time[k],
+    append_row(csv, log, k,
                Y.leftCols(at_motor ? Y.cols() : Eigen::Index{10 * n}).reshaped<Eigen::RowMajor>().eval());
   }
   if (is_torque && log.tau.cols() == n) {
@@ -191,10 +202,9 @@ void run(const Options& options) {
     }
     json["logs"].push_back(std::move(entry));
   }
-  host::write_file_atomically(options.output, csv);
-  write_json(options.result.json, json);
   console.print("{}", text);
-  finish(console, options.output, options.result, page);
+  finish(console, options.output, options.result, json, page,
+         [&] { host::write_file_atomically(options.output, csv); });
 }
 
 }  // namespace

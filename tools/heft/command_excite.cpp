@@ -474,10 +474,9 @@ void run(const Options& options) {
   page.heading("Parameters");
   page.table(parameter_table(design, score), "Present values are those of the robot's description.");
 
-  data::write_log(options.output, log);
-  write_json(options.result.json, json);
   console.print("{}", text);
-  finish(console, options.output, options.result, page);
+  finish(console, options.output, options.result, json, page,
+         [&] { data::write_log(options.output, log); });
 }
 
 }  // namespace
@@ -487,7 +486,8 @@ Action set_up_excite(CommandLine line) {
   identify::ExcitationOptions& design = options->design;
   add_robot_options(line, options->robot);
   line.add_option("--limits", options->limits, "limits that replace those of the URDF, and more (see below)")
-      .type_name("LIMITS.json");
+      .type_name("LIMITS.json")
+      .names_file(FileUse::kInput);
   line.add_option("--duration", design.duration, "[s]").type_name("S").positive().capture_default_str();
   line.add_option("--period", design.period, "[s] of the first harmonic (default: the duration)")
       .type_name("S")
@@ -519,7 +519,8 @@ Action set_up_excite(CommandLine line) {
                 "the arm is known; only the last link's ten are sought");
   line.add_option("--given", options->given,
                   "log already taken, to which this motion is to add; may be given several times")
-      .type_name("LOG.csv");
+      .type_name("LOG.csv")
+      .names_file(FileUse::kMeasurements);
   line.add_option("--band", options->band, "low-pass for derived motion of given logs [Hz] (default: chosen)")
       .type_name("HZ")
       .positive();

@@ -31,10 +31,11 @@ void run(const Options& options) {
   if (!options.robot.model.empty()) {
     names.source_of_truth += (options.robot.urdf.empty() ? "" : " and ") + options.robot.model;
   }
-  host::write_file_atomically(options.output, arm_header(robot, names));
+  const std::string header = arm_header(robot, names);
   console.print("{} with {} joints as struct {}\n", robot.name, robot.num_joints(),
                 names.name_space.empty() ? names.type : names.name_space + "::" + names.type);
-  if (options.output != "-") console.print("Written: {}\n", options.output);
+  host::write_file_atomically(options.output, header);
+  if (!host::is_standard_output(options.output)) console.print("Written: {}\n", options.output);
 }
 
 }  // namespace

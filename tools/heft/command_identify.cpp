@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
 #include <memory>
 #include <sstream>
 #include <string>
@@ -19,6 +18,7 @@
 #include "heft/data/log_part.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
 #include "heft/identify/fit.hpp"
 #include "heft/identify/validation.hpp"
 #include "heft/model/model_file.hpp"
@@ -36,7 +36,7 @@ struct Options {
   LogOptions log;
   ResultOptions result;
   std::vector<std::string> validate;
-  double split{-1.0};  ///< share of a single log that is trained on; below 0: chosen
+  double split{0.7};  ///< share of a single log that is trained on; 0: all of it
   std::string method{"wls"};
   std::string instruments{"simulated"};
   std::vector<std::string> without;
@@ -50,7 +50,6 @@ struct Options {
 
 /// Longest log that is cut in two in memory.
 constexpr long kLongestSplit = 100000;
-constexpr double kDefaultSplit = 0.7;
 /// Poses in which the mass matrix of the identified arm is looked at.
 constexpr int kPoses = 10000;
 
@@ -77,6 +76,10 @@ GearCoupling<double> coupling_of(const std::string& text) {
     const double value = std::strtod(part.c_str(), &end);
     if (part.empty() || end != part.c_str() + part.size())
       throw UsageError(fmt::format("--coupling {}: \"{}\" is no number", text, part));
+    if (!std::isfinite(value)) {
+      throw UsageError(
+          fmt::format("--coupling {}: found {}, expected finite numbers: two joints and a ratio", text, part));
+    }
     numbers.push_back(value);
   }
   if (numbers.size() < 2 || numbers.size() > 3 || std::floor(numbers[0]) != numbers[0] ||
@@ -134,23 +137,14 @@ Logs open_logs(const Options& options, const model::Robot& robot) {
   for (const std::string& path : options.log.logs)
     logs.train.push_back(checked(data::MotionStream(path, needs, streaming)));
   for (const std::string& path : options.validate) {
-    for (const std::string& trained : options.log.logs) {
-      if (std::filesystem::weakly_canonical(path) == std::filesystem::weakly_canonical(trained)) {
-        throw DataError(
-            fmt::format("{}: given to --log and to --validate: a model is not judged on the log it was "
-                        "fitted to; give another log, or leave --validate out and the log is cut in two",
-                        path));
-      }
-    }
     logs.judge.push_back(checked(data::MotionStream(path, needs, streaming)));
   }
   if (!logs.judge.empty()) {
     logs.how = "judged on logs that the fit has not seen";
     return logs;
   }
-  const double split = options.split >= 0.0 ? options.split : kDefaultSplit;
   const data::StreamSummary& summary = logs.train.front().summary();
-  if (logs.train.size() > 1 || split == 0.0 || split >= 1.0) {
+  if (logs.train.size() > 1 || options.split == 0.0) {
     logs.how = "not judged: no log was held back (--validate)";
     return logs;
   }
@@ -159,7 +153,7 @@ Logs open_logs(const Options& options, const model::Robot& robot) {
     return logs;
   }
   const data::Log whole = data::read_log(options.log.logs.front(), needs);
-  const double cut = summary.moving_from + split * (summary.moving_to - summary.moving_from);
+  const double cut = summary.moving_from + options.split * (summary.moving_to - summary.moving_from);
   data::Log first = data::part_of(whole, summary.begin, cut),
             second = data::part_of(whole, cut, summary.end + 1.0);
   // Too short a log has no part to spare; the fit says what is wrong with it.
@@ -172,7 +166,7 @@ Logs open_logs(const Options& options, const model::Robot& robot) {
   logs.train.clear();
   logs.train.emplace_back(std::move(first), streaming);
   logs.judge.emplace_back(std::move(second), streaming);
-  logs.how = fmt::format("fitted to the first {:.0f} % of the motion, judged on the rest", 100.0 * split);
+  logs.how = fmt::format("fitted to the first {:.0f} % of the motion, judged on the rest", 100.0 * options.split);
   return logs;
 }
 
@@ -242,6 +236,7 @@ void print_lines(const Console& console, const std::string& title, const std::ve
 
 void run(const Options& options) {
   const Console console{options.result.json, options.model, options.write_urdf};
+  const identify::ModelStructure structure = structure_of(options);  // wrong usage comes before bad files
   const model::Robot robot = load_robot(options.robot);
   if (!options.write_urdf.empty() && options.robot.urdf.empty()) {
     throw ModelError("--write-urdf needs the URDF to write into: give it with --urdf");
@@ -250,7 +245,7 @@ void run(const Options& options) {
 
   identify::FitOptions fitting;
   fitting.method = method_of(options.method);
-  fitting.structure = structure_of(options);
+  fitting.structure = structure;
   fitting.observation.cutoff = options.log.band;
   fitting.observation.standstill_speed = options.standstill;
   fitting.instruments = instruments_of(options.instruments);
@@ -280,16 +275,6 @@ void run(const Options& options) {
   file.fit = record;
   for (const std::string& path : options.log.logs) file.provenance.logs.push_back(path);
   file.provenance.notes = fit.notes;
-  // Both files or none: what can fail on the identified numbers goes first.
-  urdf::UrdfExportReport written;
-  if (!options.write_urdf.empty()) {
-    urdf::UrdfExportOptions exporting;
-    exporting.allow_impossible = options.allow_impossible;
-    exporting.model = file;
-    urdf::write_urdf(urdf::resolve_robot(options.robot.urdf), fit.robot, options.write_urdf, exporting,
-                     &written);
-  }
-  if (!options.model.empty()) model::write_model(options.model, file);
 
   const auto determined = std::count(fit.determined.begin(), fit.determined.end(), true);
   const std::string summary = fmt::format(
@@ -326,7 +311,6 @@ void run(const Options& options) {
         {"biased", fit.bias->biased},       {"verdict", fit.bias->verdict}};
   }
   json["notes"] = fit.notes;
-  write_json(options.result.json, json);
 
   console.print("{}: {}.\n", robot.name, summary);
   console.print("\nTraining\n{}", validation_text(trained));
@@ -340,7 +324,6 @@ void run(const Options& options) {
   if (fit.bias) console.print("Noise in the motion: {}\n", fit.bias->verdict);
   print_lines(console, "\nNot determined by these logs:", fit.missing);
   print_lines(console, "Notes:", fit.notes);
-  print_lines(console, "Notes on the URDF:", written.notes);
 
   report::Report page(fmt::format("{}: identified model", robot.name),
                       fmt::format("{} on {}", options.method, fmt::join(options.log.logs, ", ")));
@@ -387,9 +370,21 @@ void run(const Options& options) {
   page.heading("What no motion of this arm tells");
   page.preformatted(fmt::format("{}", fmt::join(fit.base.null_space, "\n")));
   for (const std::string& line : fit.notes) page.note(line);
-  finish(console, options.model, options.result, page);
-  if (!options.write_urdf.empty() && options.write_urdf != "-")
-    console.print("Robot: {}\n", options.write_urdf);
+  const auto write_robot = [&] {
+    if (options.write_urdf.empty()) return;
+    urdf::UrdfExportOptions exporting;
+    exporting.allow_impossible = options.allow_impossible;
+    exporting.model = file;
+    urdf::UrdfExportReport written;
+    urdf::write_urdf(urdf::resolve_robot(options.robot.urdf), fit.robot, options.write_urdf, exporting,
+                     &written);
+    print_lines(console, "Notes on the URDF:", written.notes);
+    if (!host::is_standard_output(options.write_urdf)) console.print("Robot: {}\n", options.write_urdf);
+  };
+  write_each({write_robot, [&] {
+                finish(console, options.model, options.result, json, page,
+                       [&] { model::write_model(options.model, file); });
+              }});
 }
 
 }  // namespace
@@ -400,12 +395,14 @@ Action set_up_identify(CommandLine line) {
   add_log_options(line, options->log);
   line.add_option("--validate", options->validate,
                   "log to judge the model on, not used for the fit; may be given several times")
-      .type_name("LOG.csv");
+      .type_name("LOG.csv")
+      .names_file(FileUse::kMeasurements);
   line.add_option("--split", options->split,
                   "share of a single log that the fit gets when there is no --validate; the rest judges "
-                  "(default 0.7; 0: fit to all of it)")
+                  "(0: fit to all of it)")
       .type_name("SHARE")
-      .between(0.0, 1.0);
+      .from_to_below(0.0, 1.0)
+      .capture_default_str();
   line.add_option("--method", options->method,
                   "ols, wls (joints weighted by their noise), irls (robust), iv (instruments), tls, physical "
                   "(links that can exist)")
@@ -436,7 +433,8 @@ Action set_up_identify(CommandLine line) {
       .capture_default_str();
   add_output_option(line, options->model, "model file", false);
   line.add_option("--write-urdf", options->write_urdf, "copy of the URDF with the identified parameters")
-      .type_name("OUT.urdf");
+      .type_name("OUT.urdf")
+      .names_file(FileUse::kOutput);
   line.add_flag("--allow-impossible", options->allow_impossible,
                 "write links into the URDF that no body can be");
   add_result_options(line, options->result);

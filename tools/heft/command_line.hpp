@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <initializer_list>
+#include <map>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -25,10 +26,32 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// What a command does with the file that an option names.
+enum class FileUse {
+  kInput,
+  kMeasurements,  ///< logs and the like: refused when given twice
+  kRobot,         ///< a file or the name of a robot
+  kOutput,
+  kOutputFolder
+};
+
+/// Options of a command that name files.
+struct DeclaredFile {
+  CLI::Option* option;
+  FileUse use;
+};
+
+/// A file that was given.
+struct GivenFile {
+  std::string option;  ///< as in `--log`
+  FileUse use;
+  std::string path;
+};
+
 /// One option of a command; a handle to be copied. Every call returns the option, so that calls can be chained.
 class Option {
  public:
-  explicit Option(CLI::Option* option) : option_(option) {}
+  Option(CLI::Option* option, std::vector<DeclaredFile>* files) : option_(option), files_(files) {}
 
   /// What stands for the value in the help text, such as FILE.
   Option& type_name(const std::string& name);
@@ -43,22 +66,28 @@ class Option {
   Option& expected(int count);
   /// Shows the value that the variable has now as the default.
   Option& capture_default_str();
+  /// The value is the path of a file: every one is looked at before the command begins. Replaces an earlier use.
+  Option& names_file(FileUse use);
 
-  /// What the value has to be.
+  /// What the value has to be. Numbers are finite unless `infinity_too` is asked for.
+  Option& infinity_too();
   Option& positive();
   Option& not_negative();
   Option& between(int lowest, int highest);
   Option& between(double lowest, double highest);
+  /// At least `lowest` and below `highest`.
+  Option& from_to_below(double lowest, double highest);
   Option& one_of(std::initializer_list<const char*> words);
 
  private:
   CLI::Option* option_;
+  std::vector<DeclaredFile>* files_;
 };
 
 /// The options of one command; a handle. Variables have to live until the command line is parsed.
 class CommandLine {
  public:
-  explicit CommandLine(CLI::App& app) : app_(&app) {}
+  CommandLine(CLI::App& app, std::vector<DeclaredFile>& files) : app_(&app), files_(&files) {}
 
   /// @param names    such as "-o,--output"; without dashes it is an argument told by its place
   /// @param value    gets what is given; its type says what can be given
@@ -84,6 +113,7 @@ class CommandLine {
 
  private:
   CLI::App* app_;
+  std::vector<DeclaredFile>* files_;
 };
 
 /// A program with commands.
@@ -102,9 +132,14 @@ class CommandParser {
   std::string parse(int argc, const char* const* argv);
   /// The help text of the program.
   std::string help() const;
+  /// The files that were given to the command that parse() found, in the order of its options.
+  std::vector<GivenFile> files() const;
 
  private:
+  void refuse_leftovers() const;
+
   std::unique_ptr<CLI::App> app_;
+  std::map<const CLI::App*, std::vector<DeclaredFile>> files_;
 };
 
 }  // namespace heft::tools

@@ -74,7 +74,7 @@ Eigen::VectorXd numbers(const nlohmann::ordered_json& json, const char* key, int
     const auto& entry = list[static_cast<std::size_t>(i)];
     if (!entry.is_number() || !(entry.get<double>() > 0)) {
       throw ModelError(fmt::format("{}: /{}/{}/{}: found {}; expected a number above 0", path, kResidualField,
-                                   key, i, entry.dump()));
+                                   key, i, entry.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)));
     }
     values[i] = entry.get<double>();
   }
@@ -105,7 +105,7 @@ void keep_residual(model::ModelFile& file, const identify::ResidualStatistics& r
   others[kResidualField] = {{"std", json_array(residual.std)},
                             {"correlation_time", json_array(residual.correlation_time)},
                             {"cutoff_hz", residual.cutoff}};
-  file.other_fields = others.dump();
+  file.other_fields = others.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
 identify::RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs,
@@ -389,14 +389,12 @@ void run(const Options& options) {
   page.paragraph(model_text);
   if (fitted) page.table(residual_table(fitted->residual));
 
-  if (!options.output.empty()) {
+  console.print("{}", text);
+  // One log gives the object of the contract, several a list of them.
+  finish(console, options.output, options.result, json.size() == 1 ? json.front() : json, page, [&] {
     keep_residual(fitted->model, fitted->residual);
     model::write_model(options.output, fitted->model);
-  }
-  // One log gives the object of the contract, several a list of them.
-  write_json(options.result.json, json.size() == 1 ? json.front() : json);
-  console.print("{}", text);
-  finish(console, options.output, options.result, page);
+  });
   if (!unanswered.empty()) throw NotIdentifiableError(unanswered);
 }
 
@@ -408,13 +406,15 @@ Action set_up_payload(CommandLine line) {
   add_log_options(line, options->log);
   line.add_option("--baseline", options->baselines,
                   "log of the arm without load, to fit the model to; may be given several times")
-      .type_name("NOLOAD.csv");
+      .type_name("NOLOAD.csv")
+      .names_file(FileUse::kMeasurements);
   line.add_option("--zero", options->zeros,
                   "log without load that the model was not fitted to: the mass found there is the model's "
                   "error, and widens the "
                   "interval; may be given several times (default with several --baseline: each by the model "
                   "of the others)")
-      .type_name("NOLOAD.csv");
+      .type_name("NOLOAD.csv")
+      .names_file(FileUse::kMeasurements);
   line.add_option("--rows", options->rows, "K: use the torques of joints K..N")
       .type_name("K")
       .positive()

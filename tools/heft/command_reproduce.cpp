@@ -16,12 +16,14 @@ Action set_up_reproduce(CommandLine line) {
   line.add_option("-o,--output", options->output,
                   "folder for the report, tables and figures; made if it is not there")
       .type_name("FOLDER")
+      .names_file(FileUse::kOutputFolder)
       .required();
   line.add_option("--seeds", options->seeds, "seeds of noise for each simulated case")
       .between(10, 1000)
       .capture_default_str();
   line.add_option("--json", options->json, "write the results as JSON also here; - is standard output")
-      .type_name("FILE");
+      .type_name("FILE")
+      .names_file(FileUse::kOutput);
   line.footer(
       "terminal-link: H. Kawasaki, K. Nishimura, Terminal-link parameter estimation and trajectory control "
       "of "

@@ -8,7 +8,9 @@
 
 #include "command.hpp"
 #include "console.hpp"
+#include "example_scenario.hpp"
 #include "heft/data/log.hpp"
+#include "heft/host/file.hpp"
 #include "heft/report/report.hpp"
 #include "options.hpp"
 #include "scenario_input.hpp"
@@ -21,6 +23,7 @@ struct Options {
   std::string scenario;
   std::string output;
   ResultOptions result;
+  bool example{false};
 };
 
 const char* name_of(sim::SimulationEvent::Kind kind) {
@@ -107,15 +110,14 @@ void run(const Options& options) {
   }
   text += table.to_text(2);
 
-  data::write_log(options.output, log);
-  write_json(options.result.json, json);
   report::Report page(fmt::format("{}: simulation", scenario.settings.robot.name), options.scenario);
   page.verdict(fmt::format("{:.6g} s simulated, {} payload events.", duration, num_payload));
   page.table(table);
   page.plots("Position", channel_plots(result, log.q, log.qref, "position [rad, m]"));
   page.plots("Torque", channel_plots(result, log.tau, {}, "torque [N·m, N]"));
   console.print("{}", text);
-  finish(console, options.output, options.result, page);
+  finish(console, options.output, options.result, json, page,
+         [&] { data::write_log(options.output, log); });
 }
 
 }  // namespace
@@ -125,14 +127,26 @@ Action set_up_simulate(CommandLine line) {
   line.add_option("--scenario", options->scenario,
                   "what to simulate: robot, motion, controller, sensors, events (JSON)")
       .type_name("SCENARIO.json")
-      .required();
-  add_output_option(line, options->output, "the log (CSV); - is standard output");
+      .names_file(FileUse::kInput);
+  add_output_option(line, options->output, "the log (CSV); - is standard output", false);
   add_result_options(line, options->result);
+  line.add_flag("--example", options->example, "print a complete scenario with comments, and nothing else");
+  line.parse_complete_callback([options] {
+    if (options->example) return;
+    if (options->scenario.empty()) {
+      throw UsageError("--scenario is required: what to simulate; heft simulate --example prints one to begin with");
+    }
+    if (options->output.empty()) throw UsageError("--output is required: where the log goes");
+  });
   line.footer(
+      std::string(kScenarioKeys) +
       "The scenario names its robot as --urdf does elsewhere; a relative path is looked for beside the "
       "scenario first.\n"
       "Example: heft simulate --scenario pick.json -o pick.csv");
-  return [options] { run(*options); };
+  return [options] {
+    if (options->example) return host::write_file_atomically("-", kExampleScenario);
+    run(*options);
+  };
 }
 
 }  // namespace heft::tools

@@ -13,7 +13,8 @@ Action set_up_stiffness(CommandLine line) {
   add_robot_options(line, options->robot);
   line.add_option("--measurements", options->measurements,
                   "loads and deflections (CSV, see below); may be given several times")
-      .type_name("M.csv");
+      .type_name("M.csv")
+      .names_file(FileUse::kMeasurements);
   line.add_option(
           "--groups", options->groups,
           "joints that share one stiffness, as where gears are of one size; joints left out count as rigid")
@@ -31,7 +32,8 @@ Action set_up_stiffness(CommandLine line) {
       "log with link-side encoders qlink1.. beside q1.. (stiffness, hysteresis), or of the motor side alone "
       "(then with --validate); may be given several times");
   line.add_option("--validate", options->validate, "motor side alone: log to judge the elasticity on")
-      .type_name("LOG.csv");
+      .type_name("LOG.csv")
+      .names_file(FileUse::kMeasurements);
 
   line.add_option(
           "--rotor-inertia", options->rotor_inertia,
@@ -43,6 +45,7 @@ Action set_up_stiffness(CommandLine line) {
   line.add_option("--stiffness", options->stiffness,
                   "stiffnesses known already [N·m/rad, N/m], one a joint, for --payload")
       .type_name("K,K,...")
+      .infinity_too()
       .delimiter(',');
   line.add_option("--payload", options->payload.mass, "mass on the tool [kg]: how far the tool sags")
       .type_name("KG")
@@ -53,10 +56,12 @@ Action set_up_stiffness(CommandLine line) {
       .delimiter(',')
       .expected(3);
   line.add_option("--path", options->path, "log whose positions q1.. the loaded tool is to keep to")
-      .type_name("LOG.csv");
+      .type_name("LOG.csv")
+      .names_file(FileUse::kInput);
   line.add_option("--compensated", options->compensated,
                   "write that log with positions that make up for the sag")
-      .type_name("LOG.csv");
+      .type_name("LOG.csv")
+      .names_file(FileUse::kOutput);
   line.add_option("--plan", options->plan,
                   "choose this many poses to measure at under --pull; -o writes a file to be filled in")
       .type_name("N")

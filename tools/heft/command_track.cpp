@@ -12,6 +12,7 @@
 
 #include "command.hpp"
 #include "console.hpp"
+#include "example_scenario.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/model_file.hpp"
@@ -204,7 +205,6 @@ void run(const Options& options) {
                     {"true", true_mass}}},
                   {"changes", trace->change},
                   {"rows", settings.rows}};
-  write_json(options.result.json, json);
 
   std::string load_text = "The load was not told from the motion by the end of the run.";
   if (std::isfinite(half)) {
@@ -273,7 +273,7 @@ void run(const Options& options) {
       "The estimated load comes from encoder positions and reported torques while the arm moves; it is "
       "carried into every row "
       "of the model.");
-  finish(console, "", options.result, page);
+  finish(console, "", options.result, json, page);
 }
 
 }  // namespace
@@ -283,17 +283,20 @@ Action set_up_track(CommandLine line) {
   line.add_option("--scenario", options->scenario,
                   "robot, motion, sensors, events (JSON), as heft simulate takes it")
       .type_name("SCENARIO.json")
+      .names_file(FileUse::kInput)
       .required();
   line.add_option(
           "--model", options->model,
           "model file with what the controllers believe, effects included; without it the scenario's robot "
           "and friction, without load and effects")
-      .type_name("MODEL.json");
+      .type_name("MODEL.json")
+      .names_file(FileUse::kInput);
   line.add_option("--from", options->from, "[s] errors count from here on")
       .not_negative()
       .capture_default_str();
   add_result_options(line, options->result);
   line.footer(
+      std::string(kScenarioKeys) +
       "Compares PD, PD with gravity, computed torque with nominal values and computed torque with the load "
       "that is\n"
       "estimated while the arm moves. Adaptive control is not in this version.\n"

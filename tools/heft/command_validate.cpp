@@ -15,12 +15,12 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/data/motion_stream.hpp"
+#include "heft/host/output_folder.hpp"
 #include "heft/identify/physical.hpp"
 #include "heft/identify/validation.hpp"
 #include "heft/report/report.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "options.hpp"
-#include "output_folder.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {
@@ -187,7 +187,6 @@ void judge_logs(const Options& options) {
     entry.update(validation_json(score));
     json["logs"].push_back(std::move(entry));
   }
-  write_json(options.result.json, json);
 
   const std::string meaning = score_meaning(all) + validation_meaning();
   console.print("{}\n", model_text);
@@ -224,7 +223,7 @@ void judge_logs(const Options& options) {
   }
   if (!fit.base_parameters.empty()) page.table(base_parameter_table(fit), "Base parameters of the fit");
   for (const std::string& line : fit.missing) page.note(line);
-  finish(console, "", options.result, page);
+  finish(console, "", options.result, json, page);
 }
 
 // Campaign -----------------------------------------------------------------------------------------------------
@@ -363,16 +362,16 @@ void add_campaign_plots(report::Report& page, const CampaignResult& result) {
 
 /// Logs and models of a campaign as files.
 void write_campaign(const std::string& path, const CampaignResult& result) {
-  const std::filesystem::path folder = make_output_folder(path);
+  const host::OutputFolder folder(path);
   for (const Experiment& experiment : result.experiments) {
-    data::write_log((folder / (experiment.name + ".csv")).string(), experiment.log);
+    data::write_log(folder.file(experiment.name + ".csv"), experiment.log);
   }
   model::ModelFile truth = model::make_model(result.truth);
   truth.provenance.method = "simulated truth";
-  model::write_model((folder / "truth.json").string(), truth);
+  model::write_model(folder.file("truth.json"), truth);
   model::ModelFile fitted = result.fit.model_file();
   fitted.provenance.logs = {result.experiments.front().name + ".csv"};
-  model::write_model((folder / "identified.json").string(), fitted);
+  model::write_model(folder.file("identified.json"), fitted);
 }
 
 void run_simulated(const Options& options) {
@@ -389,8 +388,6 @@ void run_simulated(const Options& options) {
     Progress progress("campaign");
     result = run_campaign(settings, [&](double done, const std::string&) { progress.update(done); });
   }
-  if (!options.output.empty()) write_campaign(options.output, result);
-  write_json(options.result.json, campaign_json(settings, result));
 
   const std::string text = campaign_text(settings, result);
   const std::string counted = fmt::format(
@@ -436,7 +433,8 @@ void run_simulated(const Options& options) {
   page.heading("Tracking");
   page.table(tracking_table(result), tracking);
   if (!options.result.report.empty()) add_campaign_plots(page, result);
-  finish(console, options.output, options.result, page);
+  finish(console, options.output, options.result, campaign_json(settings, result), page,
+         [&] { write_campaign(options.output, result); });
 }
 
 }  // namespace
@@ -463,6 +461,7 @@ Action set_up_validate(CommandLine line) {
       .between(5.0, 600.0)
       .capture_default_str();
   add_output_option(line, options->output, "of a campaign: folder for its logs and models", false);
+  line.get_option("--output").type_name("FOLDER").names_file(FileUse::kOutputFolder);
   add_result_options(line, options->result);
   line.parse_complete_callback([options, line] {
     options->torque_at_given = line.count("--torque-at") > 0;

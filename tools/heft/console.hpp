@@ -11,18 +11,25 @@
 
 namespace heft::tools {
 
+/// Writes text to a stream; lines are broken to the width of a terminal. Never throws: what could not be written is
+/// kept in mind for lost_output(), so that a command goes on to write its files.
+void print_to(std::FILE* stream, const std::string& text) noexcept;
+
+/// Sends what is left in the buffers on its way.
+/// @return what went wrong with standard output or standard error since the start; empty: nothing
+std::string lost_output() noexcept;
+
+/// Whether standard output was closed by its reader (`| head`), which is no mistake of anyone.
+bool reader_left() noexcept;
+
 /// The stream for results. It is standard error when standard output carries a file (`-o -`, `--json -`).
 class Console {
  public:
   /// @param outputs  the paths that the command writes to
-  Console(std::initializer_list<std::string> outputs) {
-    for (const std::string& path : outputs) {
-      if (path == "-") stream_ = stderr;
-    }
-  }
+  Console(std::initializer_list<std::string> outputs);
   template <typename... Args>
   void print(fmt::format_string<Args...> format, Args&&... args) const {
-    fmt::print(stream_, format, std::forward<Args>(args)...);
+    print_to(stream_, fmt::format(format, std::forward<Args>(args)...));
   }
 
  private:
@@ -32,7 +39,9 @@ class Console {
 /// A line on standard error: `heft: note: ...`.
 void note(const std::string& text);
 
-/// One line on standard error that counts up, on a terminal only and only when it takes over a second.
+/// How far a long job has come, on standard error: on a terminal one line that counts up, once it takes over a second;
+/// elsewhere (a file, a pipe) a line every ten seconds. It never counts down: a stage that begins anew waits until it is
+/// past what was shown.
 class Progress {
  public:
   explicit Progress(std::string label);
@@ -49,7 +58,7 @@ class Progress {
   bool shown_{false};
   int last_percent_{-1};
   std::string last_what_;
-  std::chrono::steady_clock::time_point start_;
+  std::chrono::steady_clock::time_point start_, last_line_;
 };
 
 /// Writes a JSON result; whole or not at all. `-` is standard output; nothing happens for an empty path.

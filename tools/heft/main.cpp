@@ -1,35 +1,29 @@
 /// @file
 /// The heft command: finds the command asked for, runs it, turns what goes wrong into an exit code.
 #include <algorithm>
+#include <csignal>
 #include <exception>
 #include <map>
+#include <new>
 #include <string>
 #include <vector>
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include "command.hpp"
 #include "command_line.hpp"
+#include "console.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/file_plan.hpp"
+#include "heft/host/signals.hpp"
+#include "heft/urdf/urdf_export.hpp"
+#include "heft/urdf/urdf_import.hpp"
+#include "spelling.hpp"
 
 namespace heft::tools {
 namespace {
-
-/// Number of letters to insert, delete or change to make `b` of `a`.
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above = row[j];
-      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0U : 1U)});
-      diagonal = above;
-    }
-  }
-  return row[b.size()];
-}
 
 const Command* find_command(const std::string& name) {
   const auto& all = commands();
@@ -38,16 +32,71 @@ const Command* find_command(const std::string& name) {
 }
 
 std::string nearest_command(const std::string& name) {
-  const auto& all = commands();
-  const auto best = std::min_element(all.begin(), all.end(), [&](const Command& a, const Command& b) {
-    return edit_distance(name, a.name) < edit_distance(name, b.name);
-  });
-  return edit_distance(name, best->name) <= std::max<std::size_t>(2, name.size() / 3) ? best->name : "";
+  std::vector<std::string> names;
+  for (const Command& command : commands()) names.emplace_back(command.name);
+  return nearest_word(name, names);
 }
 
 int wrong_usage(const std::string& message, const std::string& command = {}) {
-  fmt::print(stderr, "heft: {}\nSee: heft {}--help\n", message, command.empty() ? "" : command + " ");
+  print_to(stderr,
+           fmt::format("heft: {}\nSee: heft {}--help\n", message, command.empty() ? "" : command + " "));
   return kWrongUsage;
+}
+
+/// Looks at every file that was given before any work: what cannot be written, or would overwrite what is read, is
+/// refused now and not after minutes.
+void look_at_files(const std::vector<GivenFile>& files) {
+  host::FilePlan plan;
+  for (const GivenFile& file : files) {
+    switch (file.use) {
+      case FileUse::kInput: plan.add_input(file.option, file.path); break;
+      case FileUse::kMeasurements: plan.add_measurements(file.option, file.path); break;
+      case FileUse::kOutput: plan.add_output(file.option, file.path); break;
+      case FileUse::kOutputFolder: plan.add_output_folder(file.option, file.path); break;
+      case FileUse::kRobot:
+        try {
+          plan.add_input(file.option, urdf::resolve_robot(file.path));
+        } catch (const InputError&) {
+          // Said by the command when it reads the robot, after its outputs were looked at.
+        }
+        break;
+    }
+    if (file.option == "--write-urdf") {
+      const std::string model = urdf::side_file_of(file.path);
+      if (!model.empty()) plan.add_output("the model beside " + file.option, model);
+    }
+  }
+  plan.check();
+  plan.spool_pipes();
+}
+
+/// Standard streams that the caller closed: a file opened later would take their place and get what is printed.
+void hold_standard_streams() {
+  for (const int descriptor : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(descriptor, F_GETFD) != -1) continue;
+    // Standard output stays unwritable, so that lost results are noticed; notes may go nowhere.
+    ::open("/dev/null", descriptor == STDERR_FILENO ? O_WRONLY : O_RDONLY);
+  }
+}
+
+void take_signals() {
+  host::remove_temporaries_on_signals();
+  // A reader that leaves, or a limit on the size of files, must not end the command before its files are written; the
+  // write fails instead.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+}
+
+/// Exit code of a command whose text may not have arrived.
+int with_output(int code) {
+  const std::string lost = lost_output();
+  if (lost.empty()) return code;
+  if (reader_left()) {  // as other programs end in front of `head`
+    std::signal(SIGPIPE, SIG_DFL);
+    std::raise(SIGPIPE);
+  }
+  print_to(stderr, fmt::format("heft: {}\n", lost));
+  return code == kDone ? kBadInput : code;
 }
 
 int run(int argc, char** argv) {
@@ -78,7 +127,7 @@ int run(int argc, char** argv) {
     chosen = parser.parse(argc, argv);
   } catch (const UsageError& error) {
     if (argc < 2) {
-      fmt::print(stderr, "{}", parser.help());
+      print_to(stderr, parser.help());
       return kWrongUsage;
     }
     const Command* command = find_command(argv[1]);
@@ -87,15 +136,21 @@ int run(int argc, char** argv) {
   if (chosen.empty()) return kDone;  // --help, --version
 
   try {
+    look_at_files(parser.files());
     actions.at(chosen)();
     return kDone;
   } catch (const UsageError& error) {  // options that do not go together
     return wrong_usage(error.what(), chosen);
   } catch (const NotIdentifiableError& error) {
-    fmt::print(stderr, "heft {}: {}\n", chosen, error.what());
+    print_to(stderr, fmt::format("heft {}: {}\n", chosen, error.what()));
     return kNotIdentifiable;
   } catch (const InputError& error) {
-    fmt::print(stderr, "heft {}: {}\n", chosen, error.what());
+    print_to(stderr, fmt::format("heft {}: {}\n", chosen, error.what()));
+    return kBadInput;
+  } catch (const std::bad_alloc&) {
+    print_to(stderr, fmt::format("heft {}: memory ran out: the input asks for more than this computer (or its "
+                                 "limit, ulimit -v) gives; use shorter logs, or a lower rate or duration\n",
+                                 chosen));
     return kBadInput;
   }
 }
@@ -104,13 +159,15 @@ int run(int argc, char** argv) {
 }  // namespace heft::tools
 
 int main(int argc, char** argv) {
+  heft::tools::hold_standard_streams();
+  heft::tools::take_signals();
   try {
-    return heft::tools::run(argc, argv);
+    return heft::tools::with_output(heft::tools::run(argc, argv));
   } catch (const std::exception& error) {
-    fmt::print(stderr,
-               "heft: internal failure: {}\nThis is a defect of heft " HEFT_VERSION
-               ". Please report it with the command line and the files that lead to it.\n",
-               error.what());
+    heft::tools::print_to(
+        stderr, fmt::format("heft: internal failure: {}\nThis is a defect of heft " HEFT_VERSION
+                            ". Please report it with the command line and the files that lead to it.\n",
+                            error.what()));
     return heft::tools::kInternalFailure;
   }
 }

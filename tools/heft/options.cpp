@@ -5,8 +5,11 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "console.hpp"
+#include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
 #include "heft/identify/validation.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/urdf/urdf_import.hpp"
@@ -18,10 +21,12 @@ void add_robot_options(CommandLine line, RobotOptions& options) {
                                 "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...); a "
                                 "model file that knows "
                                 "its robot needs none")
-                    .type_name("ROBOT");
+                    .type_name("ROBOT")
+                    .names_file(FileUse::kRobot);
   line.add_option("--model", options.model,
                   "model file; its parameters replace those of the URDF, and without --urdf it is the robot")
-      .type_name("MODEL.json");
+      .type_name("MODEL.json")
+      .names_file(FileUse::kInput);
   line.add_option("--base", options.base, "link where the chain begins (default: the root)")
       .type_name("LINK")
       .needs(urdf);
@@ -127,6 +132,7 @@ data::JointLimits limits_of(const model::Robot& robot) {
 void add_log_options(CommandLine line, LogOptions& options) {
   line.add_option("--log", options.logs, "log (CSV); may be given several times")
       .type_name("LOG.csv")
+      .names_file(FileUse::kMeasurements)
       .required();
   line.add_option("--torque-constant", options.torque_constant,
                   "[N·m/A] one value, or one a joint: torque from the currents i1.. when tau1.. are missing")
@@ -179,20 +185,46 @@ PreparedLog prepare_log(const std::string& path, const LogOptions& options,
 
 void add_result_options(CommandLine line, ResultOptions& options) {
   line.add_option("--json", options.json, "write the results as JSON; - is standard output")
-      .type_name("FILE");
-  line.add_option("--report", options.report, "write a page with tables and plots").type_name("FILE.html");
+      .type_name("FILE")
+      .names_file(FileUse::kOutput);
+  line.add_option("--report", options.report, "write a page with tables and plots")
+      .type_name("FILE.html")
+      .names_file(FileUse::kOutput);
+}
+
+void write_each(std::initializer_list<std::function<void()>> files) {
+  std::string failures;
+  for (const std::function<void()>& write : files) {
+    if (!write) continue;
+    try {
+      write();
+    } catch (const InputError& error) {
+      failures += (failures.empty() ? "" : "\n") + std::string(error.what());
+    }
+  }
+  if (!failures.empty()) throw InputError(failures);
 }
 
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
-            const report::Report& page) {
-  if (!options.report.empty()) page.write(options.report);
-  if (!output.empty() && output != "-") console.print("Written: {}\n", output);
-  if (!options.json.empty() && options.json != "-") console.print("Results: {}\n", options.json);
-  if (!options.report.empty()) console.print("Report: {}\n", options.report);
+            const nlohmann::ordered_json& json, const report::Report& page,
+            const std::function<void()>& write_output) {
+  const auto told = [&](const char* what, const std::string& path, const std::function<void()>& write) {
+    return [&console, what, path, write] {
+      if (path.empty() || !write) return;
+      write();
+      if (!host::is_standard_output(path)) console.print("{}: {}\n", what, path);
+    };
+  };
+  write_each({told("Written", output, write_output),
+              told("Results", options.json, [&] { write_json(options.json, json); }),
+              told("Report", options.report, [&] { page.write(options.report); })});
 }
 
 void add_output_option(CommandLine line, std::string& output, const std::string& meaning, bool required) {
-  line.add_option("-o,--output", output, meaning).type_name("FILE").required(required);
+  line.add_option("-o,--output", output, meaning)
+      .type_name("FILE")
+      .names_file(FileUse::kOutput)
+      .required(required);
 }
 
 }  // namespace heft::tools

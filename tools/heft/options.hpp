@@ -2,9 +2,13 @@
 /// Options that several commands share, and what they stand for.
 #pragma once
 
+#include <functional>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include <nlohmann/json_fwd.hpp>
 
 #include "command_line.hpp"
 #include "heft/data/differentiate.hpp"
@@ -81,11 +85,17 @@ struct ResultOptions {
   std::string report;
 };
 void add_result_options(CommandLine line, ResultOptions& options);
-/// Writes the report, if asked for, and says where the command's files lie.
+/// Writes the command's files and says where they lie: what `write_output` writes, the JSON, the page. Called after the
+/// result was printed, so that it is not lost when a file cannot be written; nor are the other files.
+/// @param output  path that `write_output` writes; empty: none
+/// @throws InputError naming every file that could not be written
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
-            const report::Report& page);
+            const nlohmann::ordered_json& json, const report::Report& page,
+            const std::function<void()>& write_output = {});
+/// Calls all of them, then throws what the first that failed threw.
+void write_each(std::initializer_list<std::function<void()>> files);
 
-/// -o/--output.
+/// -o/--output, a file.
 void add_output_option(CommandLine line, std::string& output, const std::string& meaning,
                        bool required = true);
 

@@ -4,7 +4,6 @@
 
 #include "console.hpp"
 #include "heft/host/file.hpp"
-#include "output_folder.hpp"
 
 namespace heft::tools {
 namespace {
@@ -34,7 +33,7 @@ std::string to_csv(const report::Table& table) {
   return text;
 }
 
-ReportFolder::ReportFolder(const std::string& path) : path_(make_output_folder(path)) {}
+ReportFolder::ReportFolder(const std::string& path) : folder_(path) {}
 
 void ReportFolder::csv(const std::string& name, const report::Table& table) const {
   host::write_file_atomically(file(name), to_csv(table));

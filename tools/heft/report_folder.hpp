@@ -2,9 +2,9 @@
 /// A folder with a report: the page, tables as CSV, figures as SVG, results as JSON.
 #pragma once
 
-#include <filesystem>
 #include <string>
 
+#include "heft/host/output_folder.hpp"
 #include "heft/report/plot.hpp"
 #include "heft/report/table.hpp"
 
@@ -22,7 +22,7 @@ class ReportFolder {
   /// Makes the folder if it is not there.
   /// @throws InputError when it cannot be made or is a file
   explicit ReportFolder(const std::string& path);
-  std::string file(const std::string& name) const { return (path_ / name).string(); }
+  std::string file(const std::string& name) const { return folder_.file(name); }
   void csv(const std::string& name, const report::Table& table) const;
   /// Notes once on standard error when gnuplot is missing and no figure is written.
   void figure(const std::string& name, const report::PlotSpec& spec) const;
@@ -31,7 +31,7 @@ class ReportFolder {
  private:
   void warn_unless(bool written) const;
 
-  std::filesystem::path path_;
+  host::OutputFolder folder_;
   mutable bool warned_{false};
 };
 

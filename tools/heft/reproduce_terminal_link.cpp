@@ -477,6 +477,11 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
       held == all ? fmt::format("All {} claims hold.", all)
                   : fmt::format("{} of {} claims hold; those that do not are marked.", held, all);
 
+  console.print("{}\n\n{}\n{}\n", sentence, claim_table(study.table).to_text(2),
+                claim_table(study.requirements).to_text(2));
+  console.print("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
+                closed_loop_table(loop).to_text(2));
+
   report::Report page("Terminal-link estimation, reproduced", kPublication);
   page.verdict(fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.", sentence,
                            options.seeds),
@@ -608,10 +613,6 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
   write_json(folder.file("results.json"), json);
   write_json(options.json, json);
 
-  console.print("{}\n\n{}\n{}\n", sentence, claim_table(study.table).to_text(2),
-                claim_table(study.requirements).to_text(2));
-  console.print("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
-                closed_loop_table(loop).to_text(2));
   console.print("Written: {} (results.json, tables as CSV, figures as SVG)\nReport: {}\n", options.output,
                 folder.file("report.html"));
 }

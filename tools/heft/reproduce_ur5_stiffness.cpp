@@ -744,12 +744,6 @@ void reproduce_ur5_stiffness(const ReproduceOptions& options) {
     study = run_ur5_study(options.seeds, [&](double done) { progress.update(done); });
   }
   const std::vector<Check> checks = checks_of(study);
-  folder.csv("checks.csv", check_table(checks));
-  write_page(study, checks, folder);
-  const nlohmann::ordered_json json = json_of(study, checks);
-  write_json(folder.file("results.json"), json);
-  write_json(options.json, json);
-
   console.print("{}\n\n{}\n", study.verdict, check_table(checks).to_text(2));
   console.print("Stiffness [kN m/rad] with 95 % intervals:\n{}\n",
                 stiffness_table(study.stiffness).to_text(2));
@@ -759,6 +753,11 @@ void reproduce_ur5_stiffness(const ReproduceOptions& options) {
   for (const Fault& f : study.faults) {
     console.print("  {}: {}\n    {}\n", f.where, f.says, f.found);
   }
+  folder.csv("checks.csv", check_table(checks));
+  write_page(study, checks, folder);
+  const nlohmann::ordered_json json = json_of(study, checks);
+  write_json(folder.file("results.json"), json);
+  write_json(options.json, json);
   console.print("\nWritten: {} (results.json, tables as CSV, figures as SVG)\nReport: {}\n", options.output,
                 folder.file("report.html"));
 }

@@ -400,15 +400,15 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   }
   constexpr std::size_t kMostPoses = 12;
   if (named.size() > kMostPoses) named.resize(kMostPoses);
-  text += describe_tool(kinematics, stiffness, named, read_path(options, robot), options, json, page);
+  const ToolDescription tool =
+      describe_tool(kinematics, stiffness, named, read_path(options, robot), options, json, page);
+  text += tool.text;
 
-  if (!options.model.empty()) {
+  console.print("{}", text);
+  finish_with_path(console, options, json, page, tool.compensated, [&] {
     write_elastic_model(options.model, robot, stiffness, "stiffness", options.measurements,
                         {verdict, diagnosis.verdict});
-  }
-  write_json(options.result.json, json);
-  console.print("{}", text);
-  finish(console, options.model, options.result, page);
+  });
 }
 
 }  // namespace heft::tools

@@ -62,12 +62,13 @@ void add_ellipsoid(const Eigen::Matrix3d& compliance, const std::string& pose, r
   page.plots(fmt::format("Where the tool goes under 1 N at pose {}", pose), specs);
 }
 
-void write_compensated(const std::string& path, data::Log log, const MatrixXd& compensated) {
+/// The log with other positions.
+data::Log with_positions(data::Log log, const MatrixXd& compensated) {
   log.q = compensated;
   // Velocities and accelerations belong to the positions that were.
   log.qd.resize(log.q.rows(), 0);
   log.qdd.resize(log.q.rows(), 0);
-  data::write_log(path, log);
+  return log;
 }
 
 }  // namespace
@@ -126,10 +127,10 @@ data::Log read_path(const StiffnessCommandOptions& options, const model::Robot& 
   return data::read_log(options.path, needs);
 }
 
-std::string describe_tool(const model::Kinematics& kinematics, const VectorXd& stiffness,
-                          const std::vector<NamedPose>& poses, const data::Log& path,
-                          const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
-                          report::Report& page) {
+ToolDescription describe_tool(const model::Kinematics& kinematics, const VectorXd& stiffness,
+                              const std::vector<NamedPose>& poses, const data::Log& path,
+                              const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
+                              report::Report& page) {
   std::string text;
   const model::Robot& robot = kinematics.robot();
   const bool loaded = options.payload.mass > 0.0;
@@ -184,7 +185,7 @@ std::string describe_tool(const model::Kinematics& kinematics, const VectorXd& s
     add_ellipsoid(c.compliance.topLeftCorner<3, 3>(), poses.front().name, page);
     json["tool"] = at_poses;
   }
-  if (path.num_samples() == 0) return text;
+  if (path.num_samples() == 0) return {text, {}};
 
   identify::SagLoad load;
   load.payload_mass = options.payload.mass;
@@ -215,11 +216,20 @@ std::string describe_tool(const model::Kinematics& kinematics, const VectorXd& s
   page.plot(spec);
   page.note(fmt::format("Largest distance {} mm; with the compensated positions {} mm are left.",
                         report::number(largest, 3), report::number(1e3 * sag.left, 2)));
-  if (!options.compensated.empty()) {
-    write_compensated(options.compensated, path, sag.compensated);
-    text += fmt::format("Compensated positions: {}\n", options.compensated);
-  }
-  return text;
+  if (options.compensated.empty()) return {text, {}};
+  return {text, with_positions(path, sag.compensated)};
+}
+
+void finish_with_path(const Console& console, const StiffnessCommandOptions& options,
+                      const nlohmann::ordered_json& json, const report::Report& page,
+                      const data::Log& compensated, const std::function<void()>& write_model) {
+  const auto write_path = [&] {
+    if (compensated.num_samples() == 0) return;
+    data::write_log(options.compensated, compensated);
+    if (!host::is_standard_output(options.compensated))
+      console.print("Compensated positions: {}\n", options.compensated);
+  };
+  write_each({write_path, [&] { finish(console, options.model, options.result, json, page, write_model); }});
 }
 
 namespace {
@@ -257,13 +267,11 @@ void stiffness_forward(const StiffnessCommandOptions& options) {
   } else {
     poses.push_back({"first of the path", path.q.row(0).transpose()});
   }
-  const std::string text = describe_tool(kinematics, stiffness, poses, path, options, json, page);
-  if (!options.model.empty()) {
+  const ToolDescription tool = describe_tool(kinematics, stiffness, poses, path, options, json, page);
+  console.print("{}", tool.text);
+  finish_with_path(console, options, json, page, tool.compensated, [&] {
     write_elastic_model(options.model, robot, stiffness, "stiffness", {}, {"stiffnesses as given"});
-  }
-  write_json(options.result.json, json);
-  console.print("{}", text);
-  finish(console, options.model, options.result, page);
+  });
 }
 
 namespace {
@@ -394,14 +402,13 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   nlohmann::ordered_json json{{"poses", options.plan}, {"compliance_deviation_per_um", deviation}};
   const VectorXd& first = candidates[static_cast<std::size_t>(choice.chosen.front())].q;
   const std::string zones = describe_map(kinematics, first, length, options.map, json, page);
-  if (!options.model.empty()) host::write_file_atomically(options.model, csv);
-  write_json(options.result.json, json);
   console.print(
       "{} poses of {} tried, chosen for the smallest volume of uncertainty (D-optimal) among the half with "
       "the best "
       "dexterity, {:.3g} N on the tool. Not checked for collisions.\n{}\nExpected of a tracker:\n{}{}",
       options.plan, candidates.size(), pull.norm(), table.to_text(2), expected.to_text(2), zones);
-  finish(console, options.model, options.result, page);
+  finish(console, options.model, options.result, json, page,
+         [&] { host::write_file_atomically(options.model, csv); });
 }
 
 }  // namespace heft::tools

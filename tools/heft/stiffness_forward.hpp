@@ -2,6 +2,7 @@
 /// What joint stiffnesses mean for the tool: text, JSON and page.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,15 +26,24 @@ struct NamedPose {
   Eigen::VectorXd q;
 };
 
+struct ToolDescription {
+  std::string text;       ///< for the terminal
+  data::Log compensated;  ///< the path with compensated positions; without samples unless --compensated asks for it
+};
+
 /// Cartesian stiffness and extreme deflections at the poses; sag under the payload there and along the path, and the
 /// compensated path.
 /// @param stiffness  of each joint, infinite for a rigid one
 /// @param path       as read_path gives it
-/// @return text for the terminal
-std::string describe_tool(const model::Kinematics& kinematics, const Eigen::VectorXd& stiffness,
-                          const std::vector<NamedPose>& poses, const data::Log& path,
-                          const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
-                          report::Report& page);
+ToolDescription describe_tool(const model::Kinematics& kinematics, const Eigen::VectorXd& stiffness,
+                              const std::vector<NamedPose>& poses, const data::Log& path,
+                              const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
+                              report::Report& page);
+
+/// finish(), and writes the compensated path with it.
+void finish_with_path(const Console& console, const StiffnessCommandOptions& options,
+                      const nlohmann::ordered_json& json, const report::Report& page,
+                      const data::Log& compensated, const std::function<void()>& write_model);
 
 /// "9.12 kN·m/rad", "∞"; the unit of a prismatic joint is N/m.
 std::string stiffness_in_words(double stiffness, bool prismatic);

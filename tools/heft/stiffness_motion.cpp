@@ -244,12 +244,10 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
     }
     json["joints"].push_back(entry);
   }
-  if (!options.model.empty()) {
-    write_elastic_model(options.model, robot, stiffness, "stiffness", options.log.logs, {verdict});
-  }
-  write_json(options.result.json, json);
   console.print("{}", text);
-  finish(console, options.model, options.result, page);
+  finish(console, options.model, options.result, json, page, [&] {
+    write_elastic_model(options.model, robot, stiffness, "stiffness", options.log.logs, {verdict});
+  });
 }
 
 /// What the motor's side alone shows is the elasticity among the effects of a diagnosis.
@@ -301,12 +299,12 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   page.paragraph(diagnosis_verdict(diagnosis));
   page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, robot),
              "Errors on the validation logs, all effects found");
-  if (!options.model.empty()) {
-    write_elastic_model(options.model, diagnosis.after, stiffness, "stiffness", options.log.logs, {verdict});
-  }
-  write_json(options.result.json, {{"source", "motor side"}, {"logs", options.log.logs}, {"joints", joints}});
   console.print("{}\n\n{}\n{}\n", verdict, table.to_text(2), diagnosis_verdict(diagnosis));
-  finish(console, options.model, options.result, page);
+  const nlohmann::ordered_json json{
+      {"source", "motor side"}, {"logs", options.log.logs}, {"joints", joints}};
+  finish(console, options.model, options.result, json, page, [&] {
+    write_elastic_model(options.model, diagnosis.after, stiffness, "stiffness", options.log.logs, {verdict});
+  });
 }
 
 std::vector<data::Log> read_all(const std::vector<std::string>& paths, const StiffnessCommandOptions& options,

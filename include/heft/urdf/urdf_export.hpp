@@ -64,6 +64,9 @@ std::string urdf_with_parameters(const std::string& original_text, const std::st
                                  const model::Robot& robot, const UrdfExportOptions& options = {},
                                  UrdfExportReport* report = nullptr);
 
+/// Where write_urdf puts what has no tag: OUT.heft.json beside OUT.urdf, "" for standard output and other descriptors.
+std::string side_file_of(const std::string& path_out);
+
 /// Reads a URDF, and writes it with the robot's parameters, and what URDF has no tag for into a model file (see
 /// UrdfExportOptions::side_file). Each file appears whole or not at all; nothing is written on an error.
 /// @param original_path  the URDF that the robot was read from; may be `path_out`
