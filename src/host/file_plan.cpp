@@ -1,8 +1,10 @@
 #include "heft/host/file_plan.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <optional>
 
 #include <fcntl.h>
@@ -82,7 +84,17 @@ void refuse_folder(const std::string& path, const std::string& option, const std
   }
 }
 
-void check_file(const std::string& path, const std::string& option, const OutputPlace& place) {
+/// Whether `folder` is one that the program makes, or lies in it.
+bool is_planned(const std::string& folder, const std::vector<std::string>& planned) {
+  const auto plain = [](const std::string& path) {
+    return (std::filesystem::path(path) / "").lexically_normal().string();
+  };
+  return std::any_of(planned.begin(), planned.end(),
+                     [&](const std::string& made) { return plain(folder).starts_with(plain(made)); });
+}
+
+void check_file(const std::string& path, const std::string& option, const OutputPlace& place,
+                const std::vector<std::string>& planned_folders) {
   if (place.descriptor) {
     const int flags = ::fcntl(*place.descriptor, F_GETFL);
     if (flags < 0 || (flags & O_ACCMODE) == O_RDONLY) {
@@ -99,7 +111,9 @@ void check_file(const std::string& path, const std::string& option, const Output
   if (place.is_protected()) {
     refuse(path, option, "the file is write-protected", "choose another name, or allow it with chmod u+w");
   }
-  refuse_folder(path, option, place.folder, try_writing(place.folder));
+  const int reason = try_writing(place.folder);
+  if (reason == ENOENT && is_planned(place.folder, planned_folders)) return;
+  refuse_folder(path, option, place.folder, reason);
   if (place.exists) return;
   // A name that the file system does not take.
   struct stat ignored {};
@@ -122,7 +136,7 @@ void check_folder(const std::string& path, const std::string& option) {
       }
       return refuse_folder(path, option, folder, try_writing(folder));
     }
-    if (errno != ENOENT) return refuse_folder(path, option, folder, errno);
+    if (errno != ENOENT && errno != ENOTDIR) return refuse_folder(path, option, folder, errno);
     while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
     const std::size_t slash = folder.rfind('/');
     folder = slash == std::string::npos ? "." : slash == 0 ? "/" : folder.substr(0, slash);
@@ -149,8 +163,15 @@ off_t length_of(const std::string& path) {
   return is_file && status.st_size > 0 ? status.st_size : -1;
 }
 
-std::string options_of(const std::string& a, const std::string& b) {
-  return a == b ? fmt::format("given to {} twice", a) : fmt::format("given to {} and to {}", a, b);
+std::string repeated_in_words(const std::string& a, const std::string& b) {
+  if (a == b) {
+    return fmt::format("given to {} twice: expected every log once, since the same samples twice are no more evidence; "
+                       "leave one out",
+                       a);
+  }
+  return fmt::format("given to {} and to {}: a model is not judged on the log it was fitted to; expected a log that the "
+                     "fit has not seen; leave one out or record another",
+                     a, b);
 }
 
 }  // namespace
@@ -172,12 +193,15 @@ void FilePlan::add_output_folder(const std::string& option, const std::string& p
 }
 
 void FilePlan::check() const {
+  std::vector<std::string> folders;
+  for (const Entry& output : outputs_) {
+    if (output.use != Use::kFolder) continue;
+    check_folder(output.path, output.option);
+    folders.push_back(output.path);
+  }
   std::vector<Entry> seen;
   for (Entry output : outputs_) {
-    if (output.use == Use::kFolder) {
-      check_folder(output.path, output.option);
-      continue;
-    }
+    if (output.use == Use::kFolder) continue;
     OutputPlace place;
     try {
       place = output_place(output.path);
@@ -201,7 +225,7 @@ void FilePlan::check() const {
                                    "another name to one of them",
                                    output.path, other.option, output.option));
     }
-    check_file(output.path, output.option, place);
+    check_file(output.path, output.option, place, folders);
     seen.push_back(output);
   }
   refuse_repeated_measurements();
@@ -213,16 +237,13 @@ void FilePlan::refuse_repeated_measurements() const {
       const Entry &first = inputs_[k], &second = inputs_[i];
       if (first.use != Use::kMeasurements || second.use != Use::kMeasurements) continue;
       if (!first.identity.empty() && first.identity == second.identity) {
-        throw InputError(fmt::format("{}: {}: expected every log once: the same samples twice are no more "
-                                     "evidence, and a model is not judged on what it was fitted to; leave one out",
-                                     second.path, options_of(first.option, second.option)));
+        throw InputError(
+            fmt::format("{}: {}", second.path, repeated_in_words(first.option, second.option)));
       }
       const off_t length = length_of(first.path);
       if (length > 0 && length == length_of(second.path) && same_content(first.path, second.path)) {
-        throw InputError(fmt::format(
-            "{}: a copy of {}, the same samples byte for byte, {}: expected every log once: the same samples twice "
-            "are no more evidence, and a model is not judged on what it was fitted to; leave one out",
-            second.path, first.path, options_of(first.option, second.option)));
+        throw InputError(fmt::format("{}: a copy of {}, the same samples byte for byte, {}", second.path, first.path,
+                                     repeated_in_words(first.option, second.option)));
       }
     }
   }

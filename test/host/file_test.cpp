@@ -42,7 +42,7 @@ TEST(File, KeepsTheTargetWhenItCannotBeReplaced) {
   std::filesystem::create_directory(folder.path("out"));
   folder.write("out/inside", "x");
   EXPECT_THAT(message_of<InputError>([&] { write_file_atomically(folder.path("out"), "text"); }),
-              HasSubstr("cannot replace the file"));
+              HasSubstr("this is a folder; name a file in it"));
   EXPECT_EQ(folder.num_entries(), 1u) << "a temporary file was left behind";
 }
 

@@ -71,6 +71,23 @@ void add_residual_words(report::Report& page, const identify::Score& score) {
   page.table(table, "Residual: noise, or something that the model misses");
 }
 
+/// Mean over the joints that have a figure; a joint without torque has none.
+std::string mean_percent(const Eigen::VectorXd& percent) {
+  double sum = 0.0;
+  int count = 0;
+  for (const double value : percent) {
+    if (!std::isfinite(value)) continue;
+    sum += value;
+    ++count;
+  }
+  return count > 0 ? fmt::format("{:.2f} %", sum / count) : "not known (no joint has torque)";
+}
+
+std::string mean_in_band(const identify::Score& score) {
+  if (!(score.band > 0.0)) return "in band not known (the log is too short or too slowly sampled for a band)";
+  return fmt::format("{} in band ({:.3g} Hz)", mean_percent(score.in_band_percent_of_max), score.band);
+}
+
 // Logs ---------------------------------------------------------------------------------------------------------
 
 void judge_logs(const Options& options) {
@@ -146,9 +163,9 @@ void judge_logs(const Options& options) {
   }
   identify::judge(criteria[kPrediction], worst_percent);
   criteria[kPrediction].notes.push_back(
-      fmt::format("worst: joint {}{}; mean of the joints {:.2f} % in band ({:.3g} Hz), {:.2f} % unfiltered",
-                  worst + 1, scores.size() > 1 ? " of " + worst_log : "", all.in_band_percent_of_max.mean(),
-                  all.band, all.percent_of_max.mean()));
+      fmt::format("worst: joint {}{}; mean of the joints {}, {} unfiltered", worst + 1,
+                  scores.size() > 1 ? " of " + worst_log : "", mean_in_band(all),
+                  mean_percent(all.percent_of_max)));
   for (const std::size_t open : {kRecovery, kTracking, kPayload, kRepeatability}) {
     criteria[open].notes.push_back(
         "logs alone do not tell it; heft validate --campaign does on a simulated arm");
