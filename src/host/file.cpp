@@ -39,19 +39,6 @@ std::string remedy_for(int reason) {
   refuse(path, std::strerror(reason), remedy_for(reason));
 }
 
-/// @return 0, or why not all could be written
-int write_all(int descriptor, std::string_view content) {
-  while (!content.empty()) {
-    const ssize_t count = ::write(descriptor, content.data(), content.size());
-    if (count < 0) {
-      if (errno == EINTR) continue;
-      return errno;
-    }
-    content.remove_prefix(static_cast<std::size_t>(count));
-  }
-  return 0;
-}
-
 void write_to_descriptor(const std::string& path, int descriptor, std::string_view content) {
   if (descriptor == STDOUT_FILENO) {
     // Through the stream, behind what stands in its buffer already.
@@ -102,6 +89,18 @@ void replace(const std::string& path, const OutputPlace& place, std::string_view
 }
 
 }  // namespace
+
+int write_all(int descriptor, std::string_view content) {
+  while (!content.empty()) {
+    const ssize_t count = ::write(descriptor, content.data(), content.size());
+    if (count < 0) {
+      if (errno == EINTR) continue;
+      return errno;
+    }
+    content.remove_prefix(static_cast<std::size_t>(count));
+  }
+  return 0;
+}
 
 ScratchFile::ScratchFile(int folder) : folder_(folder) {
   static std::atomic<unsigned> number{0};

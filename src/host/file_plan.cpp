@@ -59,9 +59,7 @@ int try_writing(const std::string& folder) {
   if (scratch.error() != 0) return scratch.error();
   // Some bytes: a full disk may still have room for a name.
   const std::array<char, 4096> block{};
-  const ssize_t count = ::write(scratch.descriptor(), block.data(), block.size());
-  if (count < 0) return errno;
-  return count == static_cast<ssize_t>(block.size()) ? 0 : ENOSPC;
+  return write_all(scratch.descriptor(), {block.data(), block.size()});
 }
 
 void refuse_folder(const std::string& path, const std::string& option, const std::string& folder, int reason) {
@@ -76,6 +74,8 @@ void refuse_folder(const std::string& path, const std::string& option, const std
     case EROFS:
       refuse(path, option, fmt::format("{} is not writable ({})", where, std::strerror(reason)),
              "choose a folder that you may write to");
+    case EFBIG:
+      refuse(path, option, std::strerror(reason), "raise the limit on the size of files (ulimit -f)");
     case ENOSPC:
     case EDQUOT:
       refuse(path, option, fmt::format("no space in {} ({})", where, std::strerror(reason)),

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include <sys/stat.h>
@@ -69,6 +70,9 @@ struct OutputPlace {
            ((status.st_mode & 0222) == 0 || ::access(target.c_str(), W_OK) != 0);
   }
 };
+
+/// @return 0, or why not all could be written
+int write_all(int descriptor, std::string_view content);
 
 /// @throws InputError for a folder, a socket, and what the system cannot look up
 OutputPlace output_place(const std::string& path);

@@ -27,7 +27,17 @@ class WrappingFormatter : public CLI::Formatter {
     label("REQUIRED", "(required)");
   }
   std::string make_option_desc(const CLI::Option* option) const override {
-    std::istringstream words(CLI::Formatter::make_option_desc(option));
+    return wrapped_beside_name(CLI::Formatter::make_option_desc(option));
+  }
+  std::string make_subcommand(const CLI::App* command) const override {
+    std::ostringstream out;
+    CLI::detail::format_help(out, command->get_name(), wrapped_beside_name(command->get_description()), column_width_);
+    return out.str();
+  }
+
+ private:
+  std::string wrapped_beside_name(const std::string& description) const {
+    std::istringstream words(description);
     std::string word, text;
     for (std::size_t column = 0; words >> word; column += word.size() + 1) {
       if (column + word.size() > text_width_) {
@@ -41,7 +51,6 @@ class WrappingFormatter : public CLI::Formatter {
     return text;
   }
 
- private:
   static constexpr std::size_t kNameWidth = 34;
   std::size_t text_width_;
 };

@@ -39,15 +39,15 @@ bool is_command(std::string_view line) {
   return line.substr(0, 5) == "heft " || line.substr(0, 14) == "Example: heft ";
 }
 
-void add_wrapped(std::string_view line, int width, std::string& out) {
+void add_wrapped(std::string_view line, int width, bool tables_too, std::string& out) {
   const Gaps gaps = gaps_of(line);
-  if (columns_of(line) <= width || gaps.count > 1) {
+  if (columns_of(line) <= width || (gaps.count > 1 && !tables_too)) {
     out += line;
     return;
   }
   const bool command = is_command(line);
   std::size_t hang = gaps.indent + (command ? 4 : 0);
-  if (gaps.count == 1 && static_cast<int>(gaps.second) <= width / 3) hang = gaps.second;
+  if (gaps.count >= 1 && static_cast<int>(gaps.second) <= width / 3) hang = gaps.second;
   const int room = width - (command ? 2 : 0);
   std::size_t from = 0;
   std::string indent;
@@ -97,14 +97,20 @@ int terminal_width(std::FILE* stream, int otherwise) {
   return asked >= kNarrowest ? asked : otherwise;
 }
 
-std::string wrapped(std::string_view text, int width) {
+namespace {
+
+std::string wrap(std::string_view text, int width, bool tables_too) {
   std::string out;
   for_each_line(text, [&](std::string_view line, bool ended) {
-    add_wrapped(line, width, out);
+    add_wrapped(line, width, tables_too, out);
     if (ended) out += '\n';
   });
   return out;
 }
+
+}  // namespace
+
+std::string wrapped(std::string_view text, int width) { return wrap(text, width, false); }
 
 std::string reflowed(std::string_view text, int width) {
   constexpr int kFull = 60;  // a shorter line ended where it was meant to
@@ -120,7 +126,7 @@ std::string reflowed(std::string_view text, int width) {
     joined += line;
     before = prose && line.back() != ':' ? columns_of(line) : 0;
   });
-  return wrapped(joined, width);
+  return wrap(joined, width, true);
 }
 
 }  // namespace heft::tools

@@ -16,7 +16,7 @@ int terminal_width(std::FILE* stream, int otherwise);
 /// backslash. Rows of tables (more than one wide gap) stay as they are: broken they could not be read.
 std::string wrapped(std::string_view text, int width);
 
-/// Joins lines of prose that were broken by hand, then wraps. Indented lines and empty ones stay apart.
+/// For help texts: joins lines of prose that were broken by hand, then wraps, rows of tables as well. Indented lines and empty ones stay apart.
 std::string reflowed(std::string_view text, int width);
 
 }  // namespace heft::tools
