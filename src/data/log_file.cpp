@@ -79,7 +79,8 @@ bool LogFile::fill() {
   at_ = 0;
   if (filled_ == buffer_.size()) {  // a line longer than the buffer
     if (filled_ >= kLongestLine) {
-      fail(line_ + 1, "found a line of more than {} million bytes; expected rows of numbers (CSV); this is no log",
+      fail(line_ + 1,
+           "found a line of more than {} million bytes; expected rows of numbers (CSV); this is no log",
            kLongestLine >> 20);
     }
     buffer_.resize(2 * buffer_.size());
@@ -93,8 +94,9 @@ bool LogFile::fill() {
     return false;
   }
   if (std::memchr(buffer_.data() + filled_, '\0', count) != nullptr) {
-    fail(line_ + 1, "found a zero byte in this line or soon behind it; expected text (CSV); this is a binary file, "
-                    "text of another encoding than UTF-8, or a log that was not written to its end; convert it");
+    fail(line_ + 1,
+         "found a zero byte in this line or soon behind it; expected text (CSV); this is a binary file, "
+         "text of another encoding than UTF-8, or a log that was not written to its end; convert it");
   }
   filled_ += count;
   bytes_read_ += static_cast<double>(count);
@@ -141,7 +143,8 @@ void LogFile::look_at_end_of_line() {
     const char* field = line_end_;
     while (field != line_begin_ && field[-1] != ',') --field;
     fail(line_,
-         "column '{}': found '{}' and the end of the file; expected {} decimals as in every row before, and a line "
+         "column '{}': found '{}' and the end of the file; expected {} decimals as in every row before, and "
+         "a line "
          "feed: the log was cut inside this number; remove the line",
          columns_.back().name, shown(field_around(field, line_end_)), decimals_);
   }

@@ -47,9 +47,9 @@ void write_to_descriptor(const std::string& path, int descriptor, std::string_vi
     const int reason = errno;
     // The message names what the caller knows; the end of the program does not report it a second time.
     std::clearerr(stdout);
-    refuse(path == "-" ? "standard output" : path, std::strerror(reason),
-           reason == ENOSPC ? "free some space or write to another place"
-                            : "check where standard output goes");
+    refuse(
+        path == "-" ? "standard output" : path, std::strerror(reason),
+        reason == ENOSPC ? "free some space or write to another place" : "check where standard output goes");
   }
   if (const int reason = write_all(descriptor, content); reason != 0) refuse(path, reason);
 }
@@ -77,14 +77,16 @@ void replace(const std::string& path, const OutputPlace& place, std::string_view
   if (scratch.error() != 0) refuse(path, scratch.error());
   if (place.exists) keep_owner_and_mode(scratch.descriptor(), place.status);
   if (const int reason = write_all(scratch.descriptor(), content); reason != 0) {
-    throw InputError(fmt::format("{}: writing failed: {}; {}", path, std::strerror(reason), remedy_for(reason)));
+    throw InputError(
+        fmt::format("{}: writing failed: {}; {}", path, std::strerror(reason), remedy_for(reason)));
   }
   // Without it a power failure may leave an empty file under the new name.
   if (::fsync(scratch.descriptor()) != 0 && errno != EINVAL && errno != ENOSYS && errno != EROFS) {
     throw InputError(fmt::format("{}: writing failed: {}; check the disk", path, std::strerror(errno)));
   }
   if (const int reason = scratch.rename_to(place.name); reason != 0) {
-    throw InputError(fmt::format("{}: cannot replace the file: {}; choose another name", path, std::strerror(reason)));
+    throw InputError(
+        fmt::format("{}: cannot replace the file: {}; choose another name", path, std::strerror(reason)));
   }
 }
 
@@ -109,7 +111,8 @@ ScratchFile::ScratchFile(int folder) : folder_(folder) {
   for (int attempt = 0; attempt < 1000; ++attempt) {
     name_ = fmt::format(".heft-{}-{}", ::getpid(), number++);
     entry_.emplace(Temporary::Kind::kFile, folder, name_);
-    file_ = Descriptor(::openat(folder, name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+    file_ = Descriptor(
+        ::openat(folder, name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
     if (file_) return;
     error_ = errno;
     entry_.reset();
@@ -182,7 +185,8 @@ OutputPlace output_place(const std::string& path) {
   const std::size_t slash = target.rfind('/');
   place.folder = slash == std::string::npos ? "." : target.substr(0, slash + 1);
   place.name = slash == std::string::npos ? target : target.substr(slash + 1);
-  if (reason == ENOTDIR) refuse(path, fmt::format("{} is a file, not a folder", place.folder), "name a file in a folder");
+  if (reason == ENOTDIR)
+    refuse(path, fmt::format("{} is a file, not a folder", place.folder), "name a file in a folder");
   if (reason != 0 && reason != ENOENT) refuse(path, reason);
   if (place.name.empty() || (place.exists && S_ISDIR(place.status.st_mode))) {
     refuse(path, "this is a folder", "name a file in it");

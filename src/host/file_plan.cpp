@@ -19,7 +19,9 @@
 namespace heft::host {
 namespace {
 
-std::string identity_of(const struct stat& status) { return fmt::format("{}:{}", status.st_dev, status.st_ino); }
+std::string identity_of(const struct stat& status) {
+  return fmt::format("{}:{}", status.st_dev, status.st_ino);
+}
 
 /// Regular files, pipes, sockets, disks and folders. Others (/dev/null, a terminal) keep nothing that could be lost.
 bool can_clash(const struct stat& status) { return !S_ISCHR(status.st_mode); }
@@ -62,11 +64,13 @@ int try_writing(const std::string& folder) {
   return write_all(scratch.descriptor(), {block.data(), block.size()});
 }
 
-void refuse_folder(const std::string& path, const std::string& option, const std::string& folder, int reason) {
+void refuse_folder(const std::string& path, const std::string& option, const std::string& folder,
+                   int reason) {
   const std::string where = folder == "." ? "the working folder" : fmt::format("folder {}", folder);
   switch (reason) {
     case 0: return;
-    case ENOENT: refuse(path, option, fmt::format("there is no {}", where), "make the folder or name another one");
+    case ENOENT:
+      refuse(path, option, fmt::format("there is no {}", where), "make the folder or name another one");
     case ENOTDIR:
       refuse(path, option, fmt::format("{} is a file, not a folder", folder), "name a file in a folder");
     case EACCES:
@@ -129,10 +133,11 @@ void check_folder(const std::string& path, const std::string& option) {
     struct stat status {};
     if (::stat(folder.c_str(), &status) == 0) {
       if (!S_ISDIR(status.st_mode)) {
-        throw InputError(fmt::format(
-            "{}: found a file of this name ({}), expected a folder that can be made or written to; give another one "
-            "with {}",
-            folder, option, option));
+        throw InputError(
+            fmt::format("{}: found a file of this name ({}), expected a folder that can be made or written "
+                        "to; give another one "
+                        "with {}",
+                        folder, option, option));
       }
       return refuse_folder(path, option, folder, try_writing(folder));
     }
@@ -165,13 +170,15 @@ off_t length_of(const std::string& path) {
 
 std::string repeated_in_words(const std::string& a, const std::string& b) {
   if (a == b) {
-    return fmt::format("given to {} twice: expected every log once, since the same samples twice are no more evidence; "
-                       "leave one out",
-                       a);
+    return fmt::format(
+        "given to {} twice: expected every log once, since the same samples twice are no more evidence; "
+        "leave one out",
+        a);
   }
-  return fmt::format("given to {} and to {}: a model is not judged on the log it was fitted to; expected a log that the "
-                     "fit has not seen; leave one out or record another",
-                     a, b);
+  return fmt::format(
+      "given to {} and to {}: a model is not judged on the log it was fitted to; expected a log that the "
+      "fit has not seen; leave one out or record another",
+      a, b);
 }
 
 }  // namespace
@@ -214,16 +221,18 @@ void FilePlan::check() const {
     };
     for (const Entry& input : inputs_) {
       if (!clashes(input)) continue;
-      throw InputError(fmt::format(
-          "{}: {} is the same file as {} of {}: writing it would destroy what the result is computed from; give "
-          "another name to {}",
-          output.path, output.option, input.path, input.option, output.option));
+      throw InputError(
+          fmt::format("{}: {} is the same file as {} of {}: writing it would destroy what the result is "
+                      "computed from; give "
+                      "another name to {}",
+                      output.path, output.option, input.path, input.option, output.option));
     }
     for (const Entry& other : seen) {
       if (!clashes(other)) continue;
-      throw InputError(fmt::format("{}: {} and {} lead to the same place; expected a file of its own for each; give "
-                                   "another name to one of them",
-                                   output.path, other.option, output.option));
+      throw InputError(
+          fmt::format("{}: {} and {} lead to the same place; expected a file of its own for each; give "
+                      "another name to one of them",
+                      output.path, other.option, output.option));
     }
     check_file(output.path, output.option, place, folders);
     seen.push_back(output);
@@ -237,13 +246,12 @@ void FilePlan::refuse_repeated_measurements() const {
       const Entry &first = inputs_[k], &second = inputs_[i];
       if (first.use != Use::kMeasurements || second.use != Use::kMeasurements) continue;
       if (!first.identity.empty() && first.identity == second.identity) {
-        throw InputError(
-            fmt::format("{}: {}", second.path, repeated_in_words(first.option, second.option)));
+        throw InputError(fmt::format("{}: {}", second.path, repeated_in_words(first.option, second.option)));
       }
       const off_t length = length_of(first.path);
       if (length > 0 && length == length_of(second.path) && same_content(first.path, second.path)) {
-        throw InputError(fmt::format("{}: a copy of {}, the same samples byte for byte, {}", second.path, first.path,
-                                     repeated_in_words(first.option, second.option)));
+        throw InputError(fmt::format("{}: a copy of {}, the same samples byte for byte, {}", second.path,
+                                     first.path, repeated_in_words(first.option, second.option)));
       }
     }
   }

@@ -128,15 +128,17 @@ void refuse_deep_json(std::string_view text, const std::string& file) {
     }
     if (c == '"') in_string = true;
     // Comments, where a reader takes them, may hold quotes.
-    if (c == '/' && at + 1 < text.size() && text[at + 1] == '/') at = std::min(text.find('\n', at), text.size()) - 1;
-    if (c == '/' && at + 1 < text.size() && text[at + 1] == '*') at = std::min(text.find("*/", at), text.size());
+    if (c == '/' && at + 1 < text.size() && text[at + 1] == '/')
+      at = std::min(text.find('\n', at), text.size()) - 1;
+    if (c == '/' && at + 1 < text.size() && text[at + 1] == '*')
+      at = std::min(text.find("*/", at), text.size());
     if (c == ']' || c == '}') --depth;
     if (c != '[' && c != '{') continue;
     if (++depth > kDeepest) {
-      throw ModelError(
-          fmt::format("{}:{}:{}: found brackets nested more than {} deep; expected at most the ten levels or so that "
-                      "a file of heft has; this is not a file that heft can use",
-                      file, line, at - line_start + 1, kDeepest));
+      throw ModelError(fmt::format(
+          "{}:{}:{}: found brackets nested more than {} deep; expected at most the ten levels or so that "
+          "a file of heft has; this is not a file that heft can use",
+          file, line, at - line_start + 1, kDeepest));
     }
   }
 }

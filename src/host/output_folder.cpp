@@ -40,9 +40,9 @@ struct OutputFolder::Made {
 
 OutputFolder::OutputFolder(const std::string& path) : path_(path), made_(std::make_unique<Made>()) {
   const auto refuse = [&](const std::string& found) {
-    throw InputError(
-        fmt::format("{}: found {}, expected a folder that can be made or written to; give another one with -o",
-                    path, found));
+    throw InputError(fmt::format(
+        "{}: found {}, expected a folder that can be made or written to; give another one with -o", path,
+        found));
   };
   if (path.empty()) refuse("no name");
   std::filesystem::path so_far;

@@ -88,9 +88,10 @@ SettingsReader SettingsReader::parse(std::string_view text, const std::string& f
     // The library's message ends with the number in quotes.
     const std::string_view reason = e.what();
     const std::size_t quote = reason.find('\'');
-    throw ModelError(fmt::format("{}: found the number {}, which is too large, expected finite numbers in SI units; "
-                                 "correct it",
-                                 file, quote == std::string_view::npos ? reason : reason.substr(quote)));
+    throw ModelError(
+        fmt::format("{}: found the number {}, which is too large, expected finite numbers in SI units; "
+                    "correct it",
+                    file, quote == std::string_view::npos ? reason : reason.substr(quote)));
   } catch (const json::parse_error& e) {
     const std::size_t at = std::min(text.size(), e.byte > 0 ? e.byte - 1 : 0);
     const std::string_view before = text.substr(0, at);

@@ -42,7 +42,8 @@ std::string installed_beside_program() {
 std::vector<std::string> robot_folders() {
   std::vector<std::string> folders;
   if (const char* listed = std::getenv("HEFT_URDF_PATH"); listed != nullptr) append_folders(listed, folders);
-  if (std::string installed = installed_beside_program(); !installed.empty()) folders.push_back(std::move(installed));
+  if (std::string installed = installed_beside_program(); !installed.empty())
+    folders.push_back(std::move(installed));
   append_folders(HEFT_ROBOT_FOLDERS, folders);
   return folders;
 }

@@ -167,6 +167,30 @@ TEST(Log, RefusesAnEmptyFile) {
   EXPECT_THAT(refusal(" \r\n\n"), HasSubstr("the log is empty"));
 }
 
+TEST(Log, RefusesALogThatWasCutInsideItsLastNumber) {
+  const auto log = [](const char* last) {
+    std::string text = "time,q1\n";
+    for (int k = 0; k < 10; ++k) text += std::to_string(k) + ",-1.250\n";
+    return text + last;
+  };
+  EXPECT_EQ(
+      refusal(log("10,-1.2")),
+      "log.csv:12: column 'q1': found '-1.2' and the end of the file; expected 3 decimals as in every row "
+      "before, and a line feed: the log was cut inside this number; remove the line");
+  EXPECT_THAT(refusal(log("10,-1")), HasSubstr("cut inside this number"));
+  // Whole numbers, and logs whose numbers are as long as they need to be, are read whether or not a line feed ends them.
+  for (const char* last : {"10,-1.250", "10,-1.25\n", "10,-1\n"})
+    EXPECT_EQ(read(log(last)).num_samples(), 11);
+  EXPECT_EQ(read("time,q1\n0,1.25\n1,1.5\n2,1").num_samples(), 3);
+}
+
+TEST(Log, RefusesWhatIsNoTextBeforeItFillsTheMemory) {
+  EXPECT_THAT(refusal(std::string(400000, '\0')), HasSubstr("log.csv:1: found a zero byte"));
+  EXPECT_THAT(refusal("time,q1\n0,1\n" + std::string(1000, '\0')), HasSubstr("log.csv:1: found a zero byte"));
+  EXPECT_THAT(refusal("time,q1\n0,1\n" + std::string(40 << 20, '1')),
+              HasSubstr("log.csv:3: found a line of more than 16 million bytes"));
+}
+
 TEST(Log, RefusesALogWithoutTime) {
   EXPECT_EQ(refusal("t,q1\n0,1\n1,2\n"),
             "log.csv:1: column 'time' is missing; found t, q1; expected a column time [s]; add it");

@@ -62,7 +62,8 @@ TEST_F(Plan, RefusesTwoOutputsInOnePlaceAlsoBeforeItExists) {
     FilePlan plan;
     plan.add_output("-o", folder_.path("new.csv"));
     plan.add_output("--json", folder_.path(name));
-    EXPECT_THAT(message_of<InputError>([&] { plan.check(); }), HasSubstr("-o and --json lead to the same place"))
+    EXPECT_THAT(message_of<InputError>([&] { plan.check(); }),
+                HasSubstr("-o and --json lead to the same place"))
         << name;
   }
 }
@@ -82,7 +83,8 @@ TEST_F(Plan, RefusesStandardOutputTwice) {
 
 TEST_F(Plan, SaysWhatIsWrongWithAFolder) {
   plan_.add_output("-o", folder_.path("missing/out.csv"));
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("(-o)"), HasSubstr("there is no folder"), HasSubstr("make the folder")));
+  EXPECT_THAT(refusal(),
+              AllOf(HasSubstr("(-o)"), HasSubstr("there is no folder"), HasSubstr("make the folder")));
 }
 
 TEST_F(Plan, RefusesAFileWhereAFolderShouldBeAndTheOtherWayRound) {
@@ -105,7 +107,8 @@ TEST_F(Plan, TakesAFileInAFolderThatIsStillToBeMade) {
 }
 
 TEST_F(Plan, FindsADiskThatIsFullBeforeTheWork) {
-  if (::geteuid() != 0 || std::system("command -v mount >/dev/null") != 0) GTEST_SKIP() << "needs root to mount";
+  if (::geteuid() != 0 || std::system("command -v mount >/dev/null") != 0)
+    GTEST_SKIP() << "needs root to mount";
   fs::create_directory(folder_.path("disk"));
   const std::string disk = folder_.path("disk");
   if (std::system(("mount -t tmpfs -o size=8k heft " + disk + " 2>/dev/null").c_str()) != 0)

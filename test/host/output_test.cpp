@@ -75,7 +75,8 @@ TEST(Output, RefusesLinksInACircle) {
   const TemporaryFolder folder;
   fs::create_symlink("b", folder.path("a"));
   fs::create_symlink("a", folder.path("b"));
-  EXPECT_THAT(message_of<InputError>([&] { write_file_atomically(folder.path("a"), "x"); }), HasSubstr("circle"));
+  EXPECT_THAT(message_of<InputError>([&] { write_file_atomically(folder.path("a"), "x"); }),
+              HasSubstr("circle"));
 }
 
 TEST(Output, WritesThroughADeviceAndLeavesItADevice) {
@@ -116,7 +117,8 @@ TEST(Output, DoesNotReplaceAFileThatIsWriteProtected) {
   const TemporaryFolder folder;
   const std::string path = folder.write("measured.csv", "a day's work");
   ::chmod(path.c_str(), 0444);
-  EXPECT_THAT(message_of<InputError>([&] { write_file_atomically(path, "x"); }), HasSubstr("write-protected"));
+  EXPECT_THAT(message_of<InputError>([&] { write_file_atomically(path, "x"); }),
+              HasSubstr("write-protected"));
   EXPECT_EQ(read_file(path, "file"), "a day's work");
 }
 
@@ -139,7 +141,8 @@ TEST(Output, KeepsTheOldFileWhenTheNewOneDoesNotFit) {
     const rlimit small{1000, 1000};
     ::setrlimit(RLIMIT_FSIZE, &small);
     std::signal(SIGXFSZ, SIG_IGN);
-    const std::string message = message_of<InputError>([&] { write_file_atomically(path, std::string(5000, 'x')); });
+    const std::string message =
+        message_of<InputError>([&] { write_file_atomically(path, std::string(5000, 'x')); });
     ::_exit(message.find("File too large") != std::string::npos ? 0 : 1);
   }
   int result = -1;
@@ -179,7 +182,8 @@ TEST(Output, LeavesNothingBehindAfterASignal) {
           for (;;) write_file_atomically(path, content);
         },
         [&] { return read_file(path, "file") != "old"; });
-    EXPECT_TRUE(WIFSIGNALED(result) && WTERMSIG(result) == number) << "a shell has to see the signal " << number;
+    EXPECT_TRUE(WIFSIGNALED(result) && WTERMSIG(result) == number)
+        << "a shell has to see the signal " << number;
     EXPECT_EQ(read_file(path, "file"), content) << "half a file";
     EXPECT_EQ(folder.num_entries(), 1U) << "a temporary file after signal " << number;
   }

@@ -2,14 +2,15 @@
 // leave nothing behind, help fits into a terminal.
 #include <algorithm>
 #include <csignal>
+#include <regex>
 #include <sstream>
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <nlohmann/json.hpp>
 
 #include "heft/data/log.hpp"
 #include "heft/urdf/urdf_import.hpp"
@@ -36,10 +37,10 @@ class Files : public testing::Test {
   static void write_log(const char* name, std::uint64_t seed, double base_frequency) {
     model::Robot robot = urdf::load_urdf(HEFT_URDF_DIR "/scara.urdf");
     for (model::RobotJoint& joint : robot.joints) joint.actuation = {0.05, 0.8, 0.6, 0.1};
-    data::write_log(logs_->path(name), fourier_log(robot, {.duration = 20.0,
-                                                           .seed = seed,
-                                                           .amplitude = 0.05,
-                                                           .base_frequency = base_frequency}));
+    data::write_log(
+        logs_->path(name),
+        fourier_log(robot,
+                    {.duration = 20.0, .seed = seed, .amplitude = 0.05, .base_frequency = base_frequency}));
   }
   static void TearDownTestSuite() { delete logs_; }
 
@@ -68,16 +69,21 @@ TEST_F(Files, ResultIsPrintedAndOtherFilesAreWrittenThoughOneFails) {
     const char* command;
     const char* printed;
   } cases[] = {
-      {"$H dynamics --urdf scara --log a.csv -o /dev/full --json r.json --report r.html", "torque with rotor inertia"},
+      {"$H dynamics --urdf scara --log a.csv -o /dev/full --json r.json --report r.html",
+       "torque with rotor inertia"},
       {"$H identify --urdf scara --log a.csv -o /dev/full --json r.json --report r.html", "base parameters"},
       {"$H validate --urdf scara --log a.csv --json /dev/full --report r.html", "Acceptance"},
-      {"$H payload --urdf scara --baseline a.csv --log b.csv -o /dev/full --json r.json --report r.html", "Model:"},
-      {"$H diagnose --urdf scara --log a.csv --validate b.csv -o /dev/full --json r.json --report r.html", "error"},
-      {"$H excite --urdf scara --duration 3 --harmonics 2 --starts 1 --compare 0 -o /dev/full --json r.json --report r.html",
+      {"$H payload --urdf scara --baseline a.csv --log b.csv -o /dev/full --json r.json --report r.html",
+       "Model:"},
+      {"$H diagnose --urdf scara --log a.csv --validate b.csv -o /dev/full --json r.json --report r.html",
+       "error"},
+      {"$H excite --urdf scara --duration 3 --harmonics 2 --starts 1 --compare 0 -o /dev/full --json r.json "
+       "--report r.html",
        "Condition number"},
       {"$H stiffness --urdf scara --stiffness 1e4,1e4,1e6,1e4 -o /dev/full --json r.json --report r.html",
        "middle of the ranges"},
-      {"$H simulate --example > s.json; $H simulate --scenario s.json -o /dev/full --json r.json --report r.html",
+      {"$H simulate --example > s.json; $H simulate --scenario s.json -o /dev/full --json r.json --report "
+       "r.html",
        "simulated for"},
   };
   for (const auto& [command, printed] : cases) {
@@ -92,16 +98,22 @@ TEST_F(Files, ResultIsPrintedAndOtherFilesAreWrittenThoughOneFails) {
 
 TEST_F(Files, FullStandardOutputIsExitCode3ForEveryCommand) {
   const char* const commands[] = {
-      "$H dynamics --urdf scara --log a.csv -o q.csv", "$H identify --urdf scara --log a.csv",
-      "$H validate --urdf scara --log a.csv", "$H payload --urdf scara --baseline a.csv --log b.csv",
+      "$H dynamics --urdf scara --log a.csv -o q.csv",
+      "$H identify --urdf scara --log a.csv",
+      "$H validate --urdf scara --log a.csv",
+      "$H payload --urdf scara --baseline a.csv --log b.csv",
       "$H export --urdf scara -o q.hpp",
-      "$H stiffness --urdf scara --stiffness 1e4,1e4,1e6,1e4", "$H simulate --example", "$H --help",
-      "$H identify --urdf scara --log a.csv --json -", "$H excite --urdf scara --duration 3 --harmonics 2 --starts 1 --compare 0 -o -",
+      "$H stiffness --urdf scara --stiffness 1e4,1e4,1e6,1e4",
+      "$H simulate --example",
+      "$H --help",
+      "$H identify --urdf scara --log a.csv --json -",
+      "$H excite --urdf scara --duration 3 --harmonics 2 --starts 1 --compare 0 -o -",
       "$H export --urdf scara -o -"};
   for (const char* command : commands) {
     const Outcome outcome = bash(std::string(command) + " >/dev/full");
     EXPECT_EQ(outcome.exit_code, 3) << command << "\n" << outcome.err;
-    EXPECT_THAT(outcome.err, AllOf(HasSubstr("standard output"), HasSubstr("No space left on device"))) << command;
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr("standard output"), HasSubstr("No space left on device")))
+        << command;
     EXPECT_THAT(outcome.err, Not(HasSubstr("defect"))) << command;
   }
 }
@@ -134,7 +146,8 @@ TEST_F(Files, PipesGiveWhatFilesGiveInEveryCommand) {
       return line;
     };
     // The name of the log stands in some results.
-    const std::string unnamed = " | sed 's#\"[^\"]*\\(a.csv\\|/dev/[a-z0-9/]*\\|-\\|fifo\\)[^\"]*\"##; s#/dev/[a-z0-9/]*##g'";
+    const std::string unnamed =
+        " | sed 's#\"[^\"]*\\(a.csv\\|/dev/[a-z0-9/]*\\|-\\|fifo\\)[^\"]*\"##; s#/dev/[a-z0-9/]*##g'";
     const Outcome of_file = bash("cat a.csv >/dev/null; " + with("a.csv") + unnamed);
     ASSERT_EQ(of_file.exit_code, 0) << of_file.err;
     ASSERT_GT(of_file.out.size(), 100U);
@@ -153,13 +166,15 @@ TEST_F(Files, PipesGiveWhatFilesGiveInEveryCommand) {
 }
 
 TEST_F(Files, WithNamesThatAreNotUtf8KeepTheirResults) {
-  const Outcome outcome = bash("cp a.csv up$'\\xe4'.csv; $H identify --urdf scara --log up$'\\xe4'.csv -o m.json --json r.json");
+  const Outcome outcome =
+      bash("cp a.csv up$'\\xe4'.csv; $H identify --urdf scara --log up$'\\xe4'.csv -o m.json --json r.json");
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   for (const char* name : {"m.json", "r.json"}) EXPECT_TRUE(nlohmann::json::accept(read(name))) << name;
 }
 
 /// Starts the command in `folder`, sends it a signal after a moment, returns how it ended.
-int interrupted(const std::string& folder, const std::vector<std::string>& arguments, const std::string& awaited) {
+int interrupted(const std::string& folder, const std::vector<std::string>& arguments,
+                const std::string& awaited) {
   const pid_t child = ::fork();
   if (child == 0) {
     if (::chdir(folder.c_str()) != 0) ::_exit(99);
@@ -187,15 +202,16 @@ TEST_F(Files, AreNotLeftBehindByAnInterruptedReproduction) {
 }
 
 TEST_F(Files, ExampleScenarioRunsAndTracks) {
-  const Outcome outcome = bash("$H simulate --example | $H simulate --scenario - -o q.csv && "
-                               "$H simulate --example | $H track --scenario /dev/stdin");
+  const Outcome outcome = bash(
+      "$H simulate --example | $H simulate --scenario - -o q.csv && "
+      "$H simulate --example | $H track --scenario /dev/stdin");
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("2 payload events"), HasSubstr("RMS tracking error")));
 }
 
 TEST_F(Files, HelpFitsIntoATerminalAndNamesTheScenariosKeys) {
-  for (const char* command : {"", "dynamics", "simulate", "excite", "identify", "validate", "diagnose", "payload", "track",
-                              "stiffness", "export", "reproduce", "demo"}) {
+  for (const char* command : {"", "dynamics", "simulate", "excite", "identify", "validate", "diagnose",
+                              "payload", "track", "stiffness", "export", "reproduce", "demo"}) {
     const Outcome outcome = bash("unset COLUMNS; $H " + std::string(command) + " --help");
     std::istringstream lines(outcome.out);
     for (std::string line; std::getline(lines, line);) {
@@ -207,6 +223,29 @@ TEST_F(Files, HelpFitsIntoATerminalAndNamesTheScenariosKeys) {
     EXPECT_THAT(bash("$H " + std::string(command) + " --help").out,
                 AllOf(HasSubstr("SCENARIO.json"), HasSubstr("pd_gravity"), HasSubstr("simulate --example")));
   }
+}
+
+TEST_F(Files, ProgressOnATerminalNeverRunsBackwards) {
+  if (bash("command -v script").exit_code != 0)
+    GTEST_SKIP() << "script, which makes a terminal, is not there";
+  const Outcome outcome =
+      bash("script -qec \"$H diagnose --urdf scara --log a.csv --validate b.csv\" /dev/null");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+  const std::regex percent(R"((\d+) %)");
+  int last = 0, shown = 0;
+  // Every update begins with the code that clears the line.
+  for (std::size_t at = outcome.out.find("\033[K"); at != std::string::npos;
+       at = outcome.out.find("\033[K", at + 1)) {
+    std::smatch match;
+    const std::string update = outcome.out.substr(at, outcome.out.find('\r', at) - at);
+    if (update.find("diagnosing") == std::string::npos || !std::regex_search(update, match, percent))
+      continue;
+    const int now = std::stoi(match[1]);
+    EXPECT_GE(now, last);
+    last = now;
+    ++shown;
+  }
+  if (shown == 0) GTEST_SKIP() << "done within a second: nothing was shown";
 }
 
 TEST_F(Files, ProgressIsALineEveryTenSecondsWithoutATerminal) {

@@ -358,7 +358,8 @@ void run(const Options& options) {
       1e3 * before, 1e3 * after_without, 1e3 * after_with);
   if (!operations.empty()) console.print("{}\n", operations);
   write_each({[&] { page.write(folder.file("report.html")); },
-              [&] { write_json(folder.file("results.json"), json); }, [&] { write_json(options.json, json); }});
+              [&] { write_json(folder.file("results.json"), json); },
+              [&] { write_json(options.json, json); }});
   console.print("Report: {}\n", folder.file("report.html"));
 }
 

@@ -56,11 +56,11 @@ template <typename Values>
 void append_row(std::string& csv, const data::Log& log, int row, const Values& values) {
   for (const double value : values) {
     if (std::isfinite(value)) continue;
-    throw DataError(
-        fmt::format("{}: row {} (time {} s): the result is not finite; expected finite torques from this motion; "
-                    "check position, velocity and acceleration there, and lengths, times and speeds among the "
-                    "model's effects",
-                    log.path, row + 1, log.time[row]));
+    throw DataError(fmt::format(
+        "{}: row {} (time {} s): the result is not finite; expected finite torques from this motion; "
+        "check position, velocity and acceleration there, and lengths, times and speeds among the "
+        "model's effects",
+        log.path, row + 1, log.time[row]));
   }
   csv += fmt::format("{}", log.time[row]);
   for (const double value : values) csv += fmt::format(",{}", value == 0.0 ? 0.0 : value);  // no "-0"

@@ -475,8 +475,7 @@ void run(const Options& options) {
   page.table(parameter_table(design, score), "Present values are those of the robot's description.");
 
   console.print("{}", text);
-  finish(console, options.output, options.result, json, page,
-         [&] { data::write_log(options.output, log); });
+  finish(console, options.output, options.result, json, page, [&] { data::write_log(options.output, log); });
 }
 
 }  // namespace

@@ -77,8 +77,8 @@ GearCoupling<double> coupling_of(const std::string& text) {
     if (part.empty() || end != part.c_str() + part.size())
       throw UsageError(fmt::format("--coupling {}: \"{}\" is no number", text, part));
     if (!std::isfinite(value)) {
-      throw UsageError(
-          fmt::format("--coupling {}: found {}, expected finite numbers: two joints and a ratio", text, part));
+      throw UsageError(fmt::format("--coupling {}: found {}, expected finite numbers: two joints and a ratio",
+                                   text, part));
     }
     numbers.push_back(value);
   }
@@ -166,7 +166,8 @@ Logs open_logs(const Options& options, const model::Robot& robot) {
   logs.train.clear();
   logs.train.emplace_back(std::move(first), streaming);
   logs.judge.emplace_back(std::move(second), streaming);
-  logs.how = fmt::format("fitted to the first {:.0f} % of the motion, judged on the rest", 100.0 * options.split);
+  logs.how =
+      fmt::format("fitted to the first {:.0f} % of the motion, judged on the rest", 100.0 * options.split);
   return logs;
 }
 

@@ -5,8 +5,8 @@
 #include <sstream>
 #include <utility>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include "spelling.hpp"
 #include "text_layout.hpp"
@@ -31,7 +31,8 @@ class WrappingFormatter : public CLI::Formatter {
   }
   std::string make_subcommand(const CLI::App* command) const override {
     std::ostringstream out;
-    CLI::detail::format_help(out, command->get_name(), wrapped_beside_name(command->get_description()), column_width_);
+    CLI::detail::format_help(out, command->get_name(), wrapped_beside_name(command->get_description()),
+                             column_width_);
     return out.str();
   }
 
@@ -200,7 +201,9 @@ Option CommandLine::add_flag(const std::string& names, bool& value, const std::s
   return Option(app_->add_flag(names, value, meaning), files_);
 }
 
-Option CommandLine::get_option(const std::string& name) const { return Option(app_->get_option(name), files_); }
+Option CommandLine::get_option(const std::string& name) const {
+  return Option(app_->get_option(name), files_);
+}
 
 std::size_t CommandLine::count(const std::string& name) const { return app_->count(name); }
 
@@ -263,7 +266,10 @@ void CommandParser::refuse_leftovers() const {
   const bool has_logs = std::find(known.begin(), known.end(), "--log") != known.end();
   throw UsageError(fmt::format(
       "'{}' belongs to no option; expected an option in front of every file and value, as in {} {}", first,
-      has_logs ? "--log" : known.size() > 1 ? known[1] : "--help", first));
+      has_logs           ? "--log"
+      : known.size() > 1 ? known[1]
+                         : "--help",
+      first));
 }
 
 std::vector<GivenFile> CommandParser::files() const {
@@ -278,7 +284,8 @@ std::vector<GivenFile> CommandParser::files() const {
     std::vector<std::string> paths = file.option->results();
     if (paths.empty() && !file.option->get_default_str().empty()) paths = {file.option->get_default_str()};
     for (const std::string& path : paths) {
-      if (path.empty()) throw UsageError(fmt::format("{}: found an empty name, expected that of a file", name));
+      if (path.empty())
+        throw UsageError(fmt::format("{}: found an empty name, expected that of a file", name));
       given.push_back({name, file.use, path});
     }
   }

@@ -73,8 +73,9 @@ Eigen::VectorXd numbers(const nlohmann::ordered_json& json, const char* key, int
   for (int i = 0; i < size; ++i) {
     const auto& entry = list[static_cast<std::size_t>(i)];
     if (!entry.is_number() || !(entry.get<double>() > 0)) {
-      throw ModelError(fmt::format("{}: /{}/{}/{}: found {}; expected a number above 0", path, kResidualField,
-                                   key, i, entry.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)));
+      throw ModelError(
+          fmt::format("{}: /{}/{}/{}: found {}; expected a number above 0", path, kResidualField, key, i,
+                      entry.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)));
     }
     values[i] = entry.get<double>();
   }

@@ -116,8 +116,7 @@ void run(const Options& options) {
   page.plots("Position", channel_plots(result, log.q, log.qref, "position [rad, m]"));
   page.plots("Torque", channel_plots(result, log.tau, {}, "torque [N·m, N]"));
   console.print("{}", text);
-  finish(console, options.output, options.result, json, page,
-         [&] { data::write_log(options.output, log); });
+  finish(console, options.output, options.result, json, page, [&] { data::write_log(options.output, log); });
 }
 
 }  // namespace
@@ -134,7 +133,8 @@ Action set_up_simulate(CommandLine line) {
   line.parse_complete_callback([options] {
     if (options->example) return;
     if (options->scenario.empty()) {
-      throw UsageError("--scenario is required: what to simulate; heft simulate --example prints one to begin with");
+      throw UsageError(
+          "--scenario is required: what to simulate; heft simulate --example prints one to begin with");
     }
     if (options->output.empty()) throw UsageError("--output is required: where the log goes");
   });

@@ -162,10 +162,9 @@ void judge_logs(const Options& options) {
     }
   }
   identify::judge(criteria[kPrediction], worst_percent);
-  criteria[kPrediction].notes.push_back(
-      fmt::format("worst: joint {}{}; mean of the joints {}, {} unfiltered", worst + 1,
-                  scores.size() > 1 ? " of " + worst_log : "", mean_in_band(all),
-                  mean_percent(all.percent_of_max)));
+  criteria[kPrediction].notes.push_back(fmt::format("worst: joint {}{}; mean of the joints {}, {} unfiltered",
+                                                    worst + 1, scores.size() > 1 ? " of " + worst_log : "",
+                                                    mean_in_band(all), mean_percent(all.percent_of_max)));
   for (const std::size_t open : {kRecovery, kTracking, kPayload, kRepeatability}) {
     criteria[open].notes.push_back(
         "logs alone do not tell it; heft validate --campaign does on a simulated arm");

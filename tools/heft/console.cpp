@@ -31,7 +31,8 @@ void print_to(std::FILE* stream, const std::string& text) noexcept {
   // Redirected text stays as it is: other programs read it line by line.
   const bool terminal = ::isatty(::fileno(stream)) != 0;
   errno = 0;
-  if (std::fputs(terminal ? wrapped(text, terminal_width(stream, kUnlimited)).c_str() : text.c_str(), stream) < 0)
+  if (std::fputs(terminal ? wrapped(text, terminal_width(stream, kUnlimited)).c_str() : text.c_str(),
+                 stream) < 0)
     remember(stream, errno);
 }
 
@@ -92,7 +93,9 @@ void Progress::update(double done, const std::string& what) {
 
 void write_json(const std::string& path, const nlohmann::ordered_json& json) {
   // Names of files are bytes; what is not UTF-8 in them must not cost the result.
-  if (!path.empty()) host::write_file_atomically(path, json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+  if (!path.empty())
+    host::write_file_atomically(
+        path, json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
 }
 
 }  // namespace heft::tools

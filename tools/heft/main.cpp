@@ -53,9 +53,7 @@ void look_at_files(const std::vector<GivenFile>& files) {
       case FileUse::kMeasurements: plan.add_measurements(file.option, file.path); break;
       case FileUse::kOutput: plan.add_output(file.option, file.path); break;
       case FileUse::kOutputFolder: plan.add_output_folder(file.option, file.path); break;
-      case FileUse::kRobot:
-        try {
-          plan.add_input(file.option, urdf::resolve_robot(file.path));
+      case FileUse::kRobot: try { plan.add_input(file.option, urdf::resolve_robot(file.path));
         } catch (const InputError&) {
           // Said by the command when it reads the robot, after its outputs were looked at.
         }
@@ -148,9 +146,10 @@ int run(int argc, char** argv) {
     print_to(stderr, fmt::format("heft {}: {}\n", chosen, error.what()));
     return kBadInput;
   } catch (const std::bad_alloc&) {
-    print_to(stderr, fmt::format("heft {}: memory ran out: the input asks for more than this computer (or its "
-                                 "limit, ulimit -v) gives; use shorter logs, or a lower rate or duration\n",
-                                 chosen));
+    print_to(stderr,
+             fmt::format("heft {}: memory ran out: the input asks for more than this computer (or its "
+                         "limit, ulimit -v) gives; use shorter logs, or a lower rate or duration\n",
+                         chosen));
     return kBadInput;
   }
 }

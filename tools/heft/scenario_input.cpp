@@ -22,15 +22,17 @@ void refuse_more_than_memory(const sim::Scenario& scenario) {
   const double rate = settings.log_rate > 0.0 ? settings.log_rate : settings.sample_rate;
   const double columns = 1.0 + (settings.log_truth ? 10.0 : 4.0) * settings.robot.num_joints();
   const double needed = settings.duration * rate * columns * kBytesPerNumber;
-  double there = static_cast<double>(::sysconf(_SC_PHYS_PAGES)) * static_cast<double>(::sysconf(_SC_PAGESIZE));
+  double there =
+      static_cast<double>(::sysconf(_SC_PHYS_PAGES)) * static_cast<double>(::sysconf(_SC_PAGESIZE));
   rlimit limit{};
   if (::getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY)
     there = std::min(there, static_cast<double>(limit.rlim_cur));
   if (!(there > 0.0) || needed < there) return;
-  throw ModelError(fmt::format(
-      "{}: /duration: found {:g} s at {:g} rows a second, a log of about {:.0f} GB, more than the {:.0f} GB of memory; "
-      "expected a log that fits; shorten it or lower log_rate",
-      scenario.file, settings.duration, rate, 1e-9 * needed, 1e-9 * there));
+  throw ModelError(
+      fmt::format("{}: /duration: found {:g} s at {:g} rows a second, a log of about {:.0f} GB, more than "
+                  "the {:.0f} GB of memory; "
+                  "expected a log that fits; shorten it or lower log_rate",
+                  scenario.file, settings.duration, rate, 1e-9 * needed, 1e-9 * there));
 }
 
 }  // namespace

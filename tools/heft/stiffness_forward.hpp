@@ -27,8 +27,9 @@ struct NamedPose {
 };
 
 struct ToolDescription {
-  std::string text;       ///< for the terminal
-  data::Log compensated;  ///< the path with compensated positions; without samples unless --compensated asks for it
+  std::string text;  ///< for the terminal
+  data::Log
+      compensated;  ///< the path with compensated positions; without samples unless --compensated asks for it
 };
 
 /// Cartesian stiffness and extreme deflections at the poses; sag under the payload there and along the path, and the

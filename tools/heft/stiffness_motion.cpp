@@ -300,8 +300,7 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, robot),
              "Errors on the validation logs, all effects found");
   console.print("{}\n\n{}\n{}\n", verdict, table.to_text(2), diagnosis_verdict(diagnosis));
-  const nlohmann::ordered_json json{
-      {"source", "motor side"}, {"logs", options.log.logs}, {"joints", joints}};
+  const nlohmann::ordered_json json{{"source", "motor side"}, {"logs", options.log.logs}, {"joints", joints}};
   finish(console, options.model, options.result, json, page, [&] {
     write_elastic_model(options.model, diagnosis.after, stiffness, "stiffness", options.log.logs, {verdict});
   });

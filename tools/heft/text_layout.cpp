@@ -18,9 +18,9 @@ int columns_of(std::string_view text) {
 }
 
 struct Gaps {
-  std::size_t indent{0};       ///< spaces in front
-  std::size_t second{0};       ///< where the text behind the first wide gap begins; 0: there is none
-  int count{0};                ///< wide gaps
+  std::size_t indent{0};  ///< spaces in front
+  std::size_t second{0};  ///< where the text behind the first wide gap begins; 0: there is none
+  int count{0};           ///< wide gaps
 };
 
 Gaps gaps_of(std::string_view line) {
