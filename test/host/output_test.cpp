@@ -158,6 +158,7 @@ template <typename Work, typename Ready>
 int status_after(int number, const Work& work, const Ready& ready) {
   const pid_t child = ::fork();
   if (child == 0) {
+    std::signal(number, SIG_DFL);  // a test started in the background inherits signals that are ignored
     remove_temporaries_on_signals();
     work();
     ::_exit(0);

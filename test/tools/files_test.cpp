@@ -25,6 +25,9 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
+constexpr const char* kCommands[] = {"dynamics", "simulate", "excite",    "identify", "validate",  "diagnose",
+                                     "payload",  "track",    "stiffness", "export",   "reproduce", "demo"};
+
 class Files : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -178,6 +181,7 @@ int interrupted(const std::string& folder, const std::vector<std::string>& argum
   const pid_t child = ::fork();
   if (child == 0) {
     if (::chdir(folder.c_str()) != 0) ::_exit(99);
+    std::signal(SIGINT, SIG_DFL);  // a test started in the background inherits signals that are ignored
     const int nowhere = ::open("/dev/null", O_RDWR);
     for (const int stream : {0, 1, 2}) ::dup2(nowhere, stream);
     std::vector<char*> words{const_cast<char*>(HEFT_COMMAND)};
@@ -207,6 +211,52 @@ TEST_F(Files, ExampleScenarioRunsAndTracks) {
       "$H simulate --example | $H track --scenario /dev/stdin");
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("2 payload events"), HasSubstr("RMS tracking error")));
+}
+
+TEST_F(Files, EveryOptionThatNamesAFileIsLookedAtBeforeTheWork) {
+  const std::regex option(R"((--[a-z-]+) [A-Z.,]*(?:FILE|FOLDER|ROBOT|\.csv|\.json|\.html|\.urdf|\.hpp))");
+  int count = 0;
+  for (const char* command : kCommands) {
+    const std::string help = bash("$H " + std::string(command) + " --help").out;
+    // The table of options; what stands below it are examples.
+    const std::string table = help.substr(0, help.find("\n\n", help.find("Options:")));
+    for (std::sregex_iterator found(table.begin(), table.end(), option), end; found != end; ++found) {
+      const std::string name = (*found)[1];
+      const Outcome outcome = bash("$H " + std::string(command) + " " + name + " ''");
+      EXPECT_EQ(outcome.exit_code, 2) << command << " " << name;
+      EXPECT_THAT(outcome.err, HasSubstr("found an empty name"))
+          << command << " " << name << ": its option has to say names_file()";
+      ++count;
+    }
+  }
+  EXPECT_GE(count, 50);
+}
+
+TEST_F(Files, PageOnStandardOutputIsAPageAlone) {
+  const Outcome outcome = bash("$H identify --urdf scara --log a.csv --report -");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(outcome.out.substr(0, 15), "<!DOCTYPE html>");
+  EXPECT_EQ(outcome.out.substr(outcome.out.size() - 8), "</html>\n");
+  EXPECT_THAT(outcome.err, HasSubstr("base parameters"));
+}
+
+TEST_F(Files, ProseFitsIntoTheTerminal) {
+  if (bash("command -v script").exit_code != 0)
+    GTEST_SKIP() << "script, which makes a terminal, is not there";
+  const Outcome outcome =
+      bash("script -qec \"stty cols 72; $H identify --urdf scara --log a.csv\" /dev/null");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+  std::istringstream lines(outcome.out);
+  const std::regex cells(R"(\S   *\S.*\S   *\S)");
+  int prose = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (std::regex_search(line, cells)) continue;  // a row of a table
+    const auto letters = std::count_if(line.begin(), line.end(), [](char c) { return (c & 0xC0) != 0x80; });
+    EXPECT_LE(letters, 72) << line;
+    prose += letters > 40 ? 1 : 0;
+  }
+  EXPECT_GT(prose, 10);
 }
 
 TEST_F(Files, HelpFitsIntoATerminalAndNamesTheScenariosKeys) {

@@ -221,7 +221,7 @@ const Mistake kOutputNowhere[] = {
      "$H dynamics --urdf scara --log a.csv -o protected.csv",
      3,
      {"protected.csv: cannot write (-o): the file is write-protected"}},
-    {"EmptyName", "$H dynamics --urdf scara --log a.csv -o ''", 2, {"-o: found an empty name"}},
+    {"EmptyName", "$H dynamics --urdf scara --log a.csv -o ''", 2, {"--output: found an empty name"}},
     {"NameTooLong",
      "$H dynamics --urdf scara --log a.csv -o $(printf 'n%.0s' {1..256})",
      3,

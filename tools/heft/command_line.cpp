@@ -158,6 +158,9 @@ Option& Option::names_file(FileUse use) {
     return *this;
   }
   files_->push_back({option_, use});
+  option_->check(CLI::Validator(
+      [](std::string& path) { return path.empty() ? "found an empty name, expected that of a file" : ""; },
+      ""));
   return *this;
 }
 
@@ -283,11 +286,7 @@ std::vector<GivenFile> CommandParser::files() const {
     // An option that was not given has its default.
     std::vector<std::string> paths = file.option->results();
     if (paths.empty() && !file.option->get_default_str().empty()) paths = {file.option->get_default_str()};
-    for (const std::string& path : paths) {
-      if (path.empty())
-        throw UsageError(fmt::format("{}: found an empty name, expected that of a file", name));
-      given.push_back({name, file.use, path});
-    }
+    for (const std::string& path : paths) given.push_back({name, file.use, path});
   }
   return given;
 }

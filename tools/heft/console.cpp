@@ -52,7 +52,14 @@ std::string lost_output() noexcept {
 
 bool reader_left() noexcept { return first_failure[0] == EPIPE; }
 
+namespace {
+bool standard_output_is_taken = false;
+}
+
+void Console::leave_standard_output() noexcept { standard_output_is_taken = true; }
+
 Console::Console(std::initializer_list<std::string> outputs) {
+  if (standard_output_is_taken) stream_ = stderr;
   for (const std::string& path : outputs) {
     if (host::is_standard_output(path)) stream_ = stderr;
   }

@@ -27,6 +27,8 @@ class Console {
  public:
   /// @param outputs  the paths that the command writes to
   Console(std::initializer_list<std::string> outputs);
+  /// From now on every console is on standard error, whatever the paths it is given.
+  static void leave_standard_output() noexcept;
   template <typename... Args>
   void print(fmt::format_string<Args...> format, Args&&... args) const {
     print_to(stream_, fmt::format(format, std::forward<Args>(args)...));

@@ -16,6 +16,7 @@
 #include "command_line.hpp"
 #include "console.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
 #include "heft/host/file_plan.hpp"
 #include "heft/host/signals.hpp"
 #include "heft/urdf/urdf_export.hpp"
@@ -51,7 +52,10 @@ void look_at_files(const std::vector<GivenFile>& files) {
     switch (file.use) {
       case FileUse::kInput: plan.add_input(file.option, file.path); break;
       case FileUse::kMeasurements: plan.add_measurements(file.option, file.path); break;
-      case FileUse::kOutput: plan.add_output(file.option, file.path); break;
+      case FileUse::kOutput:
+        plan.add_output(file.option, file.path);
+        if (host::is_standard_output(file.path)) Console::leave_standard_output();
+        break;
       case FileUse::kOutputFolder: plan.add_output_folder(file.option, file.path); break;
       case FileUse::kRobot: try { plan.add_input(file.option, urdf::resolve_robot(file.path));
         } catch (const InputError&) {
