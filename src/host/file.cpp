@@ -47,6 +47,7 @@ void write_to_descriptor(const std::string& path, int descriptor, std::string_vi
     const int reason = errno;
     // The message names what the caller knows; the end of the program does not report it a second time.
     std::clearerr(stdout);
+    if (reason == EPIPE) throw ReaderLeftError("standard output: its reader left");
     refuse(
         path == "-" ? "standard output" : path, std::strerror(reason),
         reason == ENOSPC ? "free some space or write to another place" : "check where standard output goes");

@@ -115,6 +115,13 @@ void check_file(const std::string& path, const std::string& option, const Output
   if (place.is_protected()) {
     refuse(path, option, "the file is write-protected", "choose another name, or allow it with chmod u+w");
   }
+  struct stat folder {};
+  const uid_t user = ::geteuid();
+  if (place.exists && user != 0 && ::stat(place.folder.c_str(), &folder) == 0 &&
+      (folder.st_mode & S_ISVTX) != 0 && folder.st_uid != user && place.status.st_uid != user) {
+    refuse(path, option, "the file belongs to somebody else, and its folder lets only owners replace files",
+           "choose another name");
+  }
   const int reason = try_writing(place.folder);
   if (reason == ENOENT && is_planned(place.folder, planned_folders)) return;
   refuse_folder(path, option, place.folder, reason);

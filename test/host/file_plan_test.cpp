@@ -100,6 +100,19 @@ TEST_F(Plan, RefusesAFileWhereAFolderShouldBeAndTheOtherWayRound) {
   EXPECT_THAT(refusal(), HasSubstr("found a file of this name"));
 }
 
+TEST_F(Plan, RefusesAFileThatOnlyItsOwnerMayReplace) {
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root to be two users";
+  const std::string path = folder_.write("theirs.csv", "x");
+  ::chmod(folder_.path("").c_str(), 01777);
+  ::chmod(path.c_str(), 0666);
+  plan_.add_output("-o", path);
+  EXPECT_EQ(refusal(), "");
+  ASSERT_EQ(::seteuid(65534), 0);
+  const std::string message = refusal();
+  ASSERT_EQ(::seteuid(0), 0);
+  EXPECT_THAT(message, HasSubstr("the file belongs to somebody else"));
+}
+
 TEST_F(Plan, TakesAFileInAFolderThatIsStillToBeMade) {
   plan_.add_output_folder("-o", folder_.path("out"));
   plan_.add_output("--json", folder_.path("out/also.json"));

@@ -126,6 +126,11 @@ TEST_F(Files, AreWrittenThoughTheReaderOfTheTextLeaves) {
   EXPECT_TRUE(fs::exists(path("m.json"))) << outcome.err;
   EXPECT_EQ(read("code"), "141\n") << "as every program ends in front of head: by SIGPIPE, without a message";
   EXPECT_THAT(outcome.err, Not(HasSubstr("standard output")));
+  const Outcome table =
+      bash("{ $H dynamics --urdf scara --log a.csv -o - --json r.json; echo $? >code; } | true");
+  EXPECT_EQ(read("code"), "141\n") << table.err;
+  EXPECT_THAT(table.err, Not(HasSubstr("standard output")));
+  EXPECT_TRUE(fs::exists(path("r.json")));
 }
 
 TEST_F(Files, DoNotTakeTheTextOfAClosedStandardOutput) {

@@ -89,14 +89,17 @@ void take_signals() {
   std::signal(SIGXFSZ, SIG_IGN);
 }
 
+/// As other programs end in front of `head`.
+void end_as_by_sigpipe() {
+  std::signal(SIGPIPE, SIG_DFL);
+  std::raise(SIGPIPE);
+}
+
 /// Exit code of a command whose text may not have arrived.
 int with_output(int code) {
   const std::string lost = lost_output();
   if (lost.empty()) return code;
-  if (reader_left()) {  // as other programs end in front of `head`
-    std::signal(SIGPIPE, SIG_DFL);
-    std::raise(SIGPIPE);
-  }
+  if (reader_left()) end_as_by_sigpipe();
   print_to(stderr, fmt::format("heft: {}\n", lost));
   return code == kDone ? kBadInput : code;
 }
@@ -146,6 +149,9 @@ int run(int argc, char** argv) {
   } catch (const NotIdentifiableError& error) {
     print_to(stderr, fmt::format("heft {}: {}\n", chosen, error.what()));
     return kNotIdentifiable;
+  } catch (const host::ReaderLeftError&) {
+    end_as_by_sigpipe();
+    return kBadInput;
   } catch (const InputError& error) {
     print_to(stderr, fmt::format("heft {}: {}\n", chosen, error.what()));
     return kBadInput;

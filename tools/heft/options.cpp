@@ -194,15 +194,19 @@ void add_result_options(CommandLine line, ResultOptions& options) {
 
 void write_each(std::initializer_list<std::function<void()>> files) {
   std::string failures;
+  bool reader_left = false;
   for (const std::function<void()>& write : files) {
     if (!write) continue;
     try {
       write();
+    } catch (const host::ReaderLeftError&) {
+      reader_left = true;
     } catch (const InputError& error) {
       failures += (failures.empty() ? "" : "\n") + std::string(error.what());
     }
   }
   if (!failures.empty()) throw InputError(failures);
+  if (reader_left) throw host::ReaderLeftError("standard output: its reader left");
 }
 
 void finish(const Console& console, const std::string& output, const ResultOptions& options,

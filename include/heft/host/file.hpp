@@ -8,7 +8,15 @@
 #include <string>
 #include <string_view>
 
+#include "heft/host/error.hpp"
+
 namespace heft::host {
+
+/// Whoever read standard output has left (`| head`), which is no mistake of anyone.
+class ReaderLeftError : public InputError {
+ public:
+  using InputError::InputError;
+};
 
 /// Writes `content` to `path`.
 ///
