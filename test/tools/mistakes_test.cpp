@@ -246,7 +246,7 @@ const Mistake kOutputNowhere[] = {
      {"standard output: results could not be written"},
      "robot.hpp"},
     {"ClosedStandardOutputBehindAPipe",
-     "cat a.csv | $H dynamics --urdf scara --log - --what gravity -o q.csv >&-",
+     "$H dynamics --urdf scara --log <(cat a.csv) --what gravity -o q.csv <&- >&-",
      3,
      {"standard output: results could not be written"},
      "q.csv"},
