@@ -81,7 +81,8 @@ void Progress::update(double done, const std::string& what) {
   using std::chrono::seconds;
   const int percent = std::max(last_percent_, static_cast<int>(100.0 * std::clamp(done, 0.0, 1.0)));
   const auto now = std::chrono::steady_clock::now();
-  const std::string text = fmt::format("{}{}{} {:3d} %", label_, what.empty() ? "" : ": ", what, percent);
+  const std::string text =
+      fmt::format("{}{}{} {:{}d} %", label_, what.empty() ? "" : ": ", what, percent, terminal_ ? 3 : 0);
   if (!terminal_) {
     last_percent_ = percent;
     if (now - last_line_ < seconds(10)) return;
