@@ -33,6 +33,8 @@ constexpr double kRatioTolerance = 0.1;
 constexpr double kTellingTravel = 0.02;
 /// A joint that travels less stands still [rad, m].
 constexpr double kStillTravel = 1e-3;
+/// ln of what the joints' ratios may differ by when a clock explains all of them: 5 %.
+constexpr double kClockTolerance = 0.05;
 /// Beyond a limit by this factor no calibration offset explains it.
 constexpr double kBeyond = 1.5;
 /// No arm's joint is faster than this many times its velocity limit, nor than kTopSpeed [rad/s] without one.
@@ -154,6 +156,8 @@ struct LogCheck::Impl {
   void find_degrees(const JointLimits& limits, std::vector<LogFinding>& found) const;
   void find_turns(const JointLimits& limits, std::vector<LogFinding>& found) const;
   void find_time_unit(std::vector<LogFinding>& found) const;
+  double clock_ratio(const JointLimits& limits) const;
+  void find_clock_rate(const JointLimits& limits, std::vector<LogFinding>& found) const;
   void find_rate_slips(const JointLimits& limits, std::string_view rate, std::string_view of,
                        const std::vector<RateComparison>& comparison, std::vector<LogFinding>& found) const;
   void find_torque_unit(const JointLimits& limits, std::vector<LogFinding>& found) const;
@@ -290,6 +294,7 @@ std::vector<LogFinding> LogCheck::findings(const JointLimits& limits) const {
   s.find_degrees(limits, found);
   s.find_turns(limits, found);
   s.find_time_unit(found);
+  s.find_clock_rate(limits, found);
   if (s.has_velocity) s.find_rate_slips(limits, "qd", "q", s.velocity, found);
   if (s.has_velocity && s.has_acceleration) s.find_rate_slips(limits, "qdd", "qd", s.acceleration, found);
   if (s.has_torque) s.find_torque_unit(limits, found);
@@ -484,6 +489,46 @@ void LogCheck::Impl::find_time_unit(std::vector<LogFinding>& found) const {
   }
 }
 
+/// What qd of all joints that move is of what q changes by, if it is the same multiple in all of them and a speed that
+/// the joints can have (else qd is the motors'): the clock runs at another rate. Else 1.
+double LogCheck::Impl::clock_ratio(const JointLimits& limits) const {
+  double sum = 0.0;
+  std::vector<double> ratios;
+  for (int joint = 0; has_velocity && joint < n; ++joint) {
+    const RateComparison& c = velocity[static_cast<std::size_t>(joint)];
+    if (c.stretches < 10 || travel(joint) < kTellingTravel) continue;
+    if (c.correlation() < kBelieved) return 1.0;
+    const bool limited =
+        limits.velocity.size() == n && limits.velocity[joint] > 0.0 && std::isfinite(limits.velocity[joint]);
+    if (c.ratio() * c.top_rate > (limited ? kBeyond * limits.velocity[joint] : kTopSpeed)) return 1.0;
+    ratios.push_back(std::log(c.ratio()));
+    sum += ratios.back();
+  }
+  if (ratios.size() < 2) return 1.0;
+  const double mean = sum / static_cast<double>(ratios.size());
+  for (const double ratio : ratios) {
+    if (std::abs(ratio - mean) > kClockTolerance) return 1.0;
+  }
+  return std::exp(mean);
+}
+
+void LogCheck::Impl::find_clock_rate(const JointLimits& limits, std::vector<LogFinding>& found) const {
+  const double ratio = clock_ratio(limits);
+  if (std::abs(std::log(ratio)) < 0.2) return;
+  // Slips of the unit have been named.
+  for (const double unit : {1.0, 1e3, 1e6, 1e9}) {
+    if (is_near(ratio, unit) || is_near(ratio, unit * kDegree) || is_near(ratio, unit / kDegree)) return;
+  }
+  found.push_back(
+      {Severity::kError,
+       fmt::format(
+           "{}: column 'time': in every joint that moves qd is {:.4g} times what q changes by in that time, "
+           "at "
+           "{:.4g} samples a second; expected the same; if qd is right, the log has {:.4g} samples a second: "
+           "divide time by {:.4g}",
+           path, ratio, sample_rate(), ratio * sample_rate(), ratio)});
+}
+
 /// A velocity (or acceleration) column that is not the rate of the column it belongs to.
 void LogCheck::Impl::find_rate_slips(const JointLimits& limits, std::string_view rate, std::string_view of,
                                      const std::vector<RateComparison>& comparison,
@@ -499,7 +544,7 @@ void LogCheck::Impl::find_rate_slips(const JointLimits& limits, std::string_view
       // Of a joint that hardly moves, the velocity may be noise.
       if (travel(joint) > 5.0 * kTellingTravel) unrelated.push_back(joint);
     } else if (std::abs(correlation) > kBelieved) {
-      bool explained = is_near(ratio, 1.0);
+      bool explained = is_near(ratio, 1.0) || (of == "q" && is_near(ratio, clock_ratio(limits)));
       // Other findings name slips of time, and of position against velocity.
       for (const double factor : {1e3, 1e6, 1e9}) {
         explained = explained || is_near(ratio, factor) || is_near(ratio, factor * kDegree) ||
@@ -638,6 +683,28 @@ void LogCheck::Impl::find_resting_joints(const JointLimits& limits, std::vector<
                    path, one ? "" : "s", joints, one ? "moves" : "move", columns_of("q", resting),
                    one ? "stays" : "stay", most, is_revolute(limits, resting.front()) ? "rad" : "m",
                    one ? "its" : "their", one ? "its" : "their", one ? "it" : "them")});
+}
+
+std::string LogCheck::unusable_rate() const {
+  const Impl& s = *impl_;
+  if (!s.has_velocity || !s.has_acceleration) return {};
+  const auto reason = [&](std::string_view rate, std::string_view of,
+                          const std::vector<RateComparison>& comparison) -> std::string {
+    for (int joint = 0; joint < s.n; ++joint) {
+      const RateComparison& c = comparison[static_cast<std::size_t>(joint)];
+      if (c.stretches < 10 || s.travel(joint) < 5.0 * kTellingTravel) continue;
+      if (c.correlation() < kUnrelated) {
+        return fmt::format("{}{} has nothing to do with the derivative of {} (correlation {:.2f})", rate,
+                           joint + 1, of, c.correlation());
+      }
+      if (c.correlation() > kBelieved && std::abs(std::log(c.ratio())) > 0.2) {
+        return fmt::format("{}{} is {:.3g} times the derivative of {}", rate, joint + 1, c.ratio(), of);
+      }
+    }
+    return {};
+  };
+  const std::string velocity = reason("qd", "q", s.velocity);
+  return velocity.empty() ? reason("qdd", "qd", s.acceleration) : velocity;
 }
 
 std::vector<LogFinding> check_log(const Log& log, const JointLimits& limits) {

@@ -464,6 +464,14 @@ void MotionStream::Impl::first_pass() {
     }
     rows.clear();
   }
+  // A recorded rate that contradicts the positions would be worse than a derived one.
+  if (const std::string reason = logged ? log_check->unusable_rate() : std::string(); !reason.empty()) {
+    options.prefer_logged = logged = false;
+    summary.velocity_logged = summary.acceleration_logged = false;
+    spans.assign(static_cast<std::size_t>(n), MovingSpan());
+    summary.notes.push_back(
+        fmt::format("{}: {}; velocity and acceleration are derived from position instead", summary.path, reason));
+  }
   if (pass.file) {
     pass.file->check_length();
     prepare_file(*pass.file, false);

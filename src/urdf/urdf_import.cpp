@@ -614,12 +614,15 @@ class ChainBuilder {
     joint.link = body.parameters();
   }
 
-  void attach(const LinkPtr& link, const Placement& placement, Body& body) {
-    if (link->inertial) add_inertial(*link, placement, body);
+  /// @param fixed  the link is fixed to the one that moves
+  void attach(const LinkPtr& link, const Placement& placement, Body& body, bool fixed = false) {
+    // A frame without mass, such as a tool centre point, is often given an inertia that some programs ask for.
+    const bool frame = fixed && link->inertial && link->inertial->mass == 0.0;
+    if (link->inertial && !frame) add_inertial(*link, placement, body);
     for (const auto& joint : link->child_joints) {
       const LinkPtr child = child_of(link, joint->name);
       if (!moves(*joint)) {
-        attach(child, placement * checked_placement(*joint), body);
+        attach(child, placement * checked_placement(*joint), body, true);
       } else if (!on_chain_.contains(joint->name)) {
         warn(document_.at(
             *document_.joint(joint->name),

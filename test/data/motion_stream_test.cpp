@@ -247,8 +247,14 @@ TEST(MotionStream, FindsTheBandwidthOfALogTooLongForOneSpectrum) {
 
 TEST(MotionStream, TakesTheLoggedMotionWhereThereIsOne) {
   Log log = sine_log(6000, 250.0, 0.2, 7);
-  log.qd = 2.0 * log.q;
-  log.qdd = 3.0 * log.q;
+  // Rates a little too large, to be told from derived ones.
+  const Log derived = [&] {
+    Log motion = log;
+    derive_motion(motion, {});
+    return motion;
+  }();
+  log.qd = 1.05 * derived.qd;
+  log.qdd = 1.05 * 1.05 * derived.qdd;
   StreamOptions options;
   options.chunk_samples = 1000;
   const MotionStream stream(log, options);
@@ -281,6 +287,32 @@ Log log_with_rests() {
     log.q(k, 1) = 0.4 + noise(random);
   }
   return log;
+}
+
+TEST(MotionStream, DerivesAMotionWhoseRecordedAccelerationContradictsIt) {
+  Log log;
+  log.path = "noise.csv";
+  const int rows = 2000;
+  log.time = Eigen::VectorXd::LinSpaced(rows, 0.0, 0.01 * (rows - 1));
+  log.q = (2.0 * log.time.array()).sin().matrix();
+  log.qd = (2.0 * (2.0 * log.time.array()).cos()).matrix();
+  log.tau = log.q;
+  const Eigen::VectorXd qdd = (-4.0 * (2.0 * log.time.array()).sin()).matrix();
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0.0, 20.0);
+  log.qdd = Eigen::MatrixXd(rows, 1).unaryExpr([&](double) { return noise(random); });
+  const MotionStream stream(log);
+  EXPECT_FALSE(stream.summary().acceleration_logged);
+  EXPECT_THAT(stream.summary().notes,
+              testing::Contains(testing::HasSubstr("derived from position instead")));
+  stream.for_each([&](const MotionChunk& chunk) {
+    const Eigen::Index middle = chunk.row_qdd.rows() / 2;
+    EXPECT_NEAR(chunk.row_qdd(middle, 0), qdd[middle], 0.02);
+  });
+  EXPECT_EQ(stream.summary().top_speed.size(), 1);
+  EXPECT_NEAR(stream.summary().top_speed[0], 2.0, 0.05);
+  log.qdd = qdd;
+  EXPECT_TRUE(MotionStream(log).summary().acceleration_logged);
 }
 
 TEST(MotionStream, TellsDisplacementsFromTheVelocitiesAsLogged) {

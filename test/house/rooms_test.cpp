@@ -21,6 +21,7 @@ const std::map<std::string, std::set<std::string>>& allowed() {
       {"data", {"core", "host"}},
       {"urdf", {"core", "host", "model"}},
       {"sim", {"core", "host", "model", "data"}},
+      {"plausibility", {"core", "host", "model", "data"}},
       {"identify", {"core", "host", "model", "data"}},
       {"diagnose", {"core", "host", "model", "data", "identify"}},
       {"report", {"core", "host", "model", "data", "identify"}}};

@@ -537,6 +537,16 @@ TEST(UrdfRefusal, MassThatIsNotPositive) {
   EXPECT_EQ(load(robot(link("base", inertial(0)) + link("a") + joint("j", "base", "a"))).num_joints(), 1);
 }
 
+TEST(UrdfImport, AFixedFrameWithoutMassAddsNothing) {
+  const auto arm = [](const std::string& tool) {
+    return load(robot(link("base") + link("a") + link("t", tool) + joint("j", "base", "a") +
+                      joint("jt", "a", "t", "fixed", "")));
+  };
+  // The inertia that some programs ask for even of a frame.
+  const std::string frame = inertial(0.0, "0 0 0", "0 0 0");
+  EXPECT_EQ(arm(frame).joints[0].link, arm("").joints[0].link);
+}
+
 TEST(UrdfRefusal, LastLinkWithoutMass) {
   EXPECT_EQ(refusal(robot(link("base") + link("a", "") + link("t", "") + joint("j", "base", "a") +
                           joint("jt", "a", "t", "fixed", ""))),

@@ -43,6 +43,7 @@ struct LogFinding {
 /// - velocities (accelerations) of the opposite sign
 /// - time in milli-, micro- or nanoseconds: qd is 1000, 10⁶, 10⁹ times q's derivative, or, without qd, fewer
 ///   than ten samples a second of a motion by more than 0.1 rad and slower than 0.02 rad/s
+/// - a clock that runs at another rate: qd of all joints that move is the same multiple of q's derivative
 /// - positions that jump by a whole turn
 ///
 /// Notes: joints that never move, positions beyond the limits otherwise, velocities in another ratio to the
@@ -66,6 +67,9 @@ class LogCheck {
            const Eigen::Ref<const Eigen::MatrixXd>& tau);
   /// Errors first.
   std::vector<LogFinding> findings(const JointLimits& limits = {}) const;
+  /// Why qd and qdd as logged are no motion to compute with, such as "qdd4 has nothing to do with the derivative of qd
+  /// (correlation 0.21)"; empty when they are, or when the log lacks one of them.
+  std::string unusable_rate() const;
 
  private:
   struct Impl;

@@ -45,8 +45,9 @@ struct MotionChunk {
 /// How a stream derives motion and what it leaves out.
 struct StreamOptions {
   MotionOptions motion{};  ///< cut-off etc.; `from_position` is decided by `prefer_logged`
-  /// Take qd and qdd as logged where the log has both; otherwise they come from q. A velocity alone is not
-  /// taken: drives report it late against the position, or noisier than its derivative.
+  /// Take qd and qdd as logged where the log has both and they agree with q (LogCheck::unusable_rate); otherwise they
+  /// come from q. A velocity alone is not taken: drives report it late against the position, or noisier than its
+  /// derivative.
   bool prefer_logged{true};
   bool cut_standstill{true};  ///< mark standstill at the ends as not usable
   bool displacement{false};   ///< fill in MotionChunk::displacement where the log has velocities

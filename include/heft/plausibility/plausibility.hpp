@@ -1,0 +1,85 @@
+/// @file
+/// Does the torque of a log belong to the robot? Signs, joint order, unit, joint zeros, direction of gravity.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "heft/data/log.hpp"
+#include "heft/data/motion_stream.hpp"
+#include "heft/host/verdict.hpp"
+#include "heft/model/robot.hpp"
+
+namespace heft::plausibility {
+
+/// What a torque that contradicts the robot looks like.
+enum class Contradiction {
+  kNoSignal,      ///< the torque of a joint never changes
+  kSign,          ///< the torque of a joint has the opposite sign
+  kInterchanged,  ///< the torques of two joints are interchanged
+  kZero,          ///< a joint counts its position from another zero
+  kGravity,       ///< gravity points elsewhere than the robot's mounting says
+  kScale,         ///< the torque is too small or too large: another unit, or another side of the gear
+  kRobot,         ///< the torque is that of another robot
+  kModelTorque    ///< a motor torque without friction: computed by a model, not measured
+};
+
+/// One contradiction.
+struct Finding {
+  Contradiction kind{Contradiction::kSign};
+  /// The evidence leaves no reasonable doubt; otherwise it is worth a warning.
+  bool clear{false};
+  int joint{-1};         ///< counted from 0; -1: the whole arm
+  int other{-1};         ///< kInterchanged: the other joint
+  double value{0.0};     ///< kSign, kScale: measured over expected torque; kZero: to be added to q [rad]
+  double evidence{0.0};  ///< fall of minus twice the log-likelihood when the contradiction is undone
+  std::string message;   ///< without the log's path: what it looks like, and what to do
+};
+
+/// A joint's measured torque against what the robot's masses make it expect.
+struct JointExpectation {
+  double slope{0.0};       ///< measured over expected gravity and inertia torque, beside friction and offset
+  double slope_std{0.0};   ///< standard deviation of `slope`, with the uncertainty of the robot's masses
+  double torque_rms{0.0};  ///< measured [N·m, N]
+  double expected_rms{0.0};  ///< gravity and inertia torque [N·m, N]
+  bool moving{false};
+};
+
+struct TorqueCheck {
+  std::string log;
+  std::vector<JointExpectation> joints;  ///< n
+  std::vector<Finding> findings;         ///< strongest first; empty: nothing speaks against the log
+
+  bool refused() const;
+  /// Clear findings are bad, the others doubtful. Reasons name the log.
+  host::Judgement judgement() const;
+};
+
+struct Options {
+  bool at_motor{true};  ///< the torque was measured on the motor's side of the gears, so friction is in it
+  /// Robots that the log may belong to instead; asked for only when the torque does not fit. May be empty.
+  std::function<std::vector<model::Robot>()> other_robots{};
+};
+
+/// Compares the torque of a log with the robot it is said to belong to.
+///
+/// Every joint is compared by itself with what the robot's masses make it expect, give or take a quarter of each
+/// mass, some centimetres of each centre of mass and a payload of an eighth of the arm, plus friction that takes
+/// energy out and an offset. A contradiction is named when undoing it raises the likelihood far beyond what other
+/// explanations do; the likelihood is that of residuals correlated in time and of a model that is itself wrong
+/// (src/plausibility/README.md). So it works with catalogue masses and placeholders, and stays silent where a log cannot decide:
+/// on joints at rest, whose friction holds any torque, and on torque as small as sensor offsets.
+///
+/// Costs one pass over the log and about a quarter of a second.
+///
+/// @param robot  with nominal or identified parameters; without any mass nothing is checked
+/// @throws DataError as MotionStream does; ModelError for more than model::kMaxJoints joints
+TorqueCheck check_torque(const model::Robot& robot, const data::MotionStream& log,
+                         const Options& options = {});
+TorqueCheck check_torque(const model::Robot& robot, const data::Log& log, const Options& options = {});
+
+/// @throws DataError that lists the clear findings, if there are any
+void refuse_contradictions(const TorqueCheck& check);
+
+}  // namespace heft::plausibility

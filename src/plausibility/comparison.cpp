@@ -1,0 +1,169 @@
+#include "comparison.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "heft/model/dynamics.hpp"
+
+namespace heft::plausibility {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kNoiseShare = 0.1;  ///< of the torque, at least: no model of a real arm is better than that
+constexpr double kSlopeNoiseShare = 0.05;
+/// Offset of a joint: sensor zero and asymmetric friction where it moves, friction of any size where it rests.
+constexpr double kMovingOffset = 0.1, kRestingOffset = 0.35;
+constexpr double kEffortFloor = 0.01, kArmFloor = 0.02;
+constexpr double kQuarterTurn = 0.5 * std::numbers::pi;
+
+}  // namespace
+
+std::vector<JointMoments> moments_of(const model::Robot& robot, const Samples& samples) {
+  const model::Dynamics dynamics(robot);
+  std::vector<MatrixXd> regressors;
+  for (Index i = 0; i < samples.q.rows(); ++i) {
+    regressors.push_back(dynamics.regressor(samples.q.row(i).transpose(), samples.qd.row(i).transpose(),
+                                            samples.qdd.row(i).transpose()));
+  }
+  const VectorXd deviations = prior_deviations(robot);
+  std::vector<JointMoments> moments;
+  for (int j = 0; j < robot.num_joints(); ++j) {
+    moments.emplace_back(robot, j, regressors, deviations, samples);
+  }
+  return moments;
+}
+
+Comparison::Comparison(const model::Robot& robot, Samples samples)
+    : robot_(robot), samples_(std::move(samples)), given_(moments_of(robot_, samples_)) {
+  const Index n = samples_.q.cols();
+  rms_.resize(n), floor_.resize(n);
+  for (Index j = 0; j < n; ++j) {
+    const VectorXd torque = samples_.tau.col(j);
+    rms_[j] = joint(static_cast<int>(j)).torque_rms(static_cast<int>(j));
+    dead_.push_back(torque.maxCoeff() - torque.minCoeff() <=
+                    1e-9 * std::max(1.0, torque.cwiseAbs().maxCoeff()));
+  }
+  for (Index j = 0; j < n; ++j) {
+    const double limit = robot_.joints[static_cast<std::size_t>(j)].effort_limit;
+    floor_[j] = std::min(kEffortFloor * (limit > 0.0 ? limit : std::numeric_limits<double>::infinity()),
+                         kArmFloor * rms_.maxCoeff());
+  }
+}
+
+double Comparison::offset(const JointMoments& moments, int torque) const {
+  return (moments.moving() ? kMovingOffset : kRestingOffset) * rms_[torque] + floor_[torque];
+}
+
+double Comparison::noise(int torque, std::initializer_list<double> residuals) const {
+  return std::max({kNoiseShare * rms_[torque], floor_[torque], std::min(residuals), 1e-12});
+}
+
+double Comparison::free_residual(int j) const { return joint(j).free_residual(j); }
+
+std::pair<double, double> Comparison::slope_of(const std::vector<JointMoments>& moments, int j) const {
+  const JointMoments& own = moments[static_cast<std::size_t>(j)];
+  const double noise = std::max({kSlopeNoiseShare * rms_[j], own.free_residual(j), 1e-12});
+  return own.slope(j, noise, offset(own, j));
+}
+
+double Comparison::misfit() const {
+  double sum = 0.0;
+  for (int j = 0; j < num_joints(); ++j) {
+    if (!dead(j)) sum += joint(j).misfit(j, 1.0, noise(j, {free_residual(j)}), offset(joint(j), j));
+  }
+  return sum;
+}
+
+std::vector<Hypothesis> Comparison::signs() const {
+  std::vector<Hypothesis> list;
+  for (int j = 0; j < num_joints(); ++j) {
+    if (dead(j)) continue;
+    const double sigma = noise(j, {free_residual(j)}), shift = offset(joint(j), j);
+    list.push_back({Contradiction::kSign,
+                    j,
+                    -1,
+                    0.0,
+                    {},
+                    joint(j).misfit(j, 1.0, sigma, shift) - joint(j).misfit(j, -1.0, sigma, shift)});
+  }
+  return list;
+}
+
+std::vector<Hypothesis> Comparison::interchanges() const {
+  std::vector<Hypothesis> list;
+  for (int j = 0; j < num_joints(); ++j) {
+    for (int k = j + 1; k < num_joints(); ++k) {
+      if (dead(j) || dead(k)) continue;
+      // Noise of a torque is what is left of it where it fits better.
+      const double of_j = noise(j, {joint(j).free_residual(j), joint(k).free_residual(j)});
+      const double of_k = noise(k, {joint(k).free_residual(k), joint(j).free_residual(k)});
+      const double own = joint(j).misfit(j, 1.0, of_j, offset(joint(j), j)) +
+                         joint(k).misfit(k, 1.0, of_k, offset(joint(k), k));
+      const double crossed = joint(j).misfit(k, 1.0, of_k, offset(joint(j), k)) +
+                             joint(k).misfit(j, 1.0, of_j, offset(joint(k), j));
+      list.push_back({Contradiction::kInterchanged, j, k, 0.0, {}, own - crossed});
+    }
+  }
+  return list;
+}
+
+double Comparison::gain_of(const std::vector<JointMoments>& moments) const {
+  double gain = 0.0;
+  for (int j = 0; j < num_joints(); ++j) {
+    if (dead(j)) continue;
+    const JointMoments& changed = moments[static_cast<std::size_t>(j)];
+    const double sigma = noise(j, {free_residual(j), changed.free_residual(j)});
+    gain += joint(j).misfit(j, 1.0, sigma, offset(joint(j), j)) -
+            changed.misfit(j, 1.0, sigma, offset(changed, j));
+  }
+  return gain;
+}
+
+std::vector<Hypothesis> Comparison::zeros() const {
+  std::vector<Hypothesis> list;
+  for (int j = 0; j < num_joints(); ++j) {
+    if (robot_.joints[static_cast<std::size_t>(j)].joint.type == JointType::kPrismatic) continue;
+    for (const double turn : {kQuarterTurn, -kQuarterTurn, 2.0 * kQuarterTurn}) {
+      Samples turned = samples_;
+      turned.q.col(j).array() += turn;
+      list.push_back({Contradiction::kZero, j, -1, turn, {}, gain_of(moments_of(robot_, turned))});
+    }
+  }
+  return list;
+}
+
+std::vector<Hypothesis> Comparison::gravities() const {
+  std::vector<Hypothesis> list;
+  const Eigen::Vector3d given(robot_.gravity.data());
+  const double size = given.norm();
+  if (size == 0.0) return list;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double sign : {1.0, -1.0}) {
+      const Eigen::Vector3d down = sign * size * Eigen::Vector3d::Unit(axis);
+      // Within a tenth of the given direction it is that direction.
+      if (given.dot(down) > 0.995 * size * size) continue;
+      model::Robot turned = robot_;
+      turned.gravity = {down[0], down[1], down[2]};
+      list.push_back(
+          {Contradiction::kGravity, -1, -1, 0.0, turned.gravity, gain_of(moments_of(turned, samples_))});
+    }
+  }
+  return list;
+}
+
+Comparison::Other Comparison::under(const model::Robot& other) const {
+  model::Robot placed = other;
+  placed.gravity = robot_.gravity;
+  const std::vector<JointMoments> moments = moments_of(placed, samples_);
+  Other found{gain_of(moments), {}};
+  for (int j = 0; j < num_joints(); ++j) found.slopes.push_back(slope_of(moments, j));
+  return found;
+}
+
+}  // namespace heft::plausibility

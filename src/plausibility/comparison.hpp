@@ -1,0 +1,70 @@
+/// @file
+/// The likelihood of a log's torque under a robot, and what it gains when a contradiction is undone.
+#pragma once
+
+#include <array>
+#include <map>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/model/robot.hpp"
+#include "heft/plausibility/plausibility.hpp"
+#include "joint_moments.hpp"
+#include "samples.hpp"
+
+namespace heft::plausibility {
+
+/// A contradiction to undo, with what the likelihood gains by it.
+struct Hypothesis {
+  Contradiction kind{Contradiction::kSign};
+  int joint{-1}, other{-1};
+  double value{0.0};                ///< kZero: to be added to q [rad]
+  std::array<double, 3> gravity{};  ///< kGravity: in the base frame [m/s²]
+  double gain{0.0};                 ///< fall of minus twice the log-likelihood
+};
+
+/// A joint's moments for every joint of a robot.
+std::vector<JointMoments> moments_of(const model::Robot& robot, const Samples& samples);
+
+class Comparison {
+ public:
+  Comparison(const model::Robot& robot, Samples samples);
+
+  int num_joints() const { return static_cast<int>(given_.size()); }
+  const JointMoments& joint(int j) const { return given_[static_cast<std::size_t>(j)]; }
+  /// The torque never changes: nothing to compare.
+  bool dead(int j) const { return dead_[static_cast<std::size_t>(j)]; }
+  /// Torque of that size may be a sensor's zero error: 1 % of the effort limit, or 2 % of the arm's largest [N·m, N].
+  double floor(int j) const { return floor_[j]; }
+  double torque_rms(int j) const { return rms_[j]; }
+  double free_residual(int j) const;
+  /// Sum over joints of minus twice the log-likelihood, as the robot is given.
+  double misfit() const;
+  std::pair<double, double> slope(int j) const { return slope_of(given_, j); }
+
+  std::vector<Hypothesis> signs() const;
+  std::vector<Hypothesis> interchanges() const;
+  std::vector<Hypothesis> zeros() const;
+  std::vector<Hypothesis> gravities() const;
+  /// Gain and slopes under another robot.
+  struct Other {
+    double gain{0.0};
+    std::vector<std::pair<double, double>> slopes;
+  };
+  Other under(const model::Robot& other) const;
+
+ private:
+  double offset(const JointMoments& moments, int torque) const;
+  double noise(int torque, std::initializer_list<double> residuals) const;
+  std::pair<double, double> slope_of(const std::vector<JointMoments>& moments, int j) const;
+  double gain_of(const std::vector<JointMoments>& moments) const;
+
+  model::Robot robot_;
+  Samples samples_;
+  std::vector<JointMoments> given_;
+  std::vector<bool> dead_;
+  Eigen::VectorXd rms_, floor_;
+};
+
+}  // namespace heft::plausibility

@@ -1,0 +1,79 @@
+#include "samples.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "heft/data/differentiate.hpp"
+
+namespace heft::plausibility {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+/// Gravity and inertia torque of arms that are moved for a measurement lie below it [Hz].
+constexpr double kCutoff = 5.0;
+/// Rows a second in cut-offs: behind a low-pass, rows that follow faster say nothing new.
+constexpr double kRowsPerCutoff = 4.0;
+/// Rows at the end; the collection holds up to twice as many.
+constexpr Index kMostRows = 400;
+
+/// Rows in time order; drops every other one whenever there are too many.
+class Collection {
+ public:
+  explicit Collection(Index joints) : rows_(2 * kMostRows, 4 * joints) {}
+
+  /// @param number  of the row among all that could be taken
+  void offer(long number, const Eigen::Ref<const Eigen::RowVectorXd>& row) {
+    if (number % stride_ != 0) return;
+    if (count_ == rows_.rows()) {
+      for (Index i = 0; 2 * i < count_; ++i) rows_.row(i) = rows_.row(2 * i).eval();
+      count_ = (count_ + 1) / 2;
+      stride_ *= 2;
+      if (number % stride_ != 0) return;
+    }
+    rows_.row(count_++) = row;
+  }
+  MatrixXd rows() const { return rows_.topRows(count_); }
+  long stride() const { return stride_; }
+
+ private:
+  MatrixXd rows_;
+  Index count_{0};
+  long stride_{1};
+};
+
+}  // namespace
+
+Samples samples_of(const data::MotionStream& log) {
+  const Index n = log.summary().num_joints;
+  Collection collection(n);
+  double seconds_per_row = 0.0;
+  long number = 0;
+  log.for_each([&](const data::MotionChunk& chunk) {
+    const double rate = chunk.sample_rate;
+    const double cutoff = std::min(kCutoff, 0.3 * rate);
+    const MatrixXd q = data::low_pass_zero_phase(chunk.q, rate, cutoff);
+    const MatrixXd tau = data::low_pass_zero_phase(chunk.tau, rate, cutoff);
+    const auto step = std::max<Index>(1, std::lround(rate / (kRowsPerCutoff * cutoff)));
+    seconds_per_row = static_cast<double>(step) / rate;
+    Eigen::RowVectorXd row(4 * n);
+    for (Index i = chunk.begin; i < chunk.begin + chunk.count; ++i) {
+      if (!chunk.usable[i] || (chunk.first + i - chunk.begin) % step != 0 || i == 0 || i + 1 == q.rows())
+        continue;
+      row << q.row(i), 0.5 * rate * (q.row(i + 1) - q.row(i - 1)),
+          rate * rate * (q.row(i + 1) - 2.0 * q.row(i) + q.row(i - 1)), tau.row(i);
+      collection.offer(number++, row);
+    }
+  });
+  const MatrixXd rows = collection.rows();
+  Samples samples;
+  samples.q = rows.leftCols(n);
+  samples.qd = rows.middleCols(n, n);
+  samples.qdd = rows.middleCols(2 * n, n);
+  samples.tau = rows.rightCols(n);
+  samples.duration = seconds_per_row * static_cast<double>(number);
+  return samples;
+}
+
+}  // namespace heft::plausibility

@@ -1,0 +1,191 @@
+// Simulated logs of arms whose masses are known only roughly: nothing is suspected as they are, and what is altered is
+// named.
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heft/host/error.hpp"
+#include "heft/plausibility/plausibility.hpp"
+#include "heft/urdf/urdf_import.hpp"
+#include "support/fourier_log.hpp"
+
+namespace heft::plausibility {
+namespace {
+
+using testing::HasSubstr;
+
+model::Robot robot(const std::string& name) { return urdf::load_urdf(urdf::resolve_robot(name)); }
+
+/// The arm in truth: masses up to a fifth off those of its description, with friction of a tenth of the effort limit.
+model::Robot true_arm(const model::Robot& nominal, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> factor(0.8, 1.2);
+  model::Robot arm = nominal;
+  for (model::RobotJoint& joint : arm.joints) {
+    const double scale = factor(random);
+    for (double& parameter : joint.link) parameter *= scale;
+    const double limit = std::min(joint.effort_limit, 100.0);
+    joint.actuation.coulomb_friction = 0.05 * limit;
+    joint.actuation.viscous_friction = 0.05 * limit;
+  }
+  return arm;
+}
+
+data::Log log_of(const model::Robot& nominal, unsigned seed) {
+  test::FourierLogSettings settings;
+  settings.seed = seed;
+  data::Log log = test::fourier_log(true_arm(nominal, seed), settings);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0.0, 0.5);
+  log.tau = log.tau.unaryExpr([&](double torque) { return torque + noise(random); });
+  log.qd.resize(0, 0), log.qdd.resize(0, 0);
+  return log;
+}
+
+/// The only finding.
+Finding only(const TorqueCheck& check) {
+  EXPECT_EQ(check.findings.size(), 1u) << check.log;
+  for (const Finding& f : check.findings) EXPECT_TRUE(f.clear) << f.message;
+  return check.findings.empty() ? Finding{} : check.findings.front();
+}
+
+TEST(Plausibility, SuspectsNothingInSoundLogs) {
+  for (const char* name : {"ur10e", "ur5e", "panda", "kawasaki6r", "scara"}) {
+    for (unsigned seed = 1; seed <= 5; ++seed) {
+      const TorqueCheck check = check_torque(robot(name), log_of(robot(name), seed));
+      EXPECT_THAT(check.findings, testing::IsEmpty()) << name << ": " << check.findings.front().message;
+      EXPECT_EQ(check.judgement().verdict, host::Verdict::kGood);
+      EXPECT_NO_THROW(refuse_contradictions(check));
+    }
+  }
+}
+
+TEST(Plausibility, ComparesEachJointWithItsMasses) {
+  const model::Robot ur10e = robot("ur10e");
+  const TorqueCheck check = check_torque(ur10e, log_of(ur10e, 1));
+  ASSERT_EQ(check.joints.size(), 6u);
+  EXPECT_NEAR(check.joints[1].slope, 1.0, 3.0 * check.joints[1].slope_std);
+  EXPECT_LT(check.joints[1].slope_std, 0.4);
+  EXPECT_TRUE(check.joints[1].moving);
+}
+
+TEST(Plausibility, NamesASign) {
+  const model::Robot ur10e = robot("ur10e");
+  for (int j = 0; j < 6; ++j) {
+    data::Log log = log_of(ur10e, 2);
+    log.tau.col(j) *= -1.0;
+    const TorqueCheck check = check_torque(ur10e, log);
+    const Finding found = only(check);
+    EXPECT_EQ(found.kind, Contradiction::kSign);
+    EXPECT_EQ(found.joint, j);
+    EXPECT_THAT(found.message, HasSubstr("fits with the opposite sign"));
+    EXPECT_FALSE(check.judgement().usable());
+    EXPECT_THROW(refuse_contradictions(check), DataError);
+  }
+}
+
+TEST(Plausibility, NamesSeveralSigns) {
+  const model::Robot ur10e = robot("ur10e");
+  data::Log log = log_of(ur10e, 2);
+  log.tau.col(1) *= -1.0, log.tau.col(4) *= -1.0;
+  const TorqueCheck check = check_torque(ur10e, log);
+  ASSERT_EQ(check.findings.size(), 2u);
+  EXPECT_EQ(check.findings[0].joint + check.findings[1].joint, 5);
+}
+
+TEST(Plausibility, NamesInterchangedJoints) {
+  const model::Robot panda = robot("panda");
+  data::Log log = log_of(panda, 3);
+  log.tau.col(1).swap(log.tau.col(3));
+  const Finding found = only(check_torque(panda, log));
+  EXPECT_EQ(found.kind, Contradiction::kInterchanged);
+  EXPECT_EQ(found.joint, 1);
+  EXPECT_EQ(found.other, 3);
+}
+
+TEST(Plausibility, NamesAnotherUnit) {
+  const model::Robot ur10e = robot("ur10e");
+  for (const auto& [factor, words] :
+       {std::pair{1.0 / 101.0, "motor's side"}, {1.0 / 11.0, "amperes"}, {1000.0, "another unit"}}) {
+    data::Log log = log_of(ur10e, 4);
+    log.tau *= factor;
+    const Finding found = only(check_torque(ur10e, log));
+    EXPECT_EQ(found.kind, Contradiction::kScale);
+    EXPECT_THAT(found.message, HasSubstr(words));
+  }
+}
+
+TEST(Plausibility, NamesAZeroOffByAQuarterTurn) {
+  const model::Robot ur10e = robot("ur10e");
+  data::Log log = log_of(ur10e, 5);
+  log.q.col(2).array() += 0.5 * std::numbers::pi;
+  const Finding found = only(check_torque(ur10e, log));
+  EXPECT_EQ(found.kind, Contradiction::kZero);
+  EXPECT_EQ(found.joint, 2);
+  EXPECT_NEAR(found.value, -0.5 * std::numbers::pi, 1e-9);
+  EXPECT_THAT(found.message, HasSubstr("-90° is added to q3"));
+}
+
+TEST(Plausibility, NamesTheMountThatTheTorqueShows) {
+  const model::Robot level = robot("ur10e");
+  model::Robot wall = level;
+  wall.gravity = {9.81, 0.0, 0.0};
+  const Finding found = only(check_torque(level, log_of(wall, 6)));
+  EXPECT_EQ(found.kind, Contradiction::kGravity);
+  EXPECT_THAT(found.message, HasSubstr("along +x of the base"));
+  EXPECT_THAT(found.message, HasSubstr("--mount 0,1.5708,0"));
+}
+
+TEST(Plausibility, NamesAnotherRobot) {
+  Options options;
+  options.other_robots = [] {
+    return std::vector<model::Robot>{robot("ur5"), robot("ur10e"), robot("panda")};
+  };
+  const Finding found = only(check_torque(robot("ur5e"), log_of(robot("ur10e"), 7), options));
+  EXPECT_EQ(found.kind, Contradiction::kRobot);
+  EXPECT_THAT(found.message, HasSubstr("fits ur10e"));
+}
+
+TEST(Plausibility, NamesTorqueThatNeverChanges) {
+  const model::Robot ur10e = robot("ur10e");
+  data::Log log = log_of(ur10e, 8);
+  log.tau.setZero();
+  EXPECT_EQ(only(check_torque(ur10e, log)).kind, Contradiction::kNoSignal);
+}
+
+TEST(Plausibility, DoubtsAMotorTorqueWithoutFriction) {
+  const model::Robot ur10e = robot("ur10e");
+  model::Robot frictionless = ur10e;
+  for (model::RobotJoint& joint : frictionless.joints) joint.actuation = {};
+  const data::Log log = test::fourier_log(frictionless, {});
+  const TorqueCheck check = check_torque(ur10e, log);
+  ASSERT_EQ(check.findings.size(), 1u);
+  EXPECT_EQ(check.findings[0].kind, Contradiction::kModelTorque);
+  EXPECT_FALSE(check.refused());
+  EXPECT_EQ(check.judgement().verdict, host::Verdict::kDoubtful);
+  Options behind_the_gear;
+  behind_the_gear.at_motor = false;
+  EXPECT_THAT(check_torque(ur10e, log, behind_the_gear).findings, testing::IsEmpty());
+}
+
+TEST(Plausibility, SaysNothingAboutARobotWithoutMasses) {
+  model::Robot massless = robot("ur10e");
+  for (model::RobotJoint& joint : massless.joints) joint.link.fill(0.0);
+  EXPECT_THAT(check_torque(massless, log_of(robot("ur10e"), 9)).findings, testing::IsEmpty());
+}
+
+TEST(Plausibility, TakesALoadedArmForSound) {
+  const model::Robot ur10e = robot("ur10e");
+  model::Robot loaded = ur10e;
+  // 5 kg, 10 cm in front of the flange.
+  InertialParameters<double>& link = loaded.joints.back().link;
+  link[kMass] += 5.0, link[kMcz] += 0.5, link[kIxx] += 0.05, link[kIyy] += 0.05;
+  EXPECT_THAT(check_torque(ur10e, log_of(loaded, 10)).findings, testing::IsEmpty());
+}
+
+}  // namespace
+}  // namespace heft::plausibility
