@@ -219,7 +219,7 @@ class Judge {
                                  : "its friction would drive the joint instead of braking it";
     findings_.push_back(
         {Contradiction::kSign, h.gain > kClear * kSignGain, h.joint, -1, slope, h.gain,
-         fmt::format("tau{} fits with the opposite sign ({}); turn the column's sign", h.joint + 1, seen)});
+         fmt::format("tau{} fits with the opposite sign ({}); change the sign of the column", h.joint + 1, seen)});
   }
 
   void add_interchange(const Hypothesis& h, bool clear) {
@@ -435,7 +435,7 @@ void refuse_contradictions(const TorqueCheck& check) {
     if (f.clear) lines.push_back(f.message);
   }
   throw DataError(
-      fmt::format("{}: the torque contradicts the robot: {} (--accept-torque continues all the same)",
+      fmt::format("{}: the torque contradicts the robot: {}; correct the log or the robot (--accept-torque continues anyway)",
                   check.log, fmt::join(lines, "; ")));
 }
 

@@ -91,6 +91,8 @@ std::string resolve_robot(const std::string& name_or_path) {
                   name_or_path, fmt::join(robots_in(folders), ", "), fmt::join(folders, ", ")));
 }
 
+std::vector<std::string> robot_names() { return robots_in(robot_folders()); }
+
 std::string resolve_measurements(const std::string& name) {
   const std::vector<std::string> folders = robot_folders();
   for (const std::string& folder : folders) {

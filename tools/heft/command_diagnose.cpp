@@ -37,7 +37,9 @@ struct Options {
   bool trace{false};
 };
 
-data::Log read(const std::string& path, const Options& options, const model::Robot& robot) {
+/// @param torque  gets what the torque is suspected of
+data::Log read(const std::string& path, const Options& options, const model::Robot& robot,
+               host::Judgement& torque) {
   data::LogRequirements needs;
   needs.num_joints = robot.num_joints();
   needs.robot_name = robot.name;
@@ -46,6 +48,7 @@ data::Log read(const std::string& path, const Options& options, const model::Rob
   const std::vector<data::LogFinding> findings = data::check_log(prepared.log, limits_of(robot));
   data::refuse_errors(findings);
   for (const data::LogFinding& finding : findings) note(finding.message);
+  torque.add(judge_torque(prepared.log, robot, options.log, options.log.measured_at()));
   return std::move(prepared.log);
 }
 
@@ -236,8 +239,9 @@ void run(const Options& options) {
   const Console console{options.result.json, options.model};
   const model::Robot robot = load_robot(options.robot);
   std::vector<data::Log> train, validate;
-  for (const std::string& path : options.log.logs) train.push_back(read(path, options, robot));
-  for (const std::string& path : options.validate) validate.push_back(read(path, options, robot));
+  host::Judgement torque;
+  for (const std::string& path : options.log.logs) train.push_back(read(path, options, robot, torque));
+  for (const std::string& path : options.validate) validate.push_back(read(path, options, robot, torque));
   refuse_seen(train, validate);
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
@@ -268,6 +272,7 @@ Action set_up_diagnose(CommandLine line) {
   auto options = std::make_shared<Options>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
+  add_accept_torque_option(line, options->log);
   line.add_option(
           "--validate", options->validate,
           "log to judge every effect on, of another motion than the training logs; may be given several "

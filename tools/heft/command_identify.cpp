@@ -114,6 +114,7 @@ identify::ModelStructure structure_of(const Options& options) {
 struct Logs {
   std::vector<data::MotionStream> train, judge;
   std::string how;  ///< what was judged on, in words
+  host::Judgement torque;
 };
 
 Logs open_logs(const Options& options, const model::Robot& robot) {
@@ -126,14 +127,15 @@ Logs open_logs(const Options& options, const model::Robot& robot) {
   streaming.motion.cutoff = options.log.band;
   if (options.instruments == "reference") streaming.extra = {"qref"};
   const data::JointLimits limits = limits_of(robot);
+  Logs logs;
   const auto checked = [&](data::MotionStream stream) {
     for (const std::string& text : stream.summary().notes) note(text);
     const std::vector<data::LogFinding> findings = stream.check(limits);
     data::refuse_errors(findings);
     for (const data::LogFinding& finding : findings) note(finding.message);
+    logs.torque.add(judge_torque(stream, robot, options.log, options.log.measured_at()));
     return stream;
   };
-  Logs logs;
   for (const std::string& path : options.log.logs)
     logs.train.push_back(checked(data::MotionStream(path, needs, streaming)));
   for (const std::string& path : options.validate) {
@@ -394,6 +396,7 @@ Action set_up_identify(CommandLine line) {
   auto options = std::make_shared<Options>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
+  add_accept_torque_option(line, options->log);
   line.add_option("--validate", options->validate,
                   "log to judge the model on, not used for the fit; may be given several times")
       .type_name("LOG.csv")

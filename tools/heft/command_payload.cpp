@@ -49,6 +49,7 @@ constexpr const char* kResidualField = "residual";
 struct Recording {
   data::Log derived;  ///< qd, qdd filled in with zero phase where the log lacks them
   data::Log causal;   ///< only what was measured
+  host::Judgement torque;
 };
 
 Recording read_recording(const std::string& path, const LogOptions& options, const model::Robot& robot) {
@@ -57,7 +58,9 @@ Recording read_recording(const std::string& path, const LogOptions& options, con
   needs.robot_name = robot.name;
   needs.velocity = needs.acceleration = needs.torque = true;
   PreparedLog prepared = prepare_log(path, options, needs);
-  Recording recording{prepared.log, std::move(prepared.log)};
+  data::refuse_errors(data::check_log(prepared.log, limits_of(robot)));
+  host::Judgement torque = judge_torque(prepared.log, robot, options, options.measured_at());
+  Recording recording{prepared.log, std::move(prepared.log), std::move(torque)};
   if (prepared.motion.velocity_derived) recording.causal.qd.resize(0, 0);
   return recording;
 }
@@ -405,6 +408,7 @@ Action set_up_payload(CommandLine line) {
   auto options = std::make_shared<Options>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
+  add_accept_torque_option(line, options->log);
   line.add_option("--baseline", options->baselines,
                   "log of the arm without load, to fit the model to; may be given several times")
       .type_name("NOLOAD.csv")

@@ -28,6 +28,7 @@ Action set_up_stiffness(CommandLine line) {
       "direct method: components of the deflection that were not read are zero in axes of the tool");
 
   add_log_options(line, options->log);
+  add_accept_torque_option(line, options->log);
   line.get_option("--log").required(false).description(
       "log with link-side encoders qlink1.. beside q1.. (stiffness, hysteresis), or of the motor side alone "
       "(then with --validate); may be given several times");

@@ -117,11 +117,14 @@ void judge_logs(const Options& options) {
   }
   streaming.displacement = goes_by_logged_displacement(robot);
   std::vector<data::MotionStream> streams;
+  host::Judgement torque;
   for (const std::string& path : options.log.logs) {
     if (std::find(loaded.fitted_to.begin(), loaded.fitted_to.end(), path) != loaded.fitted_to.end()) {
       note(fmt::format("{}: the model was fitted to this log; it says nothing about logs not seen", path));
     }
     streams.emplace_back(path, needs, streaming);
+    data::refuse_errors(streams.back().check(limits_of(robot)));
+    torque.add(judge_torque(streams.back(), robot, options.log, at));
     for (const std::string& text : streams.back().summary().notes) note(text);
     // One band for all logs, or their figures could not be put together.
     if (options.log.band == 0 && !as_fitted) {
@@ -459,6 +462,7 @@ Action set_up_validate(CommandLine line) {
   auto options = std::make_shared<Options>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
+  add_accept_torque_option(line, options->log);
   // Asked for below, since a campaign needs none.
   line.get_option("--log").required(false);
   line.add_flag("--campaign", options->campaign,

@@ -65,6 +65,8 @@ Console::Console(std::initializer_list<std::string> outputs) {
   }
 }
 
+void warn(const std::string& text) { print_to(stderr, fmt::format("heft: warning: {}\n", text)); }
+
 void note(const std::string& text) { print_to(stderr, fmt::format("heft: note: {}\n", text)); }
 
 Progress::Progress(std::string label)

@@ -38,6 +38,8 @@ class Console {
   std::FILE* stream_{stdout};
 };
 
+/// A line on standard error: `heft: warning: ...`.
+void warn(const std::string& text);
 /// A line on standard error: `heft: note: ...`.
 void note(const std::string& text);
 

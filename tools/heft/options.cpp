@@ -12,6 +12,7 @@
 #include "heft/host/file.hpp"
 #include "heft/identify/validation.hpp"
 #include "heft/model/model_file.hpp"
+#include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
 namespace heft::tools {
@@ -151,6 +152,13 @@ void add_log_options(CommandLine line, LogOptions& options) {
       .positive();
 }
 
+void add_accept_torque_option(CommandLine line, LogOptions& options) {
+  line.add_flag(
+      "--accept-torque", options.accept_torque,
+      "go on with torque that contradicts the robot: wrong sign, unit, order of joints, mounting (the "
+      "result is marked bad)");
+}
+
 PreparedLog prepare_log(const std::string& path, const LogOptions& options,
                         const data::LogRequirements& needs) {
   PreparedLog prepared;
@@ -162,6 +170,13 @@ PreparedLog prepare_log(const std::string& path, const LogOptions& options,
   std::vector<std::string> notes;
   prepared.log = data::read_log(path, requirements, &notes);
   for (const std::string& text : notes) note(text);
+  data::LogCheck rates(path, prepared.log.num_joints());
+  rates.add(prepared.log.time, prepared.log.q, prepared.log.qd, prepared.log.qdd, prepared.log.tau);
+  if (const std::string reason = rates.unusable_rate(); !reason.empty()) {
+    note(fmt::format("{}: {}; it is not used", path, reason));
+    prepared.log.qdd.resize(0, 0);
+    if (reason.starts_with("qd") && !reason.starts_with("qdd")) prepared.log.qd.resize(0, 0);
+  }
   const bool derive =
       (needs.velocity && prepared.log.qd.cols() == 0) || (needs.acceleration && prepared.log.qdd.cols() == 0);
   if (!derive) return prepared;
@@ -181,6 +196,41 @@ PreparedLog prepare_log(const std::string& path, const LogOptions& options,
                      prepared.motion.gaps.size()));
   }
   return prepared;
+}
+
+namespace {
+
+std::vector<model::Robot> known_robots() {
+  std::vector<model::Robot> robots;
+  for (const std::string& name : urdf::robot_names()) {
+    try {
+      robots.push_back(urdf::load_urdf(urdf::resolve_robot(name)));
+    } catch (const InputError&) {
+      // A broken file in a folder of robots is not what was asked about.
+    }
+  }
+  return robots;
+}
+
+host::Judgement judgement_of(const plausibility::TorqueCheck& check, const LogOptions& options) {
+  if (!options.accept_torque) plausibility::refuse_contradictions(check);
+  host::Judgement judgement = check.judgement();
+  for (const std::string& reason : judgement.reasons) warn(reason);
+  return judgement;
+}
+
+plausibility::Options torque_options(TorqueAt at) { return {at == TorqueAt::kMotor, known_robots}; }
+
+}  // namespace
+
+host::Judgement judge_torque(const data::MotionStream& log, const model::Robot& robot,
+                             const LogOptions& options, TorqueAt at) {
+  return judgement_of(plausibility::check_torque(robot, log, torque_options(at)), options);
+}
+
+host::Judgement judge_torque(const data::Log& log, const model::Robot& robot, const LogOptions& options,
+                             TorqueAt at) {
+  return judgement_of(plausibility::check_torque(robot, log, torque_options(at)), options);
 }
 
 void add_result_options(CommandLine line, ResultOptions& options) {

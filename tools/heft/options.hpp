@@ -14,6 +14,8 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
 #include "heft/data/log_checks.hpp"
+#include "heft/data/motion_stream.hpp"
+#include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/report/report.hpp"
@@ -60,16 +62,19 @@ model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at);
 /// Whether friction of this robot remembers by a displacement as logged rather than by the derived position.
 bool goes_by_logged_displacement(const model::Robot& robot);
 
-/// --log, --torque-constant, --torque-at, --band.
+/// --log, --torque-constant, --torque-at, --band, and --accept-torque where torque is compared with the robot.
 struct LogOptions {
   std::vector<std::string> logs;
   std::vector<double> torque_constant;
   std::string torque_at{"motor"};
   double band{0.0};  ///< [Hz]; 0: chosen from the motion
+  bool accept_torque{false};  ///< torque that contradicts the robot is warned about instead of refused
 
   TorqueAt measured_at() const { return torque_at == "joint" ? TorqueAt::kJoint : TorqueAt::kMotor; }
 };
 void add_log_options(CommandLine line, LogOptions& options);
+/// For commands that call judge_torque.
+void add_accept_torque_option(CommandLine line, LogOptions& options);
 
 /// A log with what a command needs of it; qd and qdd are derived where missing. Notes go to standard error.
 struct PreparedLog {
@@ -78,6 +83,14 @@ struct PreparedLog {
 };
 PreparedLog prepare_log(const std::string& path, const LogOptions& options,
                         const data::LogRequirements& needs);
+
+/// Compares the torque of a log with the robot (heft/plausibility): what is found goes to standard error, and into the
+/// judgement of a result that rests on the log.
+/// @param at  where the torque was measured
+/// @throws DataError when the torque contradicts the robot and --accept-torque was not given
+host::Judgement judge_torque(const data::MotionStream& log, const model::Robot& robot, const LogOptions& options,
+                             TorqueAt at);
+host::Judgement judge_torque(const data::Log& log, const model::Robot& robot, const LogOptions& options, TorqueAt at);
 
 /// --json and --report.
 struct ResultOptions {

@@ -306,15 +306,20 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   });
 }
 
+/// @param torque  gets what the torque is suspected of
 std::vector<data::Log> read_all(const std::vector<std::string>& paths, const StiffnessCommandOptions& options,
-                                const model::Robot& robot) {
+                                const model::Robot& robot, host::Judgement& torque) {
   data::LogRequirements needs;
   needs.num_joints = robot.num_joints();
   needs.robot_name = robot.name;
   needs.torque = true;
   std::vector<data::Log> logs;
   needs.torque_constant = options.log.torque_constant;
-  for (const std::string& path : paths) logs.push_back(data::read_log(path, needs));
+  for (const std::string& path : paths) {
+    logs.push_back(data::read_log(path, needs));
+    data::refuse_errors(data::check_log(logs.back(), limits_of(robot)));
+    torque.add(judge_torque(logs.back(), robot, options.log, options.log.measured_at()));
+  }
   return logs;
 }
 
@@ -322,7 +327,8 @@ std::vector<data::Log> read_all(const std::vector<std::string>& paths, const Sti
 
 void stiffness_from_motion(const StiffnessCommandOptions& options) {
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
-  const std::vector<data::Log> logs = read_all(options.log.logs, options, loaded.robot);
+  host::Judgement torque;
+  const std::vector<data::Log> logs = read_all(options.log.logs, options, loaded.robot, torque);
   if (!identify::link_encoder_joints(logs.front()).empty()) return from_link_encoders(options, loaded, logs);
   if (options.validate.empty()) {
     throw UsageError(
@@ -330,7 +336,7 @@ void stiffness_from_motion(const StiffnessCommandOptions& options) {
         "is taken only "
         "when a log that the fit has not seen confirms it: give one with --validate LOG.csv");
   }
-  from_motor_side(options, loaded.robot, logs, read_all(options.validate, options, loaded.robot));
+  from_motor_side(options, loaded.robot, logs, read_all(options.validate, options, loaded.robot, torque));
 }
 
 }  // namespace heft::tools

@@ -57,6 +57,9 @@ model::Robot load_urdf_string(const std::string& text, const std::string& name,
 /// @throws UrdfError that lists the folders searched and the robots known.
 std::string resolve_robot(const std::string& name_or_path);
 
+/// Names of the robots that resolve_robot finds, in alphabetical order.
+std::vector<std::string> robot_names();
+
 /// Path of measurements that come with heft, kept beside its robots ("ur5-stiffness/tool.csv").
 /// @throws DataError naming the folders that were searched.
 std::string resolve_measurements(const std::string& name);
