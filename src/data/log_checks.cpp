@@ -24,6 +24,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// A stretch over which a rate is compared with the change of what it is the rate of.
 constexpr int kStretchRows = 4;
 constexpr double kStretchTime = 0.05;
+/// A step in time this many times the mean step so far, and longer than a stretch, is a gap: nobody knows the rate in it.
+constexpr double kGapInSteps = 10.0;
 /// From here on a ratio is believed, and up to here two signals have nothing to do with each other.
 constexpr double kBelieved = 0.9;
 constexpr double kUnrelated = 0.5;
@@ -114,6 +116,8 @@ struct LogCheck::Impl {
   Eigen::ArrayXd stretch_q, stretch_qd, claimed_q, claimed_qd;
   double stretch_time{0.0};
   int stretch_rows{0};
+  double stepped{0.0};  ///< time of all steps that are no gap
+  long regular_steps{0};
   std::vector<char> skip_stretch;  ///< a jump is in it
 
   // Position steps and repetition.
@@ -191,7 +195,7 @@ void LogCheck::add(const Eigen::Ref<const Eigen::VectorXd>& time, const Eigen::R
   std::copy(time.data(), time.data() + count, times.begin() + 1);
   const auto n_rows = static_cast<std::size_t>(count);
   std::vector<char> repeats(n_rows, 1);
-  std::vector<char> ends(n_rows, 0);
+  std::vector<char> ends(n_rows, 0), gaps(n_rows, 0);
   const bool from_start = s.rows == 0;
   if (from_start) {
     s.begin = time[0];
@@ -200,6 +204,17 @@ void LogCheck::add(const Eigen::Ref<const Eigen::VectorXd>& time, const Eigen::R
   }
   const double first_stretch_time = s.stretch_time;
   for (std::size_t k = from_start ? 1 : 0; k < n_rows; ++k) {
+    const double step = times[k + 1] - times[k];
+    const bool gap = s.regular_steps >= 10 && step > kStretchTime &&
+                     step > kGapInSteps * s.stepped / static_cast<double>(s.regular_steps);
+    if (gap) {
+      gaps[k] = ends[k] = 1;
+      s.stretch_time = times[k + 1];
+      s.stretch_rows = 0;
+      continue;
+    }
+    s.stepped += step;
+    ++s.regular_steps;
     ++s.stretch_rows;
     if (s.stretch_rows < kStretchRows || times[k + 1] - s.stretch_time < kStretchTime) continue;
     ends[k] = 1;
@@ -258,7 +273,7 @@ void LogCheck::add(const Eigen::Ref<const Eigen::VectorXd>& time, const Eigen::R
       if (s.has_velocity) claimed_q += 0.5 * period * (speed[k] + speed[k + 1]);
       if (s.has_acceleration) claimed_qd += 0.5 * period * (rate[k] + rate[k + 1]);
       if (ends[k] == 0) continue;
-      if (!skip) {
+      if (!skip && gaps[k] == 0) {
         const double duration = times[k + 1] - begin_time;
         s.velocity[j].add(claimed_q, position[k + 1] - s.stretch_q[joint], duration);
         if (s.has_velocity && s.has_acceleration) {

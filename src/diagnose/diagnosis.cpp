@@ -11,6 +11,7 @@
 #include "heft/core/effects/effects.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/motion_torque.hpp"
+#include "joint_check.hpp"
 #include "residual_structure.hpp"
 
 namespace heft::diagnose {
@@ -252,7 +253,6 @@ class Session {
     const MatrixXd train_before = engine_->predicted();
     const MatrixXd judged_before = predicted_by(judged_table_, result.before);
     trace("base", judged_before);
-
     forward();
     backward();
     refuse_what_does_not_carry_over(judged_before);
@@ -275,6 +275,8 @@ class Session {
     result.validate_torque = pooled(judged_table_, judged_, nothing, nullptr);
     result.train = traces(engine_->table(), train_before, train_after);
     result.validate = traces(judged_table_, judged_before, judged_after);
+    check_joints();
+    result.not_explained = unexplained_joints_;
     unexplained(result);
     std::erase_if(refusals_, [&](const Refusal& r) {
       return std::any_of(result.findings.begin(), result.findings.end(),
@@ -347,6 +349,8 @@ class Session {
     });
     if (in_place > (c.beside ? 1 : 0)) return "is in the model already";
     if (!c.trial.valid) return "this motion cannot tell it from the rest of the model";
+    if (c.joint >= 0 ? leaves_unexplained(c.joint) : !unexplained_joints_.empty() && !explains_joints(c))
+      return "the arm model does not explain this joint";
     if (c.kind == "friction_drift" && c.shape < kQuickestWarming)
       return "too quick for a joint that warms up";
     if (c.kind == "spring") {
@@ -383,10 +387,35 @@ class Session {
     return {};
   }
 
+  void check_joints() {
+    unexplained_joints_ = not_explained(engine_->problem(), engine_->table());
+    if (!options_.trace) return;
+    for (const NotExplained& u : unexplained_joints_) {
+      options_.trace(
+          fmt::format("joint {} is not explained: error {:.4g}, on its own {:.4g}, {:.0f} % of its largest",
+                      u.joint + 1, u.error, u.alone, 100.0 * u.share_of_largest));
+    }
+  }
+
+  /// Whether the model as it is does not explain a joint. What is left there is no small effect.
+  bool leaves_unexplained(int joint) const {
+    return std::any_of(unexplained_joints_.begin(), unexplained_joints_.end(),
+                       [joint](const NotExplained& u) { return u.joint == joint; });
+  }
+
+  /// Whether an effect of the whole arm takes away most of the error of the joint where it shows most, as a wrist
+  /// coupling or a tilted base does; events would only follow the error of a joint that nothing explains.
+  static bool explains_joints(const Candidate& c) {
+    constexpr double kMostOfIt = 0.5;
+    return c.kind != "contact" && c.kind != "payload_change" && c.trial.joint_before.size() > 0 &&
+           fall(c.trial).maxCoeff() > kMostOfIt;
+  }
+
   /// Candidates of one joint and of the whole arm; joint -1: of all joints.
   std::vector<Candidate> propose(const Engine& engine, int joint, double from, double to) const {
     std::vector<bool> joints(static_cast<std::size_t>(robot_.num_joints()), joint < 0);
     if (joint >= 0) joints[static_cast<std::size_t>(joint)] = true;
+    for (const NotExplained& u : unexplained_joints_) joints[static_cast<std::size_t>(u.joint)] = false;
     std::vector<Candidate> candidates =
         engine.propose(joints, [&](double done) { tell("effects", from + (to - from) * done); });
     sort(candidates);
@@ -446,6 +475,8 @@ class Session {
       if (taken.kind == "elasticity" || taken.kind == "delay") engine_->tune();
       find_memory_anew(taken.joint);
       trace("with " + name_of(taken), predicted_by(judged_table_, engine_->robot()));
+      // What was out of reach may be explained now.
+      if (!unexplained_joints_.empty()) check_joints();
       again = taken.effect >= 0 ? taken.joint : -1;
       ++round;
     }
@@ -763,6 +794,12 @@ class Session {
         // Another explanation is one of the same joint, or of the whole arm.
         const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint;
         if (same || elsewhere || !c.trial.valid || !c.refused.empty() || c.kind == "contact") continue;
+        // An effect comes in several forms, the best first; it is a rival once.
+        const auto told = [&](const Rival& r) { return r.kind == c.kind && r.joint == c.joint; };
+        if (std::any_of(f.rivals.begin(), f.rivals.end(), told) ||
+            std::any_of(f.equivalent.begin(), f.equivalent.end(), told)) {
+          continue;
+        }
         if (c.trial.cv_gain > kEquivalent * trial.cv_gain) {
           f.equivalent.push_back({c.kind, c.joint, bic_of(c, tried)});
         } else if (c.trial.cv_gain > kRival * trial.cv_gain) {
@@ -850,7 +887,7 @@ class Session {
     const VectorXd noise = white_noise(table, residual);
     for (int j = 0; j < table.num_joints; ++j) {
       const double rows = engine_->problem().counted()[j];
-      if (!(rows > 30.0)) continue;
+      if (!(rows > 30.0) || leaves_unexplained(j)) continue;
       const double square = residual.col(j).squaredNorm() / rows;
       const double above = 1.0 - noise[j] * noise[j] / square;
       if (!options_.trace && above < kStructured) continue;
@@ -885,6 +922,7 @@ class Session {
   std::vector<std::vector<Candidate>> evidence_;     ///< candidates without each accepted effect
   std::vector<std::vector<VectorXd>> without_each_;  ///< [effect][validation log]: errors without it, n
   std::vector<std::string> notes_;
+  std::vector<NotExplained> unexplained_joints_;  ///< see check_joints()
   std::set<int> exchanged_;  ///< joints whose memory has been given another form after a veto
   int tried_{0};
 };

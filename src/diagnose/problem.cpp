@@ -188,6 +188,21 @@ void Problem::collect(int joint) {
   }
 }
 
+VectorXd Problem::noise_alone() const {
+  // Directions that one joint's rows do not show are many; they stay where the prior has them.
+  constexpr double kSteadyAlone = 1e-7;
+  VectorXd noise = VectorXd::Zero(num_joints());
+  for (int j = 0; j < num_joints(); ++j) {
+    if (!(counted_[j] > 0.0)) continue;
+    const auto s = static_cast<std::size_t>(j);
+    MatrixXd own = MatrixXd::Zero(rows_[s].cols() + 1, rows_[s].cols() + 1);
+    for (const auto& block : moments_) own += block[s];
+    const double error = solve(own, -1, std::max(steady_, kSteadyAlone), {}, false).error;
+    noise[j] = std::sqrt(std::max(0.0, error) / counted_[j]);
+  }
+  return noise;
+}
+
 int Problem::append(const Columns& columns) {
   const int first = columns_;
   for (std::size_t a = 0; a < columns.joints.size(); ++a) {

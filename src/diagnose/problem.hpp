@@ -77,6 +77,8 @@ class Problem {
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
 
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
+  /// n: rms residual of each joint's rows fitted on their own, with parameters that no other joint has a say in [N·m].
+  Eigen::VectorXd noise_alone() const;
 
   /// Gains of many candidates of one joint with the same number of coefficients, side by side in `values`.
   /// @return one gain and `each` coefficients for every candidate; gain 0 where the base explains the columns

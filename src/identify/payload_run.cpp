@@ -17,6 +17,7 @@
 #include "heft/identify/block_jackknife.hpp"
 #include "heft/identify/recursive_fit.hpp"
 #include "heft/model/dynamics.hpp"
+#include "torque_scales.hpp"
 
 namespace heft::identify {
 namespace {
@@ -25,6 +26,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A parameter counts as identified when the data have reduced its prior standard deviation to less than
 /// this share.
 constexpr double kIdentified = 0.1;
+/// A mass below this many half-widths of its interval says nothing of the joints' torque scales.
+constexpr double kClearLoad = 3.0;
 /// Length of the shortest blocks that sums are kept for [s].
 constexpr double kFineBlock = 0.5;
 
@@ -274,6 +277,7 @@ class Run {
     prior_variance_ = Eigen::VectorXd::Constant(parameters_, 0.0);
     for (int i = 0; i < parameters_; ++i) prior_variance_[i] = recursion->prior_variance(i);
     jackknife_ = std::make_unique<BlockJackknife>(Eigen::VectorXd::Zero(parameters_), prior_variance_);
+    scales_ = std::make_unique<TorqueScales>(n_);
     segments_ = {{log_.time[0], {}}};
     innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), n_, kNaN);
     for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest})
@@ -326,7 +330,11 @@ class Run {
         const double noise = residual_.std[i] * residual_.std[i] * together;
         const Eigen::VectorXd w = recursion->row(i);
         jackknife_->add(block, w, innovation.residual[i], noise);
-        if (options_.model_covariance) jackknife_->add_dependence(block, w, recursion->arm_row(i), noise);
+        scales_->add(block, i, w.head(10), w.segment(10 + 2 * i, 2), innovation.residual[i]);
+        if (options_.model_covariance) {
+          jackknife_->add_dependence(block, w, recursion->arm_row(i), noise);
+          scales_->add_dependence(i, w.head(10), w.segment(10 + 2 * i, 2), recursion->arm_row(i));
+        }
       }
       if (block != last_block) {
         segments_.back().blocks.push_back(block);
@@ -449,6 +457,14 @@ class Run {
     const Solved& final_state = solved.back();
     result.load_since = segments.back().begin;
     state(result, final_state);
+    result.torque_scale = scales_->solve(segments.back().blocks, merge(segments.back()),
+                                         residual_.edge_factor(merge(segments.back()) * kFineBlock),
+                                         final_state.jackknife.estimate.head(10), options_.model_covariance);
+    // A load that hardly stands out is made of the residual itself: the joints have nothing to agree about.
+    if (result.mass.identifiable[0] &&
+        std::abs(result.mass.value[0]) < kClearLoad * result.mass.half_width[0]) {
+      result.torque_scale.identifiable.assign(static_cast<std::size_t>(n_), false);
+    }
     result.block = merge(segments.back()) * kFineBlock;
     result.blocks = final_state.jackknife.blocks;
     find_convergence(result);
@@ -477,6 +493,9 @@ class Run {
         out.half_width[r] = factor * out.std[r];
       }
     };
+    result.parameters = F * x;
+    result.covariance = F * covariance * F.transpose();
+    result.interval_factor = factor;
     fill(result.mass, F.topRows(1));
     fill(result.first_moment, F.middleRows(1, 3));
     fill(result.inertia, F.bottomRows(6));
@@ -580,6 +599,7 @@ class Run {
   int skip_until_{-1};
   Eigen::VectorXd prior_variance_;
   std::unique_ptr<BlockJackknife> jackknife_;
+  std::unique_ptr<TorqueScales> scales_;
   std::vector<Segment> segments_;
   Eigen::MatrixXd innovations_;
 };

@@ -315,6 +315,10 @@ MatrixXd left_out_operator(const Design& design, const Solution& solution, std::
   return M;
 }
 
+bool StiffnessEstimate::has_stiffness() const {
+  return determined && std::isfinite(stiffness) && std::isfinite(stiffness_high);
+}
+
 StiffnessFit fit_stiffness(const model::Kinematics& kinematics, const std::vector<LoadedPose>& poses,
                            const StiffnessOptions& options, double length) {
   const int n = kinematics.num_joints();

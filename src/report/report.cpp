@@ -19,7 +19,10 @@ h2{font-size:1.25rem;margin:2.4rem 0 .6rem;padding-top:.9rem;border-top:1px soli
 p{margin:.6rem 0;max-width:46rem}
 .subtitle{color:var(--mark);margin:0 0 1rem}
 .verdict{font-size:1.15rem;line-height:1.45;margin:1.1rem 0;padding:.8rem 1.1rem;border-left:5px solid var(--tone);background:var(--card);border-radius:0 6px 6px 0;max-width:none}
-.good{--tone:var(--c-green)}.neutral{--tone:var(--c-blue)}.bad{--tone:var(--c-vermillion)}
+.good{--tone:var(--c-green)}.neutral{--tone:var(--c-blue)}.doubtful{--tone:var(--c-orange)}.bad{--tone:var(--bad)}
+.verdict ul{margin:.5rem 0 0;padding-left:1.2rem;font-size:1rem}
+.verdict li{margin:.25rem 0;overflow-wrap:anywhere}
+.verdict strong{display:block;margin-top:.6rem;font-size:1rem}
 .facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(11rem,1fr));gap:.8rem;margin:1.2rem 0}
 .fact{background:var(--card);border-radius:8px;padding:.7rem 1rem .8rem}
 .fact b{display:block;font-size:1.55rem;line-height:1.25;font-weight:650;font-variant-numeric:tabular-nums}
@@ -50,14 +53,16 @@ svg text{font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Noto Sans",sans-
 .grid figure{margin:.5rem 0}
 .grid figcaption{font-size:.92rem}
 .noplot{color:var(--mark);border:1px dashed var(--mark);border-radius:6px;padding:.9rem 1rem;max-width:none}
+footer p{margin:.15rem 0;max-width:none;overflow-wrap:anywhere}
 footer{margin-top:3rem;padding-top:.8rem;border-top:1px solid var(--grid);color:var(--mark);font-size:.85rem}
 @media print{body{font-size:11pt}main{max-width:none;padding:0}figure,.fact,.verdict,tr{break-inside:avoid}h2{break-after:avoid}.scroll{overflow:visible}.grid{grid-template-columns:1fr 1fr}}
 )css";
 
 /// CSS variables: light for paper and by default, dark where the reader's screen asks for it.
 std::string variables() {
-  std::string light = "--page:#ffffff;--card:#f3f5f7";
-  std::string dark = "--page:#0f1419;--card:#1a2027";
+  // Red is for verdicts alone: no curve is bad.
+  std::string light = "--page:#ffffff;--card:#f3f5f7;--bad:#c62828";
+  std::string dark = "--page:#0f1419;--card:#1a2027;--bad:#ff6b60";
   for (const Colour& colour : kPalette) {
     light += fmt::format(";{}:{}", colour.variable, colour.light);
     dark += fmt::format(";{}:{}", colour.variable, colour.dark);
@@ -70,6 +75,16 @@ std::string variables() {
 std::string legend_row(const PlotSpec& spec) {
   const std::string legend = legend_html(spec);
   return legend.empty() ? legend : fmt::format("<div class=\"legend\">{}</div>", legend);
+}
+
+const char* class_of(Tone tone) {
+  switch (tone) {
+    case Tone::kGood: return "good";
+    case Tone::kNeutral: return "neutral";
+    case Tone::kDoubtful: return "doubtful";
+    case Tone::kBad: break;
+  }
+  return "bad";
 }
 
 std::string caption(const std::string& title) {
@@ -97,9 +112,35 @@ std::string escape_html(const std::string& text) {
 Report::Report(std::string title, std::string subtitle)
     : title_(std::move(title)), subtitle_(std::move(subtitle)) {}
 
+Tone tone_of(host::Verdict verdict) {
+  switch (verdict) {
+    case host::Verdict::kGood: return Tone::kGood;
+    case host::Verdict::kDoubtful: return Tone::kDoubtful;
+    case host::Verdict::kBad: break;
+  }
+  return Tone::kBad;
+}
+
 Report& Report::verdict(const std::string& sentence, Tone tone) {
-  const char* name = tone == Tone::kGood ? "good" : tone == Tone::kBad ? "bad" : "neutral";
-  parts_.push_back({fmt::format("<p class=\"verdict {}\">{}</p>\n", name, escape_html(sentence))});
+  parts_.push_back({fmt::format("<p class=\"verdict {}\">{}</p>\n", class_of(tone), escape_html(sentence))});
+  return *this;
+}
+
+Report& Report::verdict(const std::string& sentence, const host::Judgement& judgement) {
+  const Tone tone = tone_of(judgement.verdict);
+  if (judgement.reasons.empty()) return verdict(sentence, tone);
+  // Colour alone says nothing to some readers and on paper.
+  std::string html = fmt::format("<div class=\"verdict {}\">{}<strong>{}</strong><ul>\n", class_of(tone),
+                                 escape_html(sentence),
+                                 judgement.usable() ? "Doubtful, because:" : "Do not use this result:");
+  for (const std::string& reason : judgement.reasons)
+    html += fmt::format("<li>{}</li>\n", escape_html(reason));
+  parts_.push_back({html + "</ul></div>\n"});
+  return *this;
+}
+
+Report& Report::footer(const std::string& line) {
+  footer_.push_back(line);
   return *this;
 }
 
@@ -193,8 +234,10 @@ std::string Report::html() const {
   page += fmt::format("<h1>{}</h1>\n", escape_html(title_));
   if (!subtitle_.empty()) page += fmt::format("<p class=\"subtitle\">{}</p>\n", escape_html(subtitle_));
   for (const Part& part : parts_) page += part.drawing ? part.drawing() : part.html;
-  page += "<footer>Made by heft " HEFT_VERSION
-          ". Units are SI unless a label says otherwise.</footer>\n</main>\n</body>\n</html>\n";
+  page += "<footer>\n";
+  for (const std::string& line : footer_) page += fmt::format("<p>{}</p>\n", escape_html(line));
+  page += "<p>Made by heft " HEFT_VERSION
+          ". Units are SI unless a label says otherwise.</p>\n</footer>\n</main>\n</body>\n</html>\n";
   return page;
 }
 

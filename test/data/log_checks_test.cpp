@@ -92,6 +92,21 @@ TEST(LogChecks, FindNothingInASoundLog) {
   EXPECT_THAT(check_log(sound_log()), IsEmpty());
 }
 
+TEST(LogChecks, DoNotTakeAGapInTimeForAnotherUnit) {
+  // Pause while the arm moves on: over five seconds the velocity at either end says nothing of the way in between.
+  Log log = sound_log();
+  const Eigen::Index at = 1500;
+  for (Eigen::Index k = at; k < log.time.size(); ++k) log.time[k] += 5.0;
+  for (int joint = 0; joint < 3; ++joint) log.q.col(joint).tail(log.time.size() - at).array() += 1.5;
+  JointLimits wide = limits();
+  wide.lower *= 3.0;
+  wide.upper *= 3.0;
+  EXPECT_THAT(check_log(log, wide), IsEmpty());
+  // The unit is still seen on the rest.
+  log.qd *= kDegrees;
+  EXPECT_THAT(only_error(log, wide), HasSubstr("about 180/pi"));
+}
+
 TEST(LogChecks, NamePositionsInDegreesByTheLimits) {
   Log log = sound_log();
   log.q *= kDegrees;

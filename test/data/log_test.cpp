@@ -389,7 +389,7 @@ TEST(PartOf, HoldsEveryColumnOfTheRowsBetween) {
   log.qref = Eigen::MatrixXd::Random(11, 2);
   log.extra.emplace_back("qlink2", Eigen::VectorXd::LinSpaced(11, 5.0, 6.0));
   const Log part = part_of(log, 0.25, 0.6);
-  EXPECT_EQ(part.path, "run.csv [0.2 s, 0.6 s]");
+  EXPECT_EQ(part.path, "run.csv [0.3 s, 0.5 s]");
   EXPECT_EQ(part.time, Eigen::VectorXd(log.time.segment(3, part.time.size())));
   EXPECT_GE(part.time[0], 0.25);
   EXPECT_LT(part.time[part.time.size() - 1], 0.6);

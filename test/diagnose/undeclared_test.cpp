@@ -1,6 +1,7 @@
 // Simulated arms with an effect that nobody declared: the diagnosis is given two logs and a robot whose inertials
 // are wrong, and has to say what is going on.
 #include <algorithm>
+#include <set>
 #include <string>
 #include <tuple>
 
@@ -8,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/judgement.hpp"
 #include "support/undeclared_case.hpp"
 
 namespace heft::diagnose {
@@ -47,6 +49,12 @@ TEST_P(OneEffect, IsNamedWithItsJointAndLowersTheErrorOnALogNotSeen) {
   ASSERT_NE(found, d.findings.end()) << c.name << " holds " << kind << " on joint " << effect.joint + 1
                                      << "; said:" << said(d);
   EXPECT_EQ(d.findings.size(), 1U) << said(d);
+  EXPECT_TRUE(d.not_explained.empty()) << "an effect is no wrong joint";
+  for (const auto* others : {&found->rivals, &found->equivalent}) {
+    std::set<std::pair<std::string, int>> once;
+    for (const Rival& rival : *others)
+      EXPECT_TRUE(once.emplace(rival.kind, rival.joint).second) << rival.kind;
+  }
   if (kind != "contact") {
     EXPECT_LT(found->validate_after, found->validate_before);
   }
@@ -94,6 +102,26 @@ TEST_P(NothingThere, IsSaidOfTenLogs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Hundred, NothingThere, testing::Range(0, 10));
+
+// A joint that is wrong ------------------------------------------------------------------------------------
+
+TEST(FlippedJoint, ComesFirstAndNoEffectIsSoughtInIt) {
+  UndeclaredCase c = test::make_undeclared_case("none", "scara4", 1);
+  EXPECT_EQ(judge(diagnosed(c)).verdict, host::Verdict::kGood)
+      << testing::PrintToString(judge(diagnosed(c)).reasons);
+  for (data::Log* log : {&c.train, &c.validate}) log->tau.col(1) *= -1.0;
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.not_explained.size(), 1U) << said(d);
+  EXPECT_EQ(d.not_explained[0].joint, 1);
+  EXPECT_TRUE(d.not_explained[0].contradicts);
+  EXPECT_GT(d.not_explained[0].error, 2.0 * d.not_explained[0].alone);
+  for (const Finding& f : d.findings) EXPECT_NE(f.joint, 1) << said(d);
+  for (const Unexplained& u : d.unexplained) EXPECT_NE(u.joint, 1) << u.what;
+  const host::Judgement judgement = judge(d);
+  EXPECT_FALSE(judgement.usable());
+  EXPECT_EQ(judgement.reasons.front().find("joint 2 contradicts the rest of the arm"), 0U)
+      << judgement.reasons.front();
+}
 
 // Two at once ----------------------------------------------------------------------------------------------
 

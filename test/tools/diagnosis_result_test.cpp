@@ -32,6 +32,8 @@ identify::Score score_of(double first, double second) {
   score.rmse_in_band = 0.5 * rmse;
   score.percent_of_max = 10.0 * rmse;
   score.in_band_percent_of_max = 5.0 * rmse;
+  score.torque_variance = rmse.cwiseAbs2() / 0.01;
+  score.max_torque = 10.0 * rmse;
   score.r2 = Eigen::Vector2d{0.99, std::numeric_limits<double>::quiet_NaN()};
   return score;
 }
@@ -99,19 +101,26 @@ TEST(DiagnosisVerdict, ListsSeveralEffects) {
   diagnosis.validate_after = score_of(0.29, 0.3);
   EXPECT_EQ(
       diagnosis_verdict(diagnosis),
-      "Two effects are missing: Stribeck friction in joint 1 and a delay of the torque channel. With all "
+      "2 effects are missing: Stribeck friction in joint 1 and a delay of the torque channel. With all "
       "of them the error on the validation log falls most in joint 2 (0.600 → 0.300 N, −50 %) and joint 1 "
       "(0.430 → 0.290 N·m, −33 %).");
 }
 
 TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
   Diagnosis diagnosis = empty_diagnosis();
-  diagnosis.findings = {stribeck(), stribeck(), stribeck(), stribeck()};
+  const auto of = [](const char* kind, int joint) {
+    Finding finding = stribeck();
+    finding.kind = kind;
+    finding.joint = joint;
+    return finding;
+  };
+  diagnosis.findings = {of("stribeck", 0), of("offset", 1), of("spring", 0), of("offset", 0),
+                        of("ripple", 0)};
   diagnosis.unexplained = {{0, "this", {}}, {1, "that", {}}, {1, "more", {}}};
   EXPECT_EQ(
       diagnosis_verdict(diagnosis),
-      "Four effects are missing, the strongest Stribeck friction in joint 1, Stribeck friction in joint 1 "
-      "and Stribeck friction in joint 1. With all of them the error on the validation log falls most in "
+      "5 effects are missing, the strongest Stribeck friction in joint 1, a torque offset in joints 1 and 2 "
+      "and a spring in joint 1. With all of them the error on the validation log falls most in "
       "joint 1 (0.430 → 0.290 N·m, −33 %). Something else is left that heft does not know: in joints 1 "
       "and 2.");
 }
@@ -123,9 +132,8 @@ TEST(DiagnosisVerdict, NamesPreslidingOfTwoDistancesOnce) {
   diagnosis.findings = {memory, memory, stribeck()};
   EXPECT_THAT(
       diagnosis_verdict(diagnosis),
-      StartsWith(
-          "Three effects are missing: presliding (friction hysteresis) in joint 1 and Stribeck friction "
-          "in joint 1. "));
+      StartsWith("3 effects are missing: presliding (friction hysteresis) in joint 1 and Stribeck friction "
+                 "in joint 1. "));
   // Where each has its own place, it is told that it is one of two.
   EXPECT_THAT(finding_in_place(diagnosis, diagnosis.findings[1]),
               EndsWith("in joint 1, one of two distances"));
@@ -214,6 +222,40 @@ TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
       diagnosis_verdict(diagnosis),
       "A load of 0.5 kg was picked up 14.2 s into the training log: adding it cuts joint 2's error on the "
       "validation log from 2.00 to 1.00 N (−50 %).");
+}
+
+TEST(DiagnosisWords, TellEffectsKindByKindAndJointByJoint) {
+  Diagnosis diagnosis = empty_diagnosis();
+  const auto of = [](const char* kind, int joint) {
+    Finding finding = stribeck();
+    finding.kind = kind;
+    finding.joint = joint;
+    return finding;
+  };
+  diagnosis.findings = {of("hysteresis", 1), of("offset", 0), of("hysteresis", 0)};
+  EXPECT_THAT(
+      diagnosis_verdict(diagnosis),
+      StartsWith("3 effects are missing: presliding (friction hysteresis) in joints 1 and 2 and a torque "
+                 "offset in joint 1."));
+  std::vector<std::string> order;
+  for (const Finding* f : by_kind(diagnosis)) order.push_back(f->kind + std::to_string(f->joint));
+  EXPECT_THAT(order, ::testing::ElementsAre("hysteresis0", "hysteresis1", "offset0"));
+}
+
+TEST(DiagnosisWords, TellAJointThatIsNotExplainedBeforeAnythingElse) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck()};
+  diagnosis.not_explained = {{1, 170.0, 160.0, 0.98, 0.5, false}};
+  EXPECT_THAT(
+      diagnosis_verdict(diagnosis),
+      StartsWith("Joint 2 is not explained by the arm model at all (error 170 N, 98 % of its torque). In the "
+                 "other joints: Joint 1 lacks Stribeck friction"));
+  const auto json = diagnosis_json(diagnosis, kContext);
+  EXPECT_EQ(json.at("verdict"), "bad");
+  EXPECT_THAT(json.at("reasons").at(0).get<std::string>(),
+              AllOf(StartsWith("joint 2 is not explained"), HasSubstr("check its sign, its unit")));
+  EXPECT_EQ(json.at("not_explained").at(0).at("joint"), 2);
+  EXPECT_THAT(diagnosis_text(diagnosis, kContext), HasSubstr("\nVerdict: bad\n  - joint 2 is not"));
 }
 
 TEST(DiagnosisJson, HasTheFieldsOfTheContract) {

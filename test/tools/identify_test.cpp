@@ -87,8 +87,25 @@ TEST_F(IdentifyCommand, GivesAModelThatDynamicsReproducesTheTorqueWith) {
 TEST_F(IdentifyCommand, CutsASingleLogInTwoAndSaysSo) {
   const Outcome fitted = identify({"--log", path("a.csv")});
   ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
-  EXPECT_THAT(fitted.out, AllOf(HasSubstr("fitted to the first 70 % of the motion, judged on the rest"),
-                                HasSubstr("Held out: ")));
+  EXPECT_THAT(fitted.out,
+              AllOf(HasSubstr("given. Fitted to the first 70 % of the motion, judged on the rest."),
+                    HasSubstr("Held out: ")));
+}
+
+TEST_F(IdentifyCommand, BeginsWithAVerdictThatPageAndJsonShare) {
+  const Outcome unjudged = identify(
+      {"--log", path("a.csv"), "--split", "0", "--json", path("r.json"), "--report", path("r.html")});
+  ASSERT_EQ(unjudged.exit_code, 0) << unjudged.err;
+  EXPECT_THAT(unjudged.out,
+              AllOf(::testing::StartsWith("On its own training logs"), HasSubstr("Verdict: doubtful\n  - "),
+                    HasSubstr("give one with --validate")));
+  const auto json = nlohmann::json::parse(host::read_file(path("r.json"), "result"));
+  EXPECT_EQ(json.at("verdict"), "doubtful");
+  EXPECT_FALSE(json.at("reasons").empty());
+  EXPECT_THAT(host::read_file(path("r.html"), "report"),
+              AllOf(HasSubstr("<div class=\"verdict doubtful\">"),
+                    HasSubstr("<p class=\"subtitle\">wls on a.csv</p>"), HasSubstr("heft identify --urdf"),
+                    HasSubstr("samples a second, ")));
 }
 
 TEST_F(IdentifyCommand, TakesTheLogsReferenceForInstruments) {

@@ -57,7 +57,7 @@ TEST(PayloadResult, TextGivesTheIntervalAndWhatIsNotKnown) {
                     HasSubstr("Not converged"), HasSubstr("-50")));
   PayloadResult nothing = example();
   nothing.mass.identifiable = {false};
-  EXPECT_THAT(to_text(nothing), AllOf(HasSubstr("cannot be told"), Not(HasSubstr("2.8 kg ±"))));
+  EXPECT_THAT(to_text(nothing), AllOf(HasSubstr("cannot be determined"), Not(HasSubstr("2.8 kg ±"))));
 }
 
 TEST(PayloadResult, PageShowsMassAndTorqueError) {

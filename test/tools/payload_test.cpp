@@ -78,6 +78,24 @@ class PayloadCommand : public ::testing::Test {
   data::Log log_;
 };
 
+TEST_F(PayloadCommand, AsksWhetherTheLogsAreInterchangedWhenTheLoadWeighsLessThanNothing) {
+  const Outcome done = run({"--baseline", path("carrying.csv"), "--log", path("empty.csv"), "--json",
+                            path("out.json"), "--report", path("page.html"), "-o", path("model.json")});
+  EXPECT_EQ(done.exit_code, 4);
+  EXPECT_THAT(done.err, AllOf(HasSubstr("the load weighs -0."), HasSubstr("kg ±"),
+                              HasSubstr("are --baseline and --log interchanged?")));
+  EXPECT_THAT(done.out,
+              AllOf(HasSubstr("Verdict: bad"), HasSubstr("No load can be what this log says: -0.")));
+  const nlohmann::json result = json("out.json");
+  EXPECT_EQ(result.at("verdict"), "bad");
+  EXPECT_THAT(result.at("reasons").at(0).get<std::string>(), HasSubstr("less than nothing"));
+  EXPECT_FALSE(result.at("mass").at("identifiable").get<bool>());
+  EXPECT_TRUE(result.at("mass").at("value").is_null()) << "no number to go on with";
+  EXPECT_TRUE(result.at("com").at("value").at(0).is_null());
+  EXPECT_THAT(host::read_file(path("page.html"), "page"), HasSubstr("<div class=\"verdict bad\">"));
+  EXPECT_FALSE(std::filesystem::exists(path("model.json"))) << "the model contradicts the log";
+}
+
 TEST_F(PayloadCommand, WeighsTheLoadFromABaselineLogAlone) {
   const Outcome done = run({"--baseline", path("empty.csv"), "--log", path("carrying.csv"), "--json",
                             path("out.json"), "--report", path("page.html"), "--true-mass", "0.8"});
@@ -88,6 +106,8 @@ TEST_F(PayloadCommand, WeighsTheLoadFromABaselineLogAlone) {
                     HasSubstr("RMSE: measured torque as logged, unfiltered"), HasSubstr("No zero check"),
                     HasSubstr("torque scale"), ContainsRegex("blocks of [0-9.]+ s")));
   const nlohmann::json result = json("out.json");
+  EXPECT_EQ(result.at("verdict"), "good") << result.at("reasons");
+  EXPECT_EQ(result.at("torque_scale").at("value").size(), 2U);
   EXPECT_TRUE(result.at("mass").at("identifiable").get<bool>());
   const double mass = result.at("mass").at("value"), half = result.at("mass").at("half_width_95");
   EXPECT_NEAR(mass, kMass, 2 * half);

@@ -94,6 +94,28 @@ TEST(Report, HasNoOutsideReferenceAndNoScript) {
   }
 }
 
+TEST(Report, TakesTheToneOfItsVerdictFromTheJudgement) {
+  EXPECT_EQ(tone_of(host::Verdict::kGood), Tone::kGood);
+  EXPECT_EQ(tone_of(host::Verdict::kDoubtful), Tone::kDoubtful);
+  EXPECT_EQ(tone_of(host::Verdict::kBad), Tone::kBad);
+  host::Judgement judgement;
+  EXPECT_THAT(Report("Page").verdict("Done.", judgement).html(),
+              HasSubstr("<p class=\"verdict good\">Done.</p>"));
+  judgement.add(host::Verdict::kDoubtful, "one is <open>");
+  EXPECT_THAT(Report("Page").verdict("Done.", judgement).html(),
+              HasSubstr("<div class=\"verdict doubtful\">Done.<strong>Doubtful, because:</strong><ul>\n"
+                        "<li>one is &lt;open&gt;</li>"));
+  judgement.add(host::Verdict::kBad, "the worst");
+  const std::string bad = Report("Page").verdict("Done.", judgement).html();
+  EXPECT_THAT(bad, HasSubstr("<div class=\"verdict bad\">"));
+  EXPECT_LT(bad.find("the worst"), bad.find("one is")) << "the worst reason first";
+}
+
+TEST(Report, EndsWithHowItCameToBe) {
+  const std::string html = Report("Page").footer("heft identify --log <a>.csv").html();
+  EXPECT_GT(html.find("<p>heft identify --log &lt;a&gt;.csv</p>"), html.find("<footer>"));
+}
+
 TEST(Report, EscapesTextEverywhere) {
   const std::string evil = "<b>\"Tom\" & 'Jerry'</b>";
   PlotSpec spec = small_plot();

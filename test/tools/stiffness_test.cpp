@@ -145,6 +145,38 @@ TEST_F(StiffnessCommand, TakesTheThesisDeflectionsAsAnyOther) {
   EXPECT_TRUE(json["residual"]["accepted"].is_null());
 }
 
+TEST_F(StiffnessCommand, WritesNoStiffnessThatItDoesNotHave) {
+  const Outcome kept =
+      run_heft({"stiffness", "--urdf", "ur5", "--measurements", "ur5-stiffness/tool.csv", "--keep-singular",
+                "-o", folder_.path("model.json"), "--json", folder_.path("k.json")});
+  EXPECT_EQ(kept.exit_code, 4);
+  EXPECT_THAT(kept.out, AllOf(HasSubstr("0 of 6 joints have a stiffness"), HasSubstr("Verdict: bad")));
+  EXPECT_THAT(kept.err, AllOf(HasSubstr("nothing was written to"), HasSubstr("--groups")));
+  EXPECT_FALSE(std::filesystem::exists(folder_.path("model.json")));
+  const nlohmann::json json = json_of(folder_.path("k.json"));
+  EXPECT_EQ(json["verdict"], "bad");
+  for (const auto& stiffness : json["stiffness"]) EXPECT_TRUE(stiffness.is_null()) << stiffness;
+}
+
+TEST_F(StiffnessCommand, SaysInPageAndJsonThatRotorInertiaIsMissing) {
+  const std::string data = std::string(HEFT_DATA_DIR) + "/kr300-weigand";
+  if (!std::filesystem::exists(data)) GTEST_SKIP() << "measured logs are not here (HEFT_DATA_DIR)";
+  const Outcome outcome = run_heft({"stiffness", "--urdf", data + "/robot.urdf", "--log", data + "/run-a.csv",
+                                    "--log", data + "/run-b.csv", "--json", folder_.path("k.json"),
+                                    "--report", folder_.path("page.html")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const nlohmann::json json = json_of(folder_.path("k.json"));
+  EXPECT_EQ(json["verdict"], "doubtful");
+  EXPECT_THAT(json.at("reasons").at(0).get<std::string>(), HasSubstr("no rotor inertia is known"));
+  const std::string page = host::read_file(folder_.path("page.html"), "page");
+  EXPECT_THAT(page,
+              AllOf(HasSubstr("<div class=\"verdict doubtful\">"), HasSubstr("no rotor inertia is known")));
+  // How the page came to be, at its end; paths nowhere else.
+  EXPECT_THAT(page, AllOf(HasSubstr("heft stiffness --urdf"), HasSubstr("UTC, heft"), HasSubstr("commit"),
+                          HasSubstr("250 samples a second, 10 s")));
+  EXPECT_THAT(page, HasSubstr("run-a.csv, run-b.csv</p>"));
+}
+
 TEST_F(StiffnessCommand, RefusesBadInputWithTheExitCodeOfTheContract) {
   const std::string header = "q1,q2,q3,q4,q5,q6,fx,fy,fz,dx,dy,dz\n";
   const struct {

@@ -93,10 +93,15 @@ TEST(Validate, NeedsNoUrdfWhenTheModelKnowsItsRobot) {
   ASSERT_EQ(result["criteria"].size(), 5U);
   EXPECT_EQ(result["criteria"][1]["verdict"], "met");
   EXPECT_EQ(result["criteria"][0]["verdict"], "not judged");
+  EXPECT_EQ(result["verdict"], "good") << result["reasons"];
+  EXPECT_THAT(run.out, AllOf(HasSubstr("Verdict: good"), ::testing::Not(HasSubstr("not judged")),
+                             ::testing::Not(HasSubstr("nan"))))
+      << "what logs cannot show is not listed";
   EXPECT_THAT(run.out, AllOf(HasSubstr("torque prediction"), HasSubstr("as logged, unfiltered"),
                              HasSubstr("zero-phase low-pass")));
   EXPECT_THAT(host::read_file(folder.path("page.html"), "page"),
-              AllOf(HasSubstr("</html>"), HasSubstr("<svg")));
+              AllOf(HasSubstr("</html>"), HasSubstr("<svg"), HasSubstr("<p class=\"verdict good\">"),
+                    ::testing::Not(HasSubstr("not judged"))));
 }
 
 TEST(Validate, GivesTheSameWithTheUrdfNamed) {

@@ -14,11 +14,13 @@
 #include "console.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/output_folder.hpp"
+#include "heft/identify/judgement.hpp"
 #include "heft/model/named_arms.hpp"
 #include "heft/report/report.hpp"
 #include "heft/sim/simulator.hpp"
 #include "operation_count_line.hpp"
 #include "options.hpp"
+#include "page.hpp"
 #include "parallel.hpp"
 #include "payload_result.hpp"
 #include "sim_controllers.hpp"
@@ -178,7 +180,9 @@ void run(const Options& options) {
   const double before = rms_between(with, kSettled, kGrasp);
   const double after_without = rms_between(without, kGrasp + kSettled, kDuration);
   const double after_with = rms_between(with, kGrasp + kSettled, kDuration);
-  const bool covered = std::abs(mass - load.mass) <= half;
+  host::Judgement judgement = identify::judge_against_truth("the mass", mass, half, load.mass);
+  judgement.add(identify::judge_improvement("the tracking error with the estimated load", after_with,
+                                            "that without it", after_without));
   const std::string operations = operation_count_line();
 
   const auto number = [](double v) {
@@ -204,9 +208,10 @@ void run(const Options& options) {
         {"after_grasp_uncorrected", after_without},
         {"after_grasp_corrected", after_with}}},
       {"report", folder.file("report.html")}};
+  put_verdict(json, judgement);
   if (!operations.empty()) json["operations"] = operations;
 
-  report::Report page(
+  report::Report page = new_page(
       "An arm picks up a load nobody told it of",
       fmt::format("A simulated UR5 under computed torque at 1 kHz; {} kg in the gripper from {:.0f} s on.",
                   load.mass, kGrasp));
@@ -214,7 +219,7 @@ void run(const Options& options) {
                            "the tracking error "
                            "falls from {:.2f} to {:.2f} mrad; it was {:.2f} mrad before the grasp.",
                            mass, half, load.mass, 1e3 * after_without, 1e3 * after_with, 1e3 * before),
-               covered ? report::Tone::kGood : report::Tone::kNeutral);
+               judgement);
   page.facts({{"mass found", fmt::format("{:.3f} kg", mass),
                fmt::format("± {:.3f}, in truth {:.3f}", half, load.mass)},
               {"centre of mass [mm]",

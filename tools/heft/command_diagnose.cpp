@@ -23,6 +23,7 @@
 #include "heft/identify/physical.hpp"
 #include "heft/model/model_file.hpp"
 #include "options.hpp"
+#include "page.hpp"
 
 namespace heft::tools {
 namespace {
@@ -183,19 +184,11 @@ void refuse_nothing_to_judge(const std::vector<data::Log>& validate) {
       validate.front().path, report::number(extent.seconds, 2), extent.travel.maxCoeff(), kMotionToRecord));
 }
 
-std::string quoted(const std::string& word) {
-  constexpr const char* kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./=+,:@%";
-  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
-
 /// The line that gives the same result, without the files to write.
 std::string command_line(const Options& options) {
   std::string line = "heft diagnose";
   const auto add = [&](const char* name, const std::string& value) {
-    if (!value.empty()) line += fmt::format(" {} {}", name, quoted(value));
+    if (!value.empty()) line += fmt::format(" {} {}", name, shell_word(value));
   };
   add("--urdf", options.robot.urdf);
   add("--model", options.robot.model);
@@ -259,7 +252,7 @@ void run(const Options& options) {
   }
 
   const DiagnosisContext context{options.log.logs, options.validate, options.log.torque_at,
-                                 command_line(options)};
+                                 command_line(options), torque};
   console.print("{}", diagnosis_text(diagnosis, context));
   finish(console, options.model, options.result, diagnosis_json(diagnosis, context),
          diagnosis_page(diagnosis, context),

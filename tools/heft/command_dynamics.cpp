@@ -19,6 +19,7 @@
 #include "heft/model/motion_torque.hpp"
 #include "heft/report/report.hpp"
 #include "options.hpp"
+#include "page.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {
@@ -169,8 +170,8 @@ void run(const Options& options) {
   }
   csv += '\n';
 
-  report::Report page(fmt::format("{}: {}", robot, subject),
-                      fmt::format("{} log{}", options.log.logs.size(), several ? "s" : ""));
+  report::Report page = new_page(fmt::format("{}: {}", robot, subject),
+                                 fmt::format("{} log{}", options.log.logs.size(), several ? "s" : ""));
   nlohmann::ordered_json json{{"robot", robot}, {"what", options.what}, {"torque_at", options.log.torque_at}};
   json["logs"] = nlohmann::ordered_json::array();
   std::string text;

@@ -18,9 +18,11 @@
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/identify/excitation.hpp"
+#include "heft/identify/judgement.hpp"
 #include "heft/report/report.hpp"
 #include "heft/sim/settings_reader.hpp"
 #include "options.hpp"
+#include "page.hpp"
 #include "parallel.hpp"
 
 namespace heft::tools {
@@ -441,13 +443,14 @@ void run(const Options& options) {
   json["history"] = result.history;
 
   const data::Log log = log_of(design, motion, options.rate);
-  const bool good = score.condition <= 30.0;
-  report::Report page(
+  const host::Judgement judgement = identify::judge_condition(score.condition);
+  put_verdict(json, judgement);
+  report::Report page = new_page(
       fmt::format("{}: exciting motion", robot.name),
       fmt::format("{:g} s, {} harmonics of {:g} s", motion.duration, motion.num_harmonics(), motion.period));
   page.verdict(fmt::format("{} parameters at a condition number of {}.", design.num_parameters(),
                            report::number(score.condition, 3)),
-               good ? report::Tone::kGood : report::Tone::kNeutral);
+               judgement);
   page.facts({{"condition number", report::number(score.condition, 3), scaling},
               {"expected standard deviation", report::number(score.mean_std, 3),
                "geometric mean over the parameters"},

@@ -14,18 +14,21 @@
 
 #include "command.hpp"
 #include "console.hpp"
+#include "diagnosis_result.hpp"
 #include "heft/data/log_checks.hpp"
 #include "heft/data/log_part.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/identify/fit.hpp"
+#include "heft/identify/judgement.hpp"
 #include "heft/identify/validation.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/report/report.hpp"
 #include "heft/urdf/urdf_export.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "options.hpp"
+#include "page.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {
@@ -208,11 +211,11 @@ std::string physics_in_words(const identify::Fit& fit, const identify::MassMatri
   std::string text;
   const double loss = 100.0 * (std::sqrt(fit.physical_cost_ratio) - 1.0);
   if (fit.physically_consistent) {
-    text = "Every link of this model is a body that can exist.";
+    text = "Every link is physically possible.";
   } else {
-    text = "At least one link of this model is no body that can exist.";
+    text = "At least one link has physically impossible inertial parameters.";
   }
-  text += fmt::format(" Links that can exist cost {:.2g} % of the fit's weighted error", loss);
+  text += fmt::format(" Constraining all links to be physical raises the weighted error by {:.2g} %", loss);
   if (!fit.at_boundary.empty()) {
     text += fmt::format("; at the edge of what is possible: link{} {}", fit.at_boundary.size() > 1 ? "s" : "",
                         fmt::join(fit.at_boundary, ", "));
@@ -229,6 +232,22 @@ std::string physics_in_words(const identify::Fit& fit, const identify::MassMatri
         fit.repaired_prior.size() > 1 ? "s" : "", fmt::join(fit.repaired_prior, ", "));
   }
   return text;
+}
+
+/// The answer in one sentence: on the log and in the joint where the model does worst.
+std::string answer_in_words(const std::vector<identify::Score>& scores, bool own) {
+  double worst = 0.0, mean = 0.0;
+  Eigen::Index joint = 0;
+  for (const identify::Score& score : scores) {
+    Eigen::Index at = 0;
+    const double percent = score.percent_of_max.maxCoeff(&at);
+    if (percent > worst) worst = percent, joint = at;
+    mean += score.percent_of_max.mean() / static_cast<double>(scores.size());
+  }
+  return fmt::format(
+      "{} the model misses the torque by {:.2g} % of the joint's largest on average and by {:.2g} % "
+      "in the worst joint ({}).",
+      own ? "On its own training logs" : "On logs that it has not seen", mean, worst, joint + 1);
 }
 
 void print_lines(const Console& console, const std::string& title, const std::vector<std::string>& lines) {
@@ -271,6 +290,8 @@ void run(const Options& options) {
   const Judged train = judge(logs.train, fit.robot, band, trace);
   const Judged held_out = judge(logs.judge, fit.robot, band, trace);
   const identify::Score trained = identify::pool(train.scores);
+  host::Judgement judgement = identify::judge(fit, mass, held_out.scores, train.scores);
+  judgement.add(logs.torque);
   const std::string meaning = score_meaning(trained) + validation_meaning();
 
   const model::FitRecord record = identify::fit_record(fit, options.log.torque_at, &trained);
@@ -281,7 +302,7 @@ void run(const Options& options) {
 
   const auto determined = std::count(fit.determined.begin(), fit.determined.end(), true);
   const std::string summary = fmt::format(
-      "{} base parameters, {} determined; {} of {} samples in {} rows; torque and regressor behind {:.3g} "
+      "{} base parameters, {} determined; {} samples of {} in {} rows; torque and regressor behind {:.3g} "
       "Hz; condition number {} "
       "(weighted base regressor, columns of norm 1){}; 95 % intervals from {} blocks of {:.2g} s",
       fit.base.count(), determined, fit.samples,
@@ -291,6 +312,7 @@ void run(const Options& options) {
 
   nlohmann::ordered_json json{
       {"robot", robot.name}, {"method", options.method}, {"torque_at", options.log.torque_at}};
+  put_verdict(json, judgement);
   json["train"] = validation_json(trained);
   // The judged figures stand at the top where there are any: the error on logs not seen is the model's error.
   json.update(validation_json(held_out.scores.empty() ? trained : identify::pool(held_out.scores)));
@@ -315,12 +337,14 @@ void run(const Options& options) {
   }
   json["notes"] = fit.notes;
 
-  console.print("{}: {}.\n", robot.name, summary);
+  const std::string answer =
+      answer_in_words(held_out.scores.empty() ? train.scores : held_out.scores, held_out.scores.empty());
+  console.print("{}\n{}\n{}: {}.\n", answer, verdict_text(judgement), robot.name, summary);
   console.print("\nTraining\n{}", validation_text(trained));
   for (const identify::Score& score : held_out.scores) {
     console.print("\nHeld out: {}, {} samples\n{}", score.log, score.samples, validation_text(score));
   }
-  console.print("{}; {}.\n\nBase parameters (* with others, see expression)\n{}", meaning, logs.how,
+  console.print("{} {}.\n\nBase parameters (* with others, see expression)\n{}", meaning, capital(logs.how),
                 base_parameter_table(record).to_text(2));
   const std::string physics = physics_in_words(fit, mass);
   console.print("\n{}\n", physics);
@@ -328,16 +352,13 @@ void run(const Options& options) {
   print_lines(console, "\nNot determined by these logs:", fit.missing);
   print_lines(console, "Notes:", fit.notes);
 
-  report::Report page(fmt::format("{}: identified model", robot.name),
-                      fmt::format("{} on {}", options.method, fmt::join(options.log.logs, ", ")));
+  report::Report page = new_page(fmt::format("{}: identified model", robot.name),
+                                 fmt::format("{} on {}", options.method, file_names_of(options.log.logs)));
+  for (const auto* streams : {&logs.train, &logs.judge}) {
+    for (const data::MotionStream& stream : *streams) add_log_line(page, log_line(stream));
+  }
   const identify::Score& judged = held_out.scores.empty() ? trained : held_out.scores.front();
-  Eigen::Index worst = 0;
-  const double worst_percent = judged.percent_of_max.maxCoeff(&worst);
-  page.verdict(fmt::format("{} the model misses the torque by {:.2g} % of the joint's largest on average and "
-                           "{:.2g} % in the worst joint ({}).",
-                           held_out.scores.empty() ? "On its own training logs" : "On a log it has not seen",
-                           judged.percent_of_max.mean(), worst_percent, worst + 1),
-               held_out.scores.empty() ? report::Tone::kNeutral : report::Tone::kGood);
+  page.verdict(answer, judgement);
   page.facts(
       {{"base parameters", fmt::format("{}", fit.base.count()), fmt::format("{} determined", determined)},
        {"condition number", report::number(fit.condition, 3), "weighted, columns of norm 1"},
@@ -351,7 +372,7 @@ void run(const Options& options) {
   page.table(validation_table(trained), "Training. " + meaning + moving_line(trained));
   for (std::size_t k = 0; k < held_out.scores.size(); ++k) {
     page.table(validation_table(held_out.scores[k]),
-               "Held out: " + held_out.scores[k].log + "." + moving_line(held_out.scores[k]));
+               "Held out: " + file_name_of(held_out.scores[k].log) + "." + moving_line(held_out.scores[k]));
     if (k < held_out.traces.size()) {
       page.plots("Torque on the held-out log", small(held_out.traces[k].torque_plots()));
       page.plots("What is left", small(held_out.traces[k].residual_plots()));

@@ -13,12 +13,14 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/host/error.hpp"
+#include "heft/identify/judgement.hpp"
 #include "heft/identify/payload_run.hpp"
 #include "heft/identify/recursive_fit.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/report/report.hpp"
 #include "options.hpp"
+#include "page.hpp"
 #include "payload_result.hpp"
 #include "torque_score.hpp"
 
@@ -219,12 +221,22 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   result.first_moment = shown(run.first_moment);
   result.com = shown(run.com);
   result.inertia = shown(run.inertia);
+  result.torque_scale = shown(run.torque_scale);
+  result.judgement = identify::judge(run);
+  result.judgement.add(recording.torque);
+  result.contradicts_itself = !identify::contradiction(run).empty();
   result.frame = frame_name(arm.robot);
   result.converged_at = run.converged_at;
   for (const identify::LoadChange& change : run.changes) {
     result.changes.push_back({change.time, change.mass, change.mass_before, change.std});
   }
-  if (options.true_mass > 0) result.true_mass = options.true_mass;
+  if (options.true_mass > 0) {
+    result.true_mass = options.true_mass;
+    if (run.mass.identifiable[0]) {
+      result.judgement.add(identify::judge_against_truth("the mass", run.mass.value[0],
+                                                         run.mass.half_width[0], options.true_mass));
+    }
+  }
   result.missing = run.missing;
   result.cutoff = run.cutoff;
   result.mass_std_parts = {{"this log's residual", run.mass_std_residual},
@@ -370,21 +382,29 @@ void run(const Options& options) {
   const std::vector<ZeroCheck> zero_checks = check_zero(arm, robot, baselines, zeros, options);
   const double zero_mass_std = excess_of(zero_checks);
 
-  report::Report page(fmt::format("{}: the load at the flange", robot.name),
-                      fmt::format("torque of joints {} and up", options.rows));
+  report::Report page =
+      new_page(fmt::format("{}: the load at the flange", robot.name),
+               fmt::format("{}, torque of joints {} and up", file_names_of(options.log.logs), options.rows));
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   std::string text = model_text + '\n';
   if (fitted) text += residual_table(fitted->residual).to_text(2);
   std::string unanswered;
+  bool contradicted = false;
   for (const Recording& recording : recordings) {
     const identify::PayloadRun payload = estimate(arm, recording.causal, options, zero_mass_std);
     Shown shown_run = present(arm, recording, payload, options);
     shown_run.result.zero_checks = zero_checks;
     text += '\n' + to_text(shown_run.result);
-    if (recordings.size() > 1) page.heading(recording.causal.path);
+    if (recordings.size() > 1) page.heading(file_name_of(recording.causal.path));
+    add_log_line(page, log_line(recording.causal, payload.cutoff));
     add_to(page, shown_run.result);
     page.plots("Torque error over time", shown_run.residual_plots);
     json.push_back(to_json(shown_run.result));
+    const std::string contradiction = identify::contradiction(payload);
+    if (!contradiction.empty() && unanswered.empty()) {
+      unanswered = fmt::format("{}: {}", recording.causal.path, contradiction);
+      contradicted = true;
+    }
     if (!is_answered(payload) && unanswered.empty()) {
       unanswered = fmt::format("{}: the load cannot be told: {}", recording.causal.path, payload.missing);
     }
@@ -394,10 +414,12 @@ void run(const Options& options) {
   if (fitted) page.table(residual_table(fitted->residual));
 
   console.print("{}", text);
+  // A model that contradicts a log of the arm is none to go on with.
+  const std::string output = contradicted ? std::string() : options.output;
   // One log gives the object of the contract, several a list of them.
-  finish(console, options.output, options.result, json.size() == 1 ? json.front() : json, page, [&] {
+  finish(console, output, options.result, json.size() == 1 ? json.front() : json, page, [&] {
     keep_residual(fitted->model, fitted->residual);
-    model::write_model(options.output, fitted->model);
+    model::write_model(output, fitted->model);
   });
   if (!unanswered.empty()) throw NotIdentifiableError(unanswered);
 }

@@ -13,6 +13,7 @@
 #include "heft/host/file.hpp"
 #include "heft/report/report.hpp"
 #include "options.hpp"
+#include "page.hpp"
 #include "scenario_input.hpp"
 #include "torque_score.hpp"
 
@@ -110,7 +111,8 @@ void run(const Options& options) {
   }
   text += table.to_text(2);
 
-  report::Report page(fmt::format("{}: simulation", scenario.settings.robot.name), options.scenario);
+  report::Report page =
+      new_page(fmt::format("{}: simulation", scenario.settings.robot.name), file_name_of(options.scenario));
   page.verdict(fmt::format("{:.6g} s simulated, {} payload events.", duration, num_payload));
   page.table(table);
   page.plots("Position", channel_plots(result, log.q, log.qref, "position [rad, m]"));

@@ -15,9 +15,11 @@
 #include "example_scenario.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
+#include "heft/identify/judgement.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/report/report.hpp"
 #include "options.hpp"
+#include "page.hpp"
 #include "parallel.hpp"
 #include "payload_result.hpp"
 #include "scenario_input.hpp"
@@ -197,6 +199,14 @@ void run(const Options& options) {
   if (!after.empty()) {
     json["after_last_payload_event"] = {{"from", settled}, {"controllers", tracking_json(after)}};
   }
+  // The mass is held against the truth, the tracking against what it is without the estimate.
+  const std::vector<TrackingRun>& judged = after.empty() ? counted : after;
+  host::Judgement judgement;
+  if (std::isfinite(half))
+    judgement.add(identify::judge_against_truth("the estimated mass", mass, half, true_mass));
+  judgement.add(identify::judge_improvement("the tracking error with the estimated load", rms(judged[3]),
+                                            "that with nominal values", rms(judged[2])));
+  put_verdict(json, judgement);
   json["load"] = {{"mass",
                    {{"value", number_or_null(mass)},
                     {"std", number_or_null(half / 1.96)},
@@ -225,15 +235,15 @@ void run(const Options& options) {
     console.print("From {:.6g} s on, 1 s after the last payload event:\n{}", settled,
                   tracking_table(after).to_text(2));
   }
-  console.print("{}\n", load_text);
+  console.print("{}\n{}", load_text, verdict_text(judgement));
 
-  report::Report page(fmt::format("{}: tracking", base.robot.name), options.scenario);
-  const std::vector<TrackingRun>& judged = after.empty() ? counted : after;
+  report::Report page =
+      new_page(fmt::format("{}: tracking", base.robot.name), file_name_of(options.scenario));
   page.verdict(fmt::format("Computed torque with the estimated load leaves {:.3g} mrad, with nominal values "
                            "{:.3g} mrad, PD {:.3g} mrad{}.",
                            1e3 * rms(judged[3]), 1e3 * rms(judged[2]), 1e3 * rms(judged[0]),
                            after.empty() ? "" : " after the last payload event"),
-               rms(judged[3]) <= 1.05 * rms(judged[2]) ? report::Tone::kGood : report::Tone::kNeutral);
+               judgement);
   page.paragraph(load_text);
   page.table(tracking_table(counted), "Root mean square tracking error per joint");
   if (!after.empty())

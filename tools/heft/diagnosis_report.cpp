@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <tuple>
 
@@ -11,6 +12,8 @@
 #include <fmt/ranges.h>
 #include <unsupported/Eigen/FFT>
 
+#include "heft/diagnose/judgement.hpp"
+#include "page.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {
@@ -180,17 +183,15 @@ void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
   const auto log_name = [](const std::vector<Traces>& traces, const char* what) {
     return fmt::format("{} log{}", what, traces.size() > 1 ? "s" : "");
   };
-  std::vector<int> shown;
+  struct Shown {
+    std::string why;
+    bool training;
+    std::vector<report::Mark> marks;
+  };
+  std::map<int, Shown> shown;  // in the order of the joints
   const auto show = [&](int joint, const std::string& why, bool training,
                         const std::vector<report::Mark>& marks) {
-    if (joint < 0 || joint >= robot.num_joints()) return;
-    if (std::find(shown.begin(), shown.end(), joint) != shown.end()) return;
-    shown.push_back(joint);
-    const std::vector<Traces>& traces = training ? diagnosis.train : diagnosis.validate;
-    add_joint(page, diagnosis,
-              fmt::format("Joint {}: {} ({})", joint + 1, why,
-                          log_name(traces, training ? "training" : "validation")),
-              traces, joint, prismatic(joint), marks);
+    if (joint >= 0 && joint < robot.num_joints()) shown.try_emplace(joint, Shown{why, training, marks});
   };
   page.heading("Residuals");
   page.paragraph(
@@ -201,6 +202,8 @@ void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
                       ? " of rigid bodies, Coulomb and viscous friction"
                       : ". Before: rigid bodies, Coulomb and viscous friction. After: with the effects",
                   1e3 * kWindow));
+  for (const diagnose::NotExplained& u : diagnosis.not_explained)
+    show(u.joint, "not explained by the arm model", false, {});
   for (const Finding& finding : diagnosis.findings) {
     const int joint = finding.joint >= 0 ? finding.joint : finding.main_joint;
     std::vector<std::string> names;
@@ -213,9 +216,16 @@ void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
   for (const diagnose::Unexplained& u : diagnosis.unexplained)
     show(u.joint, "unexplained: " + u.what, false, {});
   show(worst_joint(diagnosis), "the largest error left", false, {});
+  for (const auto& [joint, what] : shown) {
+    const std::vector<Traces>& traces = what.training ? diagnosis.train : diagnosis.validate;
+    add_joint(page, diagnosis,
+              fmt::format("Joint {}: {} ({})", joint + 1, what.why,
+                          log_name(traces, what.training ? "training" : "validation")),
+              traces, joint, prismatic(joint), what.marks);
+  }
   std::vector<report::PlotSpec> others;
   for (int j = 0; j < robot.num_joints(); ++j) {
-    if (std::find(shown.begin(), shown.end(), j) != shown.end()) continue;
+    if (shown.contains(j)) continue;
     if (diagnosis.validate.empty() || !usable(diagnosis.validate.front(), j)) continue;
     others.push_back(over_time(diagnosis.validate.front(), j, torque_unit(robot, j)));
     others.back().title = fmt::format("Joint {}", j + 1);
@@ -263,12 +273,6 @@ std::vector<report::Fact> facts_of(const Diagnosis& diagnosis) {
        diagnosis.unexplained.empty() ? "nothing" : fmt::format("{}", diagnosis.unexplained.size()),
        "above noise"});
   return facts;
-}
-
-report::Tone tone_of(const Diagnosis& diagnosis) {
-  if (diagnosis.findings.empty())
-    return diagnosis.unexplained.empty() ? report::Tone::kGood : report::Tone::kBad;
-  return diagnosis.unexplained.empty() ? report::Tone::kGood : report::Tone::kNeutral;
 }
 
 }  // namespace
@@ -352,17 +356,25 @@ BinnedMeans binned_means(const Eigen::VectorXd& x, const Eigen::MatrixXd& values
 report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   constexpr std::size_t kMostRefusals = 20;
   const model::Robot& robot = diagnosis.after;
-  report::Report page(fmt::format("{}: diagnosis", robot.name),
-                      fmt::format("trained on {}; judged on {}", fmt::join(context.train, ", "),
-                                  fmt::join(context.validate, ", ")));
-  page.verdict(diagnosis_verdict(diagnosis), tone_of(diagnosis));
+  report::Report page = new_page(fmt::format("{}: diagnosis", robot.name),
+                                 fmt::format("trained on {}; judged on {}", file_names_of(context.train),
+                                             file_names_of(context.validate)));
+  for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
+    for (const Traces& log : *logs) {
+      if (log.time.size() < 2) continue;
+      add_log_line(page,
+                   {log.log, rate_of(log), log.time[log.time.size() - 1] - log.time[0], diagnosis.cutoff});
+    }
+  }
+  page.verdict(diagnosis_verdict(diagnosis), judgement_of(diagnosis, context));
   page.facts(facts_of(diagnosis));
   add_bars(page, diagnosis);
   if (!diagnosis.findings.empty()) {
     page.heading("What is missing");
     report::Table effects({"", "effect", "term", "parameters", "motion that shows it"});
     int rank = 0;
-    for (const Finding& finding : diagnosis.findings) {
+    for (const Finding* effect : by_kind(diagnosis)) {
+      const Finding& finding = *effect;
       effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)),
                        effect_equation(finding.kind), parameters_in_words(finding, robot),
                        shown_by(finding)});
@@ -391,7 +403,7 @@ report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext
     for (std::size_t k = 0; logs > 1 && k < logs; ++k) {
       page.table(
           before_after_table(diagnosis.validate_each_before[k], diagnosis.validate_each_after[k], robot),
-          diagnosis.validate_each_after[k].log);
+          file_name_of(diagnosis.validate_each_after[k].log));
     }
     page.table(before_after_table(diagnosis.train_before, diagnosis.train_after, robot), "Training.");
     if (diagnosis.validate_torque.rmse_in_band.size() > 0) page.paragraph(relative_error_in_words(diagnosis));

@@ -11,6 +11,8 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
+#include "heft/diagnose/judgement.hpp"
+#include "page.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {
@@ -121,12 +123,6 @@ std::string list_of(const std::vector<std::string>& parts) {
   return fmt::format("{} and {}", fmt::join(first, ", "), parts.back());
 }
 
-std::string count_in_words(std::size_t count) {
-  constexpr std::array<const char*, 13> kWords{"No",    "One",   "Two",  "Three", "Four",   "Five",  "Six",
-                                               "Seven", "Eight", "Nine", "Ten",   "Eleven", "Twelve"};
-  return count < kWords.size() ? kWords[count] : fmt::format("{}", count);
-}
-
 std::optional<double> parameter(const Finding& finding, std::string_view name) {
   for (const auto& [key, value] : finding.parameters) {
     if (key == name) return value;
@@ -211,6 +207,32 @@ std::vector<std::string> names_of(const std::vector<diagnose::Rival>& rivals) {
   std::vector<std::string> names;
   for (const diagnose::Rival& rival : rivals) names.push_back(effect_in_place(rival.kind, rival.joint));
   return names;
+}
+
+/// "joint 2", "joints 1, 3 and 5" of joints counted from 0.
+std::string joints_in_words(const std::set<int>& joints) {
+  std::vector<std::string> numbers;
+  for (const int joint : joints) numbers.push_back(fmt::format("{}", joint + 1));
+  return fmt::format("joint{} {}", numbers.size() > 1 ? "s" : "", list_of(numbers));
+}
+
+/// "presliding (friction hysteresis) in joints 1, 3 and 5", one entry a kind, the one with the strongest effect first.
+std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
+  std::vector<std::string> kinds;
+  std::vector<std::set<int>> joints;
+  for (const Finding& finding : findings) {
+    const auto at = std::find(kinds.begin(), kinds.end(), finding.kind);
+    const auto place = static_cast<std::size_t>(at - kinds.begin());
+    if (at == kinds.end()) {
+      kinds.push_back(finding.kind);
+      joints.emplace_back();
+    }
+    if (finding.joint >= 0) joints[place].insert(finding.joint);
+  }
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    kinds[k] = effect_name(kinds[k]) + (joints[k].empty() ? "" : " in " + joints_in_words(joints[k]));
+  }
+  return kinds;
 }
 
 bool has_scores(const identify::Score& before, const identify::Score& after) {
@@ -374,6 +396,22 @@ std::string finding_in_place(const Diagnosis& diagnosis, const Finding& finding)
   return effect_in_place(finding.kind, finding.joint) + (one_of_two ? ", one of two distances" : "");
 }
 
+std::vector<const Finding*> by_kind(const Diagnosis& diagnosis) {
+  std::vector<const Finding*> order;
+  std::vector<std::string> kinds;
+  for (const Finding& finding : diagnosis.findings) {
+    order.push_back(&finding);
+    if (std::find(kinds.begin(), kinds.end(), finding.kind) == kinds.end()) kinds.push_back(finding.kind);
+  }
+  const auto place = [&](const Finding* f) {
+    return std::find(kinds.begin(), kinds.end(), f->kind) - kinds.begin();
+  };
+  std::stable_sort(order.begin(), order.end(), [&](const Finding* a, const Finding* b) {
+    return place(a) != place(b) ? place(a) < place(b) : a->joint < b->joint;
+  });
+  return order;
+}
+
 std::string effect_equation(const std::string& kind) {
   std::string equation;
   for (const EffectWords& words : kNames) {
@@ -489,6 +527,15 @@ std::string torque_unit(const model::Robot& robot) {
 std::string diagnosis_verdict(const Diagnosis& diagnosis) {
   const std::size_t logs = std::max<std::size_t>(1, diagnosis.validate_each_after.size());
   const std::string left = unexplained_in_words(diagnosis.unexplained);
+  if (!diagnosis.not_explained.empty()) {
+    // Before anything else: what the small effects are worth is of no interest while a joint is wrong.
+    std::string text;
+    for (const diagnose::NotExplained& joint : diagnosis.not_explained)
+      text += (text.empty() ? "" : " ") + capital(diagnose::in_words(joint, diagnosis.after)) + ".";
+    Diagnosis others = diagnosis;
+    others.not_explained.clear();
+    return others.findings.empty() ? text : text + " In the other joints: " + diagnosis_verdict(others);
+  }
   if (diagnosis.findings.empty()) {
     if (!left.empty()) return fmt::format("Something is left that heft does not know: {}.", left);
     return "Nothing is missing: rigid bodies with Coulomb and viscous friction explain these logs, and no "
@@ -517,16 +564,11 @@ std::string diagnosis_verdict(const Diagnosis& diagnosis) {
     }
   } else {
     constexpr std::size_t kMostNames = 3, kMostJoints = 2;
-    std::vector<std::string> effects, joints;
-    for (const Finding& finding : diagnosis.findings) {
-      const std::string name = effect_in_place(finding.kind, finding.joint);
-      // Friction of a joint that remembers two distances is named once.
-      const bool told = joint_effect_has_memory(joint_effect_kind(finding.kind)) &&
-                        std::find(effects.begin(), effects.end(), name) != effects.end();
-      if (!told && effects.size() < kMostNames) effects.push_back(name);
-    }
-    text = fmt::format("{} effects are missing{}{}", count_in_words(diagnosis.findings.size()),
-                       diagnosis.findings.size() > kMostNames ? ", the strongest " : ": ", list_of(effects));
+    std::vector<std::string> effects = kinds_in_place(diagnosis.findings), joints;
+    const bool some = effects.size() > kMostNames;
+    if (some) effects.resize(kMostNames);
+    text = fmt::format("{} effects are missing{}{}", diagnosis.findings.size(),
+                       some ? ", the strongest " : ": ", list_of(effects));
     for (const Fall& fall : falls(diagnosis)) {
       if (fall.share > 0.0 && joints.size() < kMostJoints)
         joints.push_back(fall_in_words(diagnosis, fall.joint));
@@ -589,7 +631,8 @@ report::Table ranking_table(const Diagnosis& diagnosis, const model::Robot& robo
       {"", "effect", "joint", "p", "ΔBIC", "blocks not fitted [%]", "validation RMSE", "change [%]"});
   const auto joint = [](int j) { return j < 0 ? std::string("–") : fmt::format("{}", j + 1); };
   int rank = 0;
-  for (const Finding& finding : diagnosis.findings) {
+  for (const Finding* effect : by_kind(diagnosis)) {
+    const Finding& finding = *effect;
     const std::string unit = torque_unit(robot, finding.main_joint);
     const bool judged = finding.validate_before > 0.0;
     table.add_row(
@@ -620,12 +663,19 @@ report::Table refusal_table(const Diagnosis& diagnosis, std::size_t most) {
   return table;
 }
 
+host::Judgement judgement_of(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  host::Judgement judgement = diagnose::judge(diagnosis);
+  judgement.add(context.torque);
+  return judgement;
+}
+
 std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   constexpr std::size_t kMostRefusals = 5;
   const model::Robot& robot = diagnosis.after;
-  std::string text = diagnosis_verdict(diagnosis) + "\n";
+  std::string text = diagnosis_verdict(diagnosis) + "\n" + verdict_text(judgement_of(diagnosis, context));
   int rank = 0;
-  for (const Finding& finding : diagnosis.findings) {
+  for (const Finding* effect : by_kind(diagnosis)) {
+    const Finding& finding = *effect;
     text += fmt::format("\n{}. {}\n", ++rank, capital(finding_in_place(diagnosis, finding)));
     const auto line = [&](const char* label, const std::string& content) {
       if (!content.empty()) text += fmt::format("   {:<12}{}\n", label, content);
@@ -689,7 +739,17 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
 nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   nlohmann::ordered_json json;
   json["robot"] = diagnosis.after.name;
-  json["verdict"] = diagnosis_verdict(diagnosis);
+  put_verdict(json, judgement_of(diagnosis, context));
+  json["summary"] = diagnosis_verdict(diagnosis);
+  json["not_explained"] = nlohmann::ordered_json::array();
+  for (const diagnose::NotExplained& joint : diagnosis.not_explained) {
+    json["not_explained"].push_back({{"joint", joint.joint + 1},
+                                     {"error", joint.error},
+                                     {"error_alone", joint.alone},
+                                     {"share_of_torque", joint.share},
+                                     {"share_of_max", joint.share_of_largest},
+                                     {"contradicts_other_joints", joint.contradicts}});
+  }
   json["torque_at"] = context.torque_at;
   const double band = diagnosis.validate_after.band;
   json["band_hz"] = band > 0.0 ? nlohmann::ordered_json(band) : nlohmann::ordered_json(nullptr);

@@ -8,6 +8,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "heft/diagnose/diagnosis.hpp"
+#include "heft/host/verdict.hpp"
 #include "heft/report/table.hpp"
 
 namespace heft::tools {
@@ -16,7 +17,8 @@ namespace heft::tools {
 struct DiagnosisContext {
   std::vector<std::string> train, validate;  ///< paths of the logs
   std::string torque_at{"motor"};
-  std::string command;  ///< line that gives the same result
+  std::string command;       ///< line that gives the same result
+  host::Judgement torque{};  ///< of the logs' torque, held against the robot
 };
 
 /// "Stribeck friction", "a spring", to stand behind "lacks"; an id that heft does not know is its own name.
@@ -27,6 +29,8 @@ std::string capital(std::string text);
 std::string effect_in_place(const std::string& kind, int joint);
 /// The same of a finding; friction that remembers one of two distances of a joint says so.
 std::string finding_in_place(const diagnose::Diagnosis& diagnosis, const diagnose::Finding& finding);
+/// Findings kind by kind, that of the strongest first, each kind in the order of the joints.
+std::vector<const diagnose::Finding*> by_kind(const diagnose::Diagnosis& diagnosis);
 /// "Fs 1.2 N·m, vs 0.05 rad/s": numbers with units, words, events.
 std::string parameters_in_words(const diagnose::Finding& finding, const model::Robot& robot);
 /// The term that an effect adds, as text; empty for an id that heft does not know.
@@ -60,10 +64,13 @@ std::string torque_unit(const model::Robot& robot, int joint);
 /// Errors of each joint before and after; empty rows when the scores are.
 report::Table before_after_table(const identify::Score& before, const identify::Score& after,
                                  const model::Robot& robot);
-/// Effects, strongest first, with their evidence, and what else was tried: rivals.
+/// Effects as by_kind() has them, with their evidence, and what else was tried: rivals.
 report::Table ranking_table(const diagnose::Diagnosis& diagnosis, const model::Robot& robot);
 /// The refusals that explain most, strongest first.
 report::Table refusal_table(const diagnose::Diagnosis& diagnosis, std::size_t most);
+
+/// diagnose::judge() and what is known of the logs.
+host::Judgement judgement_of(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
 
 /// All of it for a terminal.
 std::string diagnosis_text(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);

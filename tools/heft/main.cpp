@@ -21,6 +21,7 @@
 #include "heft/host/signals.hpp"
 #include "heft/urdf/urdf_export.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "page.hpp"
 #include "spelling.hpp"
 
 namespace heft::tools {
@@ -140,6 +141,7 @@ int run(int argc, char** argv) {
   }
   if (chosen.empty()) return kDone;  // --help, --version
 
+  remember_command(argc, argv);
   try {
     look_at_files(parser.files());
     actions.at(chosen)();

@@ -67,7 +67,7 @@ struct LogOptions {
   std::vector<std::string> logs;
   std::vector<double> torque_constant;
   std::string torque_at{"motor"};
-  double band{0.0};  ///< [Hz]; 0: chosen from the motion
+  double band{0.0};           ///< [Hz]; 0: chosen from the motion
   bool accept_torque{false};  ///< torque that contradicts the robot is warned about instead of refused
 
   TorqueAt measured_at() const { return torque_at == "joint" ? TorqueAt::kJoint : TorqueAt::kMotor; }
@@ -88,9 +88,10 @@ PreparedLog prepare_log(const std::string& path, const LogOptions& options,
 /// judgement of a result that rests on the log.
 /// @param at  where the torque was measured
 /// @throws DataError when the torque contradicts the robot and --accept-torque was not given
-host::Judgement judge_torque(const data::MotionStream& log, const model::Robot& robot, const LogOptions& options,
+host::Judgement judge_torque(const data::MotionStream& log, const model::Robot& robot,
+                             const LogOptions& options, TorqueAt at);
+host::Judgement judge_torque(const data::Log& log, const model::Robot& robot, const LogOptions& options,
                              TorqueAt at);
-host::Judgement judge_torque(const data::Log& log, const model::Robot& robot, const LogOptions& options, TorqueAt at);
 
 /// --json and --report.
 struct ResultOptions {

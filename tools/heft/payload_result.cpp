@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "page.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {
@@ -42,6 +43,11 @@ nlohmann::ordered_json estimate_json(const Estimate& estimate) {
           {"identifiable", estimate.identifiable}};
 }
 
+Estimate withdrawn(Estimate estimate) {
+  estimate.identifiable.assign(estimate.identifiable.size(), false);
+  return estimate;
+}
+
 nlohmann::ordered_json number_or_null(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }
@@ -72,6 +78,22 @@ report::Table estimate_table(const PayloadResult& result) {
   add_rows(table, "inertia", "kg·m²", result.inertia, kInertiaNames.data());
   return table;
 }
+
+/// What each joint feels of the load; empty where that says nothing.
+report::Table scale_table(const PayloadResult& result) {
+  report::Table table({"joint", "torque scale", "± 95 %"});
+  for (Eigen::Index j = 0; j < result.torque_scale.value.size(); ++j) {
+    const bool known = identifiable(result.torque_scale, j);
+    table.add_row({fmt::format("{}", j + 1), known ? report::number(result.torque_scale.value[j], 3) : "–",
+                   known ? report::number(half_width(result.torque_scale, j), 2) : "–"});
+  }
+  return table;
+}
+
+constexpr const char* kScaleMeaning =
+    "Torque that each joint feels of the load, in parts of what the load found would make it feel; 1 where "
+    "the joints "
+    "agree, – where a joint feels too little of it";
 
 report::Table torque_error_table(const PayloadResult& result) {
   std::vector<std::string> headers{"joint", "RMSE before [N·m]"};
@@ -166,16 +188,23 @@ Eigen::VectorXd root_mean_squares(const Eigen::MatrixXd& error) {
 
 nlohmann::ordered_json to_json(const PayloadResult& result) {
   nlohmann::ordered_json json{{"robot", result.robot}, {"log", result.log}};
-  const bool has_mass = result.mass.value.size() > 0 && identifiable(result.mass, 0);
+  put_verdict(json, result.judgement);
+  // What contradicts itself is no number to go on with.
+  const bool has_mass =
+      result.mass.value.size() > 0 && identifiable(result.mass, 0) && !result.contradicts_itself;
   json["mass"] = {
       {"value", has_mass ? number_or_null(result.mass.value[0]) : nlohmann::ordered_json(nullptr)},
       {"std", has_mass ? number_or_null(result.mass.std[0]) : nlohmann::ordered_json(nullptr)},
       {"half_width_95",
        has_mass ? number_or_null(half_width(result.mass, 0)) : nlohmann::ordered_json(nullptr)},
       {"identifiable", has_mass}};
-  if (result.first_moment.value.size() > 0) json["first_moment"] = estimate_json(result.first_moment);
-  json["com"] = estimate_json(result.com);
-  json["inertia"] = estimate_json(result.inertia);
+  if (result.first_moment.value.size() > 0) {
+    json["first_moment"] =
+        estimate_json(result.contradicts_itself ? withdrawn(result.first_moment) : result.first_moment);
+  }
+  json["com"] = estimate_json(result.contradicts_itself ? withdrawn(result.com) : result.com);
+  json["inertia"] = estimate_json(result.contradicts_itself ? withdrawn(result.inertia) : result.inertia);
+  if (result.torque_scale.value.size() > 0) json["torque_scale"] = estimate_json(result.torque_scale);
   json["inertia"]["order"] = kInertiaNames;
   json["rows"] = result.rows;
   json["samples"] = result.samples;
@@ -213,7 +242,11 @@ nlohmann::ordered_json to_json(const PayloadResult& result) {
 }
 
 std::string verdict_of(const PayloadResult& result) {
-  if (!identifiable(result.mass, 0)) return "The mass of the load cannot be told from this motion.";
+  if (!identifiable(result.mass, 0)) return "The mass of the load cannot be determined from this motion.";
+  if (result.contradicts_itself) {
+    return fmt::format("No load can be what this log says: {} kg ± {} kg (95 %).",
+                       report::number(result.mass.value[0]), report::number(half_width(result.mass, 0), 2));
+  }
   if (std::abs(result.mass.value[0]) < half_width(result.mass, 0) && !result.true_mass) {
     return fmt::format("No load to be seen: {} kg ± {} kg (95 %).", report::number(result.mass.value[0], 2),
                        report::number(half_width(result.mass, 0), 2));
@@ -225,8 +258,9 @@ std::string verdict_of(const PayloadResult& result) {
 }
 
 std::string to_text(const PayloadResult& result) {
-  std::string text = fmt::format("{}: {} samples, torque of joints {} and up\n{}\n\n", result.log,
-                                 result.samples, result.rows, verdict_of(result));
+  std::string text =
+      fmt::format("{}: {} samples, torque of joints {} and up\n{}\n{}\n", result.log, result.samples,
+                  result.rows, verdict_of(result), verdict_text(result.judgement));
   text += estimate_table(result).to_text(2);
   if (!result.frame.empty()) text += fmt::format("In {}; inertia about its origin.\n", result.frame);
   text += result.converged_at ? fmt::format("Converged at {:.3g} s.\n", *result.converged_at)
@@ -237,6 +271,9 @@ std::string to_text(const PayloadResult& result) {
                 ? fmt::format("Change at {:.3f} s: {} kg\n", change.time, report::number(change.mass))
                 : fmt::format("Change at {:.3f} s: new mass not told\n", change.time);
   }
+  if (result.torque_scale.value.size() > 0) {
+    text += fmt::format("\n{}:\n{}", kScaleMeaning, scale_table(result).to_text(2));
+  }
   if (result.rmse_before.size() > 0) {
     text += "\nTorque error per joint, without the load in the model and with it:\n" +
             torque_error_table(result).to_text(2);
@@ -246,7 +283,7 @@ std::string to_text(const PayloadResult& result) {
 }
 
 void add_to(report::Report& page, const PayloadResult& result) {
-  page.verdict(verdict_of(result), identifiable(result.mass, 0) ? report::Tone::kGood : report::Tone::kBad);
+  page.verdict(verdict_of(result), result.judgement);
   std::vector<report::Fact> facts;
   if (identifiable(result.mass, 0)) {
     facts.push_back({"mass", report::number(result.mass.value[0]) + " kg",
@@ -281,6 +318,7 @@ void add_to(report::Report& page, const PayloadResult& result) {
   page.table(estimate_table(result), fmt::format("The load in {}; inertia about its origin",
                                                  result.frame.empty() ? "the flange frame" : result.frame));
   for (const std::string& line : remarks(result)) page.note(line);
+  if (result.torque_scale.value.size() > 0) page.table(scale_table(result), kScaleMeaning);
   if (result.rmse_before.size() > 0) {
     report::PlotSpec spec;
     spec.title = "Torque error per joint";

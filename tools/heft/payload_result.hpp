@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 #include <nlohmann/json_fwd.hpp>
 
+#include "heft/host/verdict.hpp"
 #include "heft/report/report.hpp"
 
 namespace heft::tools {
@@ -50,10 +51,13 @@ struct PayloadResult {
   std::string log;
   int rows{0};  ///< k: the lowest joint whose torque is used
   int samples{0};
-  Estimate mass;                       ///< 1 [kg]
-  Estimate first_moment;               ///< 3, in the flange frame [kg·m]; empty: not shown
-  Estimate com;                        ///< 3, in the flange frame [m]
-  Estimate inertia;                    ///< 6: Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the flange frame [kg·m²]
+  Estimate mass;                   ///< 1 [kg]
+  Estimate first_moment;           ///< 3, in the flange frame [kg·m]; empty: not shown
+  Estimate com;                    ///< 3, in the flange frame [m]
+  host::Judgement judgement;       ///< how far to trust it
+  bool contradicts_itself{false};  ///< no load can be what was found
+  Estimate torque_scale;  ///< a joint: what it feels of the load against all joints together; may be empty
+  Estimate inertia;       ///< 6: Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the flange frame [kg·m²]
   std::optional<double> converged_at;  ///< [s]
   std::vector<MassChange> changes;
   std::optional<double> true_mass;  ///< where it is known, for marks in plots [kg]

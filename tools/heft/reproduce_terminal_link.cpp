@@ -14,6 +14,7 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/report/report.hpp"
+#include "page.hpp"
 #include "payload_result.hpp"
 #include "report_folder.hpp"
 #include "reproduce.hpp"
@@ -482,10 +483,10 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
   console.print("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
                 closed_loop_table(loop).to_text(2));
 
-  report::Report page("Terminal-link estimation, reproduced", kPublication);
+  report::Report page = new_page("Terminal-link estimation, reproduced", kPublication);
   page.verdict(fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.", sentence,
                            options.seeds),
-               held == all ? report::Tone::kGood : report::Tone::kBad);
+               report::tone_of(held == all ? host::Verdict::kGood : host::Verdict::kBad));
   const auto e_of = [&](ProtocolMethod m) {
     return spread(
                values_of(study.runs, true, 0.005, m, 20000, [](const ProtocolPoint& p) { return p.error; }))

@@ -13,6 +13,7 @@
 
 #include "console.hpp"
 #include "heft/report/report.hpp"
+#include "page.hpp"
 #include "report_folder.hpp"
 #include "reproduce.hpp"
 #include "ur5_stiffness_study.hpp"
@@ -562,7 +563,7 @@ nlohmann::ordered_json json_of(const Ur5Study& study, const std::vector<Check>& 
 void write_page(const Ur5Study& study, const std::vector<Check>& checks, const ReportFolder& folder) {
   const StiffnessStudy& s = study.stiffness;
   const SimulationStudy& simulation = study.simulation;
-  report::Report page(
+  report::Report page = new_page(
       "Joint stiffness of the UR5, reproduced",
       "the thesis \"Experimental identification of the joints stiffness of the UR5 robot arm\", from its "
       "own tables");

@@ -12,8 +12,10 @@
 #include "console.hpp"
 #include "heft/data/deflections.hpp"
 #include "heft/host/error.hpp"
+#include "heft/identify/judgement.hpp"
 #include "heft/identify/stiffness_effects.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "page.hpp"
 #include "stiffness_forward.hpp"
 #include "stiffness_jobs.hpp"
 
@@ -126,7 +128,8 @@ nlohmann::ordered_json fit_json(const StiffnessFit& fit) {
     json[name] = nlohmann::ordered_json::array();
   }
   for (const StiffnessEstimate& joint : fit.joints) {
-    json["stiffness"].push_back(joint.stiffness);
+    // What may as well be rigid has a lower bound and no stiffness.
+    json["stiffness"].push_back(joint.has_stiffness() ? joint.stiffness : kNaN);
     json["stiffness_low"].push_back(joint.stiffness_low);
     json["stiffness_high"].push_back(joint.stiffness_high);
     json["compliance"].push_back(joint.compliance);
@@ -277,7 +280,7 @@ std::string measurement_file(const std::string& name) {
 std::string verdict_of(const StiffnessFit& fit, const model::Robot& robot) {
   int known = 0, open = 0;
   for (const StiffnessEstimate& joint : fit.joints) {
-    known += joint.determined && std::isfinite(joint.stiffness_high) ? 1 : 0;
+    known += joint.has_stiffness() ? 1 : 0;
     open += joint.determined && std::isinf(joint.stiffness_high) ? 1 : 0;
   }
   return fmt::format("{} of {} joints have a stiffness{}; springs alone predict poses left out to {}.", known,
@@ -346,22 +349,25 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   VectorXd stiffness(robot.num_joints());
   for (Index j = 0; j < stiffness.size(); ++j) {
     const StiffnessEstimate& joint = fit.joints[static_cast<std::size_t>(j)];
-    stiffness[j] =
-        joint.determined && joint.stiffness > 0.0 ? joint.stiffness : std::numeric_limits<double>::infinity();
+    stiffness[j] = joint.has_stiffness() ? joint.stiffness : std::numeric_limits<double>::infinity();
   }
 
   const std::string verdict = verdict_of(fit, robot);
+  const host::Judgement judgement = identify::judge(fit, diagnosis);
+  const bool none = std::none_of(fit.joints.begin(), fit.joints.end(),
+                                 [](const StiffnessEstimate& joint) { return joint.has_stiffness(); });
   int readings = 0;
   for (const data::Deflection& row : rows) readings += static_cast<int>(row.readings.size());
   std::string text =
-      fmt::format("{}\n\n{} readings at {} poses; repeats merged: {} for {} compliances.\n{}", verdict,
-                  readings, fit.poses.size(), fit.readings, fit.unknowns, joint_table(fit, robot).to_text(2));
+      fmt::format("{}\n{}\n{} readings at {} poses; repeats merged: {} for {} compliances.\n{}", verdict,
+                  verdict_text(judgement), readings, fit.poses.size(), fit.readings, fit.unknowns,
+                  joint_table(fit, robot).to_text(2));
   text += fmt::format("\nPoses:\n{}", pose_table(fit).to_text(2));
   text += direct_text;
   text += fmt::format("\nWhat is left: {}\n{}", diagnosis.verdict, trial_table(diagnosis).to_text(2));
 
-  report::Report page("Joint stiffness", robot.name);
-  page.verdict(verdict, report::Tone::kNeutral);
+  report::Report page = new_page("Joint stiffness", robot.name);
+  page.verdict(verdict, judgement);
   page.facts({{"residual", millimetres(fit.fit_rms), "rms"},
               {"pose left out", millimetres(fit.left_out_rms), "rms error of its readings"},
               {"repeats", millimetres(fit.repeatability), "scatter of their mean"},
@@ -389,6 +395,7 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   page.table(correlations, "Each p for itself, by permutation of the poses");
 
   nlohmann::ordered_json json{{"source", "deflections"}, {"measurements", options.measurements}};
+  put_verdict(json, judgement);
   json.update(fit_json(fit));
   json["direct"] = direct_json;
   json["residual"] = diagnosis_json(diagnosis);
@@ -405,10 +412,20 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   text += tool.text;
 
   console.print("{}", text);
-  finish_with_path(console, options, json, page, tool.compensated, [&] {
-    write_elastic_model(options.model, robot, stiffness, "stiffness", options.measurements,
+  // What the readings do not show is not written.
+  StiffnessCommandOptions written = options;
+  if (none) written.model.clear();
+  finish_with_path(console, written, json, page, tool.compensated, [&] {
+    write_elastic_model(written.model, robot, stiffness, "stiffness", options.measurements,
                         {verdict, diagnosis.verdict});
   });
+  if (none) {
+    throw NotIdentifiableError(fmt::format(
+        "no joint's stiffness can be determined from these readings{}: expected intervals with two ends; "
+        "measure at more poses, with larger loads, or let joints with gears of one size share a stiffness "
+        "(--groups 1-3,4-6)",
+        options.model.empty() ? "" : ", nothing was written to " + options.model));
+  }
 }
 
 }  // namespace heft::tools

@@ -17,6 +17,7 @@
 #include "heft/identify/cartesian_stiffness.hpp"
 #include "heft/identify/dexterity.hpp"
 #include "heft/model/model_file.hpp"
+#include "page.hpp"
 
 namespace heft::tools {
 
@@ -252,7 +253,7 @@ void stiffness_forward(const StiffnessCommandOptions& options) {
   const model::Robot robot = load_robot(options.robot);
   const model::Kinematics kinematics(robot);
   const VectorXd stiffness = known_stiffness(options, robot);
-  report::Report page("Joint stiffness", robot.name);
+  report::Report page = new_page("Joint stiffness", robot.name);
   nlohmann::ordered_json json{{"source", "given"}, {"stiffness", options.stiffness}};
   const data::Log path = read_path(options, robot);
   std::vector<NamedPose> poses;
@@ -393,7 +394,7 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
     deviation.push_back(1e-6 * std::sqrt(covariance(j, j)));
     expected.add_row({fmt::format("{}", j + 1), report::number(deviation.back(), 2)});
   }
-  report::Report page("Poses to measure stiffness at", robot.name);
+  report::Report page = new_page("Poses to measure stiffness at", robot.name);
   page.verdict(
       fmt::format("{} poses of {} tried: each joint's compliance known as well as so many poses allow.",
                   options.plan, candidates.size()));

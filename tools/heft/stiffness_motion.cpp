@@ -2,7 +2,6 @@
 /// heft stiffness --log: stiffness from the encoders of a log.
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 
 #include <fmt/format.h>
@@ -12,10 +11,14 @@
 #include "console.hpp"
 #include "diagnosis_result.hpp"
 #include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/judgement.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/joint_encoders.hpp"
+#include "heft/identify/judgement.hpp"
+#include "page.hpp"
 #include "stiffness_forward.hpp"
 #include "stiffness_jobs.hpp"
+#include "torque_score.hpp"
 
 namespace heft::tools {
 namespace {
@@ -36,8 +39,6 @@ std::string microradians(const Uncertain& u) {
   return fmt::format("{} ± {}", report::number(1e6 * u.value, 3), report::number(1e6 * u.std, 2));
 }
 
-std::string file_name(const std::string& path) { return std::filesystem::path(path).filename().string(); }
-
 std::vector<std::string> row_of(const std::string& log, const JointStiffness& joint) {
   return {fmt::format("{}", joint.joint + 1),
           log,
@@ -54,9 +55,9 @@ Table joint_table(const JointEncoderFit& fit, const std::vector<std::string>& lo
                "link late by [ms]", "left without torque [µrad]", "and with it [µrad]"});
   for (std::size_t j = 0; j < fit.joints.size(); ++j) {
     for (std::size_t log = 0; log < fit.separate.size() && fit.separate.size() > 1; ++log) {
-      table.add_row(row_of(file_name(logs[log]), fit.separate[log][j]));
+      table.add_row(row_of(file_name_of(logs[log]), fit.separate[log][j]));
     }
-    table.add_row(row_of(fit.separate.size() > 1 ? "all" : file_name(logs.front()), fit.pooled[j]));
+    table.add_row(row_of(fit.separate.size() > 1 ? "all" : file_name_of(logs.front()), fit.pooled[j]));
   }
   return table;
 }
@@ -134,7 +135,7 @@ std::vector<report::PlotSpec> loop_plots(const std::vector<data::Log>& logs, con
       sum += tau.mean();
       low = std::min(low, tau.minCoeff());
       high = std::max(high, tau.maxCoeff());
-      spec.series.push_back(report::line(file_name(log.path), tau, VectorXd(phi.array() - phi.mean())));
+      spec.series.push_back(report::line(file_name_of(log.path), tau, VectorXd(phi.array() - phi.mean())));
     }
     if (fit.pooled[k].identifiable) {
       const double c = 1e6 * fit.pooled[k].compliance.value, middle = sum / static_cast<double>(logs.size());
@@ -164,13 +165,8 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
     if (options.rotor_inertia.empty()) asked.rotor_inertia.push_back(joint.actuation.rotor_inertia);
     asked.coulomb_friction.push_back(joint.actuation.coulomb_friction);
   }
-  if (std::all_of(asked.rotor_inertia.begin(), asked.rotor_inertia.end(),
-                  [](double J) { return J == 0.0; })) {
-    note(
-        "no rotor inertia is known: what it takes of the torque counts as carried by the gear, and joints "
-        "look stiffer than "
-        "they are; give --rotor-inertia, or a --model that has them");
-  }
+  const bool rotors_known =
+      std::any_of(asked.rotor_inertia.begin(), asked.rotor_inertia.end(), [](double J) { return J != 0.0; });
   if (std::all_of(asked.coulomb_friction.begin(), asked.coulomb_friction.end(),
                   [](double f) { return f == 0.0; })) {
     asked.coulomb_friction.clear();
@@ -197,7 +193,8 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
         fmt::format("no stiffness can be told from these logs; {}", fmt::join(missing, "; ")));
   }
   const std::string verdict = fmt::format("Stiffness of the gears: {}.", fmt::join(known, ", "));
-  std::string text = verdict + "\n";
+  const host::Judgement judgement = identify::judge(fit, rotors_known);
+  std::string text = verdict + "\n" + verdict_text(judgement);
   for (const std::string& line : missing) text += fmt::format("Not known: {}\n", line);
   const Table table = joint_table(fit, options.log.logs);
   text += "\n" + table.to_text(2);
@@ -213,8 +210,10 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
   text += "\n";
   for (const std::string& line : readings) text += "  " + line + "\n";
 
-  report::Report page("Joint stiffness from encoders", robot.name);
-  page.verdict(verdict, missing.empty() ? report::Tone::kGood : report::Tone::kNeutral);
+  report::Report page = new_page("Joint stiffness from encoders",
+                                 fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));
+  for (const data::Log& log : logs) add_log_line(page, log_line(log));
+  page.verdict(verdict, judgement);
   for (const std::string& line : missing) page.note("Not known: " + line);
   page.table(table, "Stiffness and hysteresis; errors on stretches that were not fitted");
   page.plots("Deflection over torque, the link channel's delay taken off", loop_plots(logs, fit));
@@ -231,6 +230,7 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
 
   nlohmann::ordered_json json{
       {"source", "link encoders"}, {"logs", options.log.logs}, {"joints", nlohmann::ordered_json::array()}};
+  put_verdict(json, judgement);
   for (std::size_t k = 0; k < fit.joints.size(); ++k) {
     nlohmann::ordered_json entry = joint_json(fit.pooled[k]);
     if (fit.separate.size() > 1) {
@@ -293,14 +293,19 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
                     why.empty() ? "" : ": ", fmt::join(why, "; ")));
   }
   const std::string verdict = fmt::format("Elastic, as the motor's side shows: {}.", fmt::join(known, ", "));
-  report::Report page("Joint stiffness from the motor's side", robot.name);
-  page.verdict(verdict, report::Tone::kGood);
+  const host::Judgement judgement = diagnose::judge(diagnosis);
+  report::Report page = new_page("Joint stiffness from the motor's side",
+                                 fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));
+  for (const data::Log& log : logs) add_log_line(page, log_line(log));
+  page.verdict(verdict, judgement);
   page.table(table, "Elastic joints among the effects of a diagnosis");
   page.paragraph(diagnosis_verdict(diagnosis));
   page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, robot),
              "Errors on the validation logs, all effects found");
-  console.print("{}\n\n{}\n{}\n", verdict, table.to_text(2), diagnosis_verdict(diagnosis));
-  const nlohmann::ordered_json json{{"source", "motor side"}, {"logs", options.log.logs}, {"joints", joints}};
+  nlohmann::ordered_json json{{"source", "motor side"}, {"logs", options.log.logs}, {"joints", joints}};
+  put_verdict(json, judgement);
+  console.print("{}\n{}\n{}\n{}\n", verdict, verdict_text(judgement), table.to_text(2),
+                diagnosis_verdict(diagnosis));
   finish(console, options.model, options.result, json, page, [&] {
     write_elastic_model(options.model, diagnosis.after, stiffness, "stiffness", options.log.logs, {verdict});
   });

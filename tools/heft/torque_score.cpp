@@ -46,6 +46,17 @@ identify::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predic
   return scorer.finish();
 }
 
+LogLine log_line(const data::MotionStream& stream) {
+  const data::StreamSummary& summary = stream.summary();
+  return {summary.path, summary.sample_rate, summary.end - summary.begin, summary.cutoff};
+}
+
+LogLine log_line(const data::Log& log, double low_pass) {
+  const Eigen::Index rows = log.time.size();
+  const double seconds = rows > 1 ? log.time[rows - 1] - log.time[0] : 0.0;
+  return {log.path, seconds > 0.0 ? static_cast<double>(rows - 1) / seconds : 0.0, seconds, low_pass};
+}
+
 std::string score_meaning(const identify::Score& score) {
   std::string text = "RMSE: measured torque as logged, unfiltered, minus the prediction; ";
   text += score.ends_left_out ? "all samples but the first and last 0.5 s."

@@ -10,10 +10,12 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "heft/data/log.hpp"
+#include "heft/data/motion_stream.hpp"
 #include "heft/identify/validation.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/report/plot.hpp"
 #include "heft/report/table.hpp"
+#include "page.hpp"
 
 namespace heft::tools {
 
@@ -22,6 +24,10 @@ namespace heft::tools {
 /// @param band       low-pass cut-off [Hz]; 0 takes identify::default_band of the motion
 /// @pre log.tau has as many columns as `predicted`
 identify::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band);
+
+/// A log as the end of a page states it.
+LogLine log_line(const data::MotionStream& stream);
+LogLine log_line(const data::Log& log, double low_pass = 0.0);
 
 /// Says what the figures are; stands wherever they are printed.
 std::string score_meaning(const identify::Score& score);

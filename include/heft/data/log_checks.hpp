@@ -51,7 +51,7 @@ struct LogFinding {
 /// row before, coarse position steps, fewer than two samples a second.
 ///
 /// qd is compared with q over stretches of at least four rows and 0.05 s: the integral of qd against the
-/// change of q, by regression over all stretches. So encoder steps and noise hardly count; a ratio is
+/// change of q, by regression over all stretches; stretches with a gap in time count nowhere. So encoder steps and noise hardly count; a ratio is
 /// believed when the correlation is at least 0.9, and taken for a factor when within 10 % of it.
 class LogCheck {
  public:

@@ -56,6 +56,17 @@ struct Unexplained {
   std::vector<std::pair<std::string, double>> evidence;
 };
 
+/// A joint that the arm model does not explain: no effect is looked for there. Its torque has another sign, unit or
+/// place than the robot's description says, or the description is of another arm.
+struct NotExplained {
+  int joint{-1};
+  double error{0.0};             ///< rms, training logs [N·m, N]
+  double alone{0.0};             ///< what it would be, were its parameters not shared with the other joints
+  double share{0.0};             ///< error against the variation of the joint's torque about its mean
+  double share_of_largest{0.0};  ///< error against the joint's largest torque
+  bool contradicts{false};       ///< fits on its own, and not together with the other joints
+};
+
 /// Residuals of one log for plots, on its even grid.
 struct Traces {
   std::string log;
@@ -84,6 +95,8 @@ struct Diagnosis {
   std::vector<Finding> findings;  ///< strongest first
   std::vector<Refusal> refusals;
   std::vector<Unexplained> unexplained;
+  /// Joints that the arm model, with all effects found, does not explain; the worst first.
+  std::vector<NotExplained> not_explained;
   std::vector<std::string> notes;
   std::vector<Traces> train, validate;  ///< one a log
   double cutoff{0.0};                   ///< of the low-pass on q [Hz]

@@ -64,6 +64,14 @@ struct PayloadRun {
   double mass_std_residual{0.0};  ///< share of the mass' standard deviation: this log's residual [kg]
   double mass_std_model{0.0};     ///< the model's parameters [kg]
   double mass_std_zero{0.0};      ///< the zero check [kg]
+  /// The ten parameters of the load about the flange frame, m, m c, inertia, with their covariance, 10 × 10; entries
+  /// that are not identifiable are the prior's.
+  Eigen::VectorXd parameters;
+  Eigen::MatrixXd covariance;
+  double interval_factor{0.0};  ///< half-width of a 95 % interval in standard deviations
+  /// n: torque that each joint feels of the load, in parts of what the load found would make it feel. All joints agree
+  /// where it is 1; a torque constant that is 10 % too large shows as 1.1 against the others.
+  Estimated torque_scale;
   /// The ten parameters about the last link frame (the recursion's own), to be added to the last link.
   InertialParameters<double> on_last_link{};
   bool mass_visible{false};            ///< some motion of this arm shows the mass in rows k..n

@@ -71,6 +71,9 @@ struct StiffnessEstimate {
   /// rigid joint is possible; all NaN where the compliance is not determined or, beyond its interval, negative.
   double stiffness{0.0}, stiffness_low{0.0}, stiffness_high{0.0};
   std::string why{};  ///< where there is no answer: what is missing
+
+  /// Whether the readings show a stiffness: the interval has two ends. With one end the joint may as well be rigid.
+  bool has_stiffness() const;
 };
 
 /// How much a pose matters.

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "heft/host/verdict.hpp"
 #include "heft/report/plot.hpp"
 #include "heft/report/table.hpp"
 
@@ -18,14 +19,15 @@ struct Fact {
   std::string note;   ///< "± 0.03, true 2.805"; may be empty
 };
 
-/// How a verdict is tinted.
-enum class Tone { kGood, kNeutral, kBad };
+/// How a verdict is tinted: green, blue (nothing is judged), amber, red.
+enum class Tone { kGood, kNeutral, kDoubtful, kBad };
+Tone tone_of(host::Verdict verdict);
 
 /// Collects the parts of a page in order and writes it. All text is plain and is escaped here.
 ///
 /// @code
 /// Report report("Payload");
-/// report.verdict("The load weighs 2.81 kg ± 0.03 kg.", Tone::kGood);
+/// report.verdict("The load weighs 2.81 kg ± 0.03 kg.", identify::judge(run));
 /// report.plot({"Mass", "time [s]", "mass [kg]", {line("estimate", time, mass)}});
 /// report.write("payload.html");
 /// @endcode
@@ -35,6 +37,8 @@ class Report {
 
   /// The answer in one sentence; stands under the title.
   Report& verdict(const std::string& sentence, Tone tone = Tone::kNeutral);
+  /// The same in the tone that the judgement has earned, its reasons below the sentence.
+  Report& verdict(const std::string& sentence, const host::Judgement& judgement);
   Report& facts(const std::vector<Fact>& facts);
   Report& heading(const std::string& text);
   Report& paragraph(const std::string& text);
@@ -46,6 +50,9 @@ class Report {
   Report& plot(const MapSpec& spec);
   /// Small multiples (one plot a joint) with one legend, that of the first plot.
   Report& plots(const std::string& title, std::vector<PlotSpec> specs);
+
+  /// A line at the very end: the command, the date, the sample rate and length of a log.
+  Report& footer(const std::string& line);
 
   /// The whole page. Cost: one gnuplot process a plot.
   std::string html() const;
@@ -64,6 +71,7 @@ class Report {
   std::string title_;
   std::string subtitle_;
   std::vector<Part> parts_;
+  std::vector<std::string> footer_;
 };
 
 /// Text safe inside HTML elements and quoted attributes.

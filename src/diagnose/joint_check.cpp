@@ -1,0 +1,49 @@
+#include "joint_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "residual_structure.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::vector<NotExplained> not_explained(const Problem& fitted, const MotionTable& table) {
+  Problem problem(fitted);
+  for (int j = 0; j < table.num_joints; ++j) {
+    Columns offset;
+    offset.joints = {j};
+    offset.values = {MatrixXd::Ones(table.rows(), 1)};
+    problem.append(offset);
+  }
+  problem.reweight();
+  const VectorXd together = problem.noise(), alone = problem.noise_alone();
+  const VectorXd noise = white_noise(table, problem.residual());
+
+  std::vector<NotExplained> found;
+  for (int j = 0; j < table.num_joints; ++j) {
+    const auto counted = table.keep.col(j).array() > 0.0;
+    const double rows = static_cast<double>(counted.count());
+    if (!(rows > 30.0)) continue;
+    const Eigen::ArrayXd torque = counted.select(table.tau.col(j).array(), 0.0);
+    const double largest = torque.abs().maxCoeff();
+    const double variance = torque.square().sum() / rows - std::pow(torque.sum() / rows, 2);
+    const double square = together[j] * together[j], white = std::min(noise[j] * noise[j], square);
+    if (!(variance > white) || together[j] < kSmallError * largest) continue;
+    const double explained = 1.0 - (square - white) / (variance - white);
+    const double contradicted = (square - alone[j] * alone[j]) / variance;
+    const bool contradicts = contradicted >= kContradicts && together[j] >= kTimesAlone * alone[j];
+    if (explained >= kExplainsNothing && !contradicts) continue;
+    found.push_back(
+        {j, together[j], alone[j], std::sqrt(square / variance), together[j] / largest, contradicts});
+  }
+  std::stable_sort(found.begin(), found.end(), [](const NotExplained& a, const NotExplained& b) {
+    return a.share_of_largest > b.share_of_largest;
+  });
+  return found;
+}
+
+}  // namespace heft::diagnose

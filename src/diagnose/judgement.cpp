@@ -1,0 +1,98 @@
+#include "heft/diagnose/judgement.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "heft/identify/judgement.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+/// Rise of an error on a validation log that is told.
+constexpr double kRises = 1.01;
+
+double evidence_of(const Unexplained& unexplained, const char* name) {
+  for (const auto& [key, value] : unexplained.evidence) {
+    if (key == name) return value;
+  }
+  return 0.0;
+}
+
+/// Joints whose residual holds structure that matters.
+std::vector<int> joints_with_structure(const Diagnosis& diagnosis) {
+  std::vector<int> joints;
+  const Eigen::VectorXd& largest = diagnosis.train_after.max_torque;
+  for (const Unexplained& u : diagnosis.unexplained) {
+    if (u.joint < 0 || u.joint >= largest.size()) continue;
+    const double rms = evidence_of(u, "rms"), noise = evidence_of(u, "noise_rms");
+    const double structure = std::sqrt(std::max(0.0, rms * rms - noise * noise));
+    if (structure > kStructureThatMatters * largest[u.joint]) joints.push_back(u.joint + 1);
+  }
+  return joints;
+}
+
+/// Joints whose error the effects raise on a validation log.
+std::vector<int> joints_made_worse(const Diagnosis& diagnosis) {
+  std::vector<int> joints;
+  const std::size_t logs =
+      std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+  for (std::size_t k = 0; k < logs; ++k) {
+    const Eigen::VectorXd &before = diagnosis.validate_each_before[k].rmse,
+                          &after = diagnosis.validate_each_after[k].rmse;
+    for (Eigen::Index j = 0; j < std::min(before.size(), after.size()); ++j) {
+      const int joint = static_cast<int>(j) + 1;
+      if (after[j] > kRises * before[j] && std::find(joints.begin(), joints.end(), joint) == joints.end())
+        joints.push_back(joint);
+    }
+  }
+  std::sort(joints.begin(), joints.end());
+  return joints;
+}
+
+std::string named(const std::vector<int>& joints) {
+  return fmt::format("joint{} {}", joints.size() > 1 ? "s" : "", fmt::join(joints, ", "));
+}
+
+}  // namespace
+
+std::string in_words(const NotExplained& joint, const model::Robot& robot) {
+  const bool slides = robot.joints[static_cast<std::size_t>(joint.joint)].joint.type == JointType::kPrismatic;
+  const char* unit = slides ? "N" : "N·m";
+  return joint.contradicts
+             ? fmt::format(
+                   "joint {} contradicts the rest of the arm (error {:.3g} {}, {:.0f} % of its largest "
+                   "torque; "
+                   "on its own {:.2g} {})",
+                   joint.joint + 1, joint.error, unit, 100.0 * joint.share_of_largest, joint.alone, unit)
+             : fmt::format(
+                   "joint {} is not explained by the arm model at all (error {:.3g} {}, {:.0f} % of its "
+                   "torque)",
+                   joint.joint + 1, joint.error, unit, 100.0 * joint.share);
+}
+
+host::Judgement judge(const Diagnosis& diagnosis) {
+  host::Judgement judgement;
+  for (const NotExplained& joint : diagnosis.not_explained)
+    judgement.add(host::Verdict::kBad,
+                  in_words(joint, diagnosis.after) +
+                      ": check its sign, its unit and the order of the joints; no effect was sought in it");
+  judgement.add(identify::judge_prediction(diagnosis.validate_each_after));
+  const std::vector<int> structure = joints_with_structure(diagnosis);
+  if (!structure.empty()) {
+    judgement.add(host::Verdict::kDoubtful,
+                  fmt::format("structure of more than {:.0f} % of the largest torque is left in {}, which no "
+                              "known effect explains",
+                              100.0 * kStructureThatMatters, named(structure)));
+  }
+  const std::vector<int> worse = joints_made_worse(diagnosis);
+  if (!worse.empty()) {
+    judgement.add(host::Verdict::kDoubtful,
+                  fmt::format("the error of {} rises on a validation log", named(worse)));
+  }
+  return judgement;
+}
+
+}  // namespace heft::diagnose
