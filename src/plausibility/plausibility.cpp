@@ -131,7 +131,9 @@ class Judge {
     std::vector<std::string> dead;
     int first = -1;
     for (int j = 0; j < n(); ++j) {
-      if (!comparison_.dead(j) || (!comparison_.joint(j).moving() && !expected(j))) continue;
+      // At rest a torque may be constant, but what carries weight is not zero.
+      const bool weightless = comparison_.torque_rms(j) > 0.0 || !expected(j);
+      if (!comparison_.dead(j) || (!comparison_.joint(j).moving() && weightless)) continue;
       dead.push_back(fmt::format("tau{}", j + 1));
       if (first < 0) first = j;
     }

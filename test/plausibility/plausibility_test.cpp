@@ -157,6 +157,17 @@ TEST(Plausibility, NamesTorqueThatNeverChanges) {
   EXPECT_EQ(only(check_torque(ur10e, log)).kind, Contradiction::kNoSignal);
 }
 
+TEST(Plausibility, TakesTheTorqueOfAnArmAtRestForConstant) {
+  const model::Robot ur10e = robot("ur10e");
+  data::Log log = log_of(ur10e, 8);
+  log.q.rowwise() = log.q.row(0).eval();
+  log.qd = log.qdd = Eigen::MatrixXd::Zero(log.q.rows(), 6);
+  test::put_torque(log, ur10e);
+  EXPECT_THAT(check_torque(ur10e, log).findings, testing::IsEmpty());
+  log.tau.setZero();
+  EXPECT_EQ(only(check_torque(ur10e, log)).kind, Contradiction::kNoSignal);
+}
+
 TEST(Plausibility, DoubtsAMotorTorqueWithoutFriction) {
   const model::Robot ur10e = robot("ur10e");
   model::Robot frictionless = ur10e;
