@@ -122,6 +122,12 @@ class Waypoints : public Reference {
       }
     }
   }
+  /// With derivatives at the knots, n × knots each.
+  Waypoints(std::vector<double> times, MatrixXd points, MatrixXd velocities, MatrixXd accelerations)
+      : times_(std::move(times)),
+        points_(std::move(points)),
+        velocities_(std::move(velocities)),
+        accelerations_(std::move(accelerations)) {}
   int num_joints() const override { return static_cast<int>(points_.rows()); }
   void evaluate(double t, Ref<VectorXd> q, Ref<VectorXd> qd, Ref<VectorXd> qdd) const override {
     if (t < times_.front() || t >= times_.back()) {
@@ -223,6 +229,20 @@ std::shared_ptr<const Reference> make_waypoints(const std::vector<double>& times
             "increasing times; sort the waypoints");
   }
   return std::make_shared<Waypoints>(times, points, order);
+}
+
+std::shared_ptr<const Reference> make_sampled(const VectorXd& times, const MatrixXd& q, const MatrixXd& qd,
+                                              const MatrixXd& qdd) {
+  const auto like_q = [&](const MatrixXd& m) { return m.rows() == q.rows() && m.cols() == q.cols(); };
+  require(times.size() >= 2 && q.rows() == times.size() && like_q(qd) && like_q(qdd),
+          "sampled reference: found fewer than two times or not one row of positions, velocities and accelerations "
+          "each, expected one row per time and at least two; complete the samples");
+  for (Eigen::Index k = 1; k < times.size(); ++k) {
+    require(times[k] > times[k - 1],
+            "sampled reference: found times that do not increase, expected strictly increasing times; sort the samples");
+  }
+  return std::make_shared<Waypoints>(std::vector<double>(times.begin(), times.end()), q.transpose(), qd.transpose(),
+                                     qdd.transpose());
 }
 
 std::shared_ptr<const Reference> ramp_in(std::shared_ptr<const Reference> motion, const VectorXd& start,

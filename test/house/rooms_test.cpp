@@ -23,6 +23,8 @@ const std::map<std::string, std::set<std::string>>& allowed() {
       {"sim", {"core", "host", "model", "data"}},
       {"plausibility", {"core", "host", "model", "data"}},
       {"identify", {"core", "host", "model", "data"}},
+      {"collision", {"core", "host", "model"}},
+      {"excite", {"core", "host", "model", "data", "sim", "collision", "identify"}},
       {"diagnose", {"core", "host", "model", "data", "identify"}},
       {"report", {"core", "host", "model", "data", "identify"}}};
   return table;
@@ -78,7 +80,7 @@ TEST(Rooms, CoreIncludesNothingButEigenAndTheStandardLibrary) {
 
 TEST(Rooms, PublicHeadersShowNoThirdPartyType) {
   const std::regex include(
-      R"(#\s*include\s*<(kdl|urdf|cvode|sundials|nvector|sunmatrix|sunlinsol|ceres|nlohmann|CLI|fmt)[/.])");
+      R"(#\s*include\s*<(kdl|urdf|cvode|sundials|nvector|sunmatrix|sunlinsol|ceres|fcl|nlohmann|CLI|fmt)[/.])");
   for (const auto& entry : fs::recursive_directory_iterator(fs::path(HEFT_SOURCE_DIR) / "include/heft")) {
     if (entry.path().extension() != ".hpp") {
       continue;

@@ -89,5 +89,26 @@ TEST(Reference, RefusesTimesThatDoNotIncrease) {
   EXPECT_THROW(make_waypoints({0.0, 1.0, 1.0}, MatrixXd::Zero(1, 3), WaypointOrder::kCubic), ModelError);
 }
 
+TEST(Reference, SamplesAreMetWithTheirDerivativesAndFollowedBetween) {
+  // A sine at 100 Hz: a fifth-order piece of h = 0.01 s leaves h⁶/46080 · max|q⁽⁶⁾| = 1e-15.
+  const Eigen::VectorXd times = Eigen::VectorXd::LinSpaced(201, 0.0, 2.0);
+  Eigen::MatrixXd q(201, 1), qd(201, 1), qdd(201, 1);
+  q.col(0) = (2.0 * times.array()).sin();
+  qd.col(0) = 2.0 * (2.0 * times.array()).cos();
+  qdd.col(0) = -4.0 * (2.0 * times.array()).sin();
+  const auto reference = make_sampled(times, q, qd, qdd);
+  Eigen::VectorXd a(1), v(1), d(1);
+  for (double t = 0.003; t < 2.0; t += 0.0171) {
+    reference->evaluate(t, a, v, d);
+    EXPECT_NEAR(a[0], std::sin(2.0 * t), 1e-12);
+    EXPECT_NEAR(v[0], 2.0 * std::cos(2.0 * t), 1e-10);
+    EXPECT_NEAR(d[0], -4.0 * std::sin(2.0 * t), 1e-7);
+  }
+  reference->evaluate(3.0, a, v, d);
+  EXPECT_EQ(a[0], q(200, 0));
+  EXPECT_EQ(v[0], 0.0);
+  EXPECT_THROW(make_sampled(times, q, qd.topRows(3), qdd), ModelError);
+}
+
 }  // namespace
 }  // namespace heft::sim

@@ -175,7 +175,9 @@ TEST_F(Excite, WritesALogThatDynamicsAgreesWith) {
   const Outcome done = run({"--rate", "50", "--report", folder_.path("out.html")});
   ASSERT_EQ(done.exit_code, 0) << done.err;
   EXPECT_THAT(done.out, AllOf(HasSubstr("Condition number"), HasSubstr("columns scaled to norm 1"),
-                              HasSubstr("standard deviation"), HasSubstr("not checked against one another")));
+                              HasSubstr("standard deviation"),
+                              HasSubstr("Rehearsed on the simulated arm: all limits kept"),
+                              HasSubstr("Speed of tool and link origins: 1.5 m/s")));
   EXPECT_THAT(host::read_file(folder_.path("out.html"), "page"),
               AllOf(HasSubstr("</html>"), HasSubstr("Limits")));
   data::LogRequirements needs;
@@ -250,7 +252,16 @@ TEST_F(Excite, SaysWhatIsWrongWithItsInput) {
   EXPECT_THAT(refusal(3, R"({"lower": 2, "upper": 1})"),
               AllOf(HasSubstr("limits.json: joint 1 (shoulder)"), HasSubstr("expected lower < upper")));
   EXPECT_THAT(refusal(3, R"({"velocty": 1})"), AllOf(HasSubstr("velocty"), HasSubstr("velocity")));
-  EXPECT_THAT(refusal(3, R"({"floor": 9})"), AllOf(HasSubstr("no position found"), HasSubstr("height of")));
+  EXPECT_THAT(refusal(4, R"({"floor": 9})"),
+              AllOf(HasSubstr("no position found"), HasSubstr("no safe motion"), HasSubstr("height of")));
+  EXPECT_THAT(refusal(3, R"({"floor": 1e300})"),
+              AllOf(HasSubstr("floor: found 1e+300"), HasSubstr("expected a length")));
+  EXPECT_THAT(refusal(3, R"({"obstacles": [{"lower": [0, 0, 0], "upper": [1, 1]}]})"),
+              AllOf(HasSubstr("limits.json"), HasSubstr("/upper")));
+  EXPECT_THAT(refusal(3, R"({"obstacles": [{"lower": [0, 0, 2], "upper": [1, 1, 1]}]})"),
+              AllOf(HasSubstr("obstacle 1"), HasSubstr("along z")));
+  EXPECT_THAT(refusal(4, R"({"obstacles": [{"name": "safe", "lower": [-3, -3, -3], "upper": [3, 3, 3]}]})"),
+              AllOf(HasSubstr("no safe motion"), HasSubstr("from safe")));
   EXPECT_THAT(refusal(3, R"({"torque": 0.3})"), HasSubstr("Coulomb friction alone"));
   EXPECT_THAT(refusal(3, R"({"start": [0, 4]})"),
               AllOf(HasSubstr("joint 2 (elbow): start: found 4"), HasSubstr("limits")));
@@ -262,6 +273,67 @@ TEST_F(Excite, SaysWhatIsWrongWithItsInput) {
               AllOf(HasSubstr("undetermined: "), HasSubstr("wider limits")));
   EXPECT_THAT(refusal(3, "", {"--given", folder_.path("none.csv")}), HasSubstr("none.csv"));
   EXPECT_EQ(run({"--cost", "best"}).exit_code, 2);
+}
+
+TEST_F(Excite, RefusesWorkWithoutEndAtOnce) {
+  EXPECT_THAT(refusal(3, "", {"--rate", "1e8"}),
+              AllOf(HasSubstr("found 8e+08 rows"), HasSubstr("lower rate")));
+  EXPECT_EQ(run({"--harmonics", "100"}).exit_code, 2);
+}
+
+TEST_F(Excite, RefusesOptionsThatDoNotGoTogether) {
+  EXPECT_EQ(run({"--speeds", "3"}).exit_code, 2);
+  folder_.write("arm.urdf", kArm);
+  const Outcome mixed = run_heft({"excite", "--urdf", folder_.path("arm.urdf"), "--for", "friction",
+                                  "--harmonics", "3", "-o", folder_.path("out.csv")});
+  EXPECT_EQ(mixed.exit_code, 2);
+  EXPECT_THAT(mixed.err, HasSubstr("--harmonics is for --for parameters only"));
+  EXPECT_EQ(run({"--payload", "1,2"}).exit_code, 2);
+  EXPECT_EQ(run({"--write-urscript", folder_.path("p.script")}).exit_code, 2) << "two joints";
+}
+
+TEST_F(Excite, LeadsFromAPoseAndBackAndItsFilesSayTheSame) {
+  const Outcome done = run({"--from", "0,0.5", "--payload", "0.5,0,0,0.1", "--write-ros",
+                            folder_.path("out.yaml"), "--tool-speed", "0.6"});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const nlohmann::json json = result();
+  ASSERT_EQ(json["phases"].size(), 3U);
+  EXPECT_EQ(json["phases"][0]["name"], "approach");
+  EXPECT_EQ(json["verdict"], "good");
+  EXPECT_LE(json["reached"]["tool_speed"].get<double>(), 0.6);
+  EXPECT_LE(json["rehearsal"]["tool_speed"].get<double>(), 0.6);
+  EXPECT_TRUE(json["rehearsal"]["passed"].get<bool>());
+  data::LogRequirements needs;
+  needs.velocity = true;
+  const data::Log log = data::read_log(folder_.path("out.csv"), needs);
+  for (const Index row : {Index{0}, Index{log.num_samples() - 1}}) {
+    EXPECT_NEAR(log.q(row, 0), 0.0, 1e-6);
+    EXPECT_NEAR(log.q(row, 1), 0.5, 1e-3);
+  }
+  EXPECT_THAT(host::read_file(folder_.path("out.yaml"), "trajectory"),
+              HasSubstr("joint_names: [\"shoulder\", \"elbow\"]"));
+
+  // The CSV runs on the simulated arm.
+  const Outcome replay = run_heft({"simulate", "--urdf", folder_.path("arm.urdf"), "--replay",
+                                   folder_.path("out.csv"), "-o", folder_.path("replay.csv")});
+  ASSERT_EQ(replay.exit_code, 0) << replay.err;
+  const data::Log run_log = data::read_log(folder_.path("replay.csv"), needs);
+  EXPECT_NEAR(run_log.time[run_log.num_samples() - 1], log.time[log.num_samples() - 1], 0.02);
+  EXPECT_LT((run_log.q - run_log.qref).cwiseAbs().maxCoeff(), 0.01);
+  EXPECT_EQ(run_heft({"simulate", "-o", folder_.path("x.csv")}).exit_code, 2)
+      << "neither scenario nor replay";
+}
+
+TEST_F(Excite, StrokesForFrictionAreListed) {
+  folder_.write("arm.urdf", kArm);
+  const Outcome done = run_heft({"excite", "--urdf", folder_.path("arm.urdf"), "--for", "friction",
+                                 "--speeds", "2", "--stroke", "1", "-o", folder_.path("out.csv"), "--json",
+                                 folder_.path("out.json"), "--report", folder_.path("out.html")});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const nlohmann::json json = result();
+  EXPECT_EQ(json["strokes"].size(), 8U);
+  EXPECT_EQ(json["strokes"][0]["speed"].get<double>(), -json["strokes"][1]["speed"].get<double>());
+  EXPECT_THAT(host::read_file(folder_.path("out.html"), "page"), HasSubstr("Stretches at constant speed"));
 }
 
 }  // namespace

@@ -10,9 +10,9 @@
 #include <Eigen/Core>
 
 #include "heft/data/motion_stream.hpp"
+#include "heft/excite/excitation_design.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/excitation.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/simulator.hpp"
 #include "parallel.hpp"
@@ -37,7 +37,7 @@ constexpr double kSettle = 1.0;
 /// A designed motion as the simulator follows it.
 class DesignedMotion : public sim::Reference {
  public:
-  explicit DesignedMotion(identify::ExcitationTrajectory motion) : motion_(std::move(motion)) {}
+  explicit DesignedMotion(excite::ExcitationTrajectory motion) : motion_(std::move(motion)) {}
   int num_joints() const override { return motion_.num_joints(); }
   void evaluate(double t, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> qd,
                 Eigen::Ref<Eigen::VectorXd> qdd) const override {
@@ -49,7 +49,7 @@ class DesignedMotion : public sim::Reference {
   }
 
  private:
-  identify::ExcitationTrajectory motion_;
+  excite::ExcitationTrajectory motion_;
 };
 
 /// 1 plus or minus 10 to 25 %.
@@ -251,9 +251,13 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   const double heaviest = std::max(settings.judged_payload,
                                    *std::max_element(settings.payloads.begin(), settings.payloads.end()));
   const model::Robot loaded = with_load(setup.datasheet, heaviest);
-  identify::MotionLimits limits = identify::limits_of(loaded);
+  excite::MotionLimits limits =
+      excite::limits_of(loaded, {.full_turns = true,
+                                 .tool_speed = std::numeric_limits<double>::infinity(),
+                                 .shapes = {},
+                                 .without_bodies = true});
   limits.margin = 0.2;  // the true arm needs more torque than the data sheet says
-  identify::ExcitationOptions excitation;
+  excite::ExcitationOptions excitation;
   excitation.duration = settings.duration;
   excitation.harmonics = static_cast<int>(std::lround(0.5 * settings.duration));
   excitation.structure = {true, true, true, true, {}};
@@ -261,12 +265,12 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   excitation.finalists = 1;
   excitation.iterations = 60;
   excitation.seed = settings.seed;
-  const identify::Excitation excited =
-      identify::ExcitationDesign(loaded, limits, excitation).optimize(part(0.0, 0.1, "designing motions"));
+  const excite::Excitation excited =
+      excite::ExcitationDesign(loaded, limits, excitation).optimize(part(0.0, 0.1, "designing motions"));
   result.condition = excited.score.condition;
   setup.exciting = std::make_shared<DesignedMotion>(excited.trajectory);
   excitation.seed = settings.seed + 1000;
-  setup.judged = std::make_shared<DesignedMotion>(identify::ExcitationDesign(loaded, limits, excitation)
+  setup.judged = std::make_shared<DesignedMotion>(excite::ExcitationDesign(loaded, limits, excitation)
                                                       .optimize(part(0.1, 0.2, "designing motions"))
                                                       .trajectory);
   setup.inertia = mean_inertia(setup.datasheet, *setup.exciting, settings.duration);

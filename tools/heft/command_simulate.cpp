@@ -10,6 +10,7 @@
 #include "console.hpp"
 #include "example_scenario.hpp"
 #include "heft/data/log.hpp"
+#include "heft/excite/motion.hpp"
 #include "heft/host/file.hpp"
 #include "heft/report/report.hpp"
 #include "options.hpp"
@@ -21,7 +22,8 @@ namespace heft::tools {
 namespace {
 
 struct Options {
-  std::string scenario;
+  RobotOptions robot;
+  std::string scenario, replay;
   std::string output;
   ResultOptions result;
   bool example{false};
@@ -69,15 +71,38 @@ std::vector<report::PlotSpec> channel_plots(const sim::SimulationResult& result,
   return plots;
 }
 
+/// A simulation and what it was of.
+struct Run {
+  std::string robot, source;
+  sim::SimulationResult result;
+};
+
+Run replay(const Options& options) {
+  const model::Robot robot = load_robot(options.robot);
+  data::LogRequirements needs;
+  needs.num_joints = robot.num_joints();
+  needs.robot_name = robot.name;
+  needs.velocity = needs.acceleration = true;
+  const data::Log motion = prepare_log(options.replay, {}, needs).log;
+  const double begin = motion.time[0], duration = motion.time[motion.num_samples() - 1] - begin;
+  const auto reference = sim::make_sampled(motion.time.array() - begin, motion.q, motion.qd, motion.qdd);
+  return {robot.name, options.replay, sim::simulate(excite::replay_settings(robot, reference, duration))};
+}
+
+Run run_of(const Options& options) {
+  if (!options.replay.empty()) return replay(options);
+  const sim::Scenario scenario = read_scenario(options.scenario);
+  return {scenario.settings.robot.name, options.scenario, sim::simulate_scenario(scenario)};
+}
+
 void run(const Options& options) {
   const Console console{options.output, options.result.json};
-  const sim::Scenario scenario = read_scenario(options.scenario);
-  const sim::SimulationResult result = sim::simulate_scenario(scenario);
+  const auto [robot_name, source, result] = run_of(options);
   const data::Log& log = result.log;
   const double duration = log.time[log.num_samples() - 1] - log.time[0];
 
-  nlohmann::ordered_json json{{"scenario", options.scenario},
-                              {"robot", scenario.settings.robot.name},
+  nlohmann::ordered_json json{{options.replay.empty() ? "scenario" : "replay", source},
+                              {"robot", robot_name},
                               {"samples", log.num_samples()},
                               {"duration", duration}};
   json["events"] = nlohmann::ordered_json::array();
@@ -101,7 +126,7 @@ void run(const Options& options) {
                     {"restarts", result.counts.restarts}};
   std::string text = fmt::format(
       "{} simulated for {:.6g} s: {} samples, {} payload events, {} times a joint came to stick\n{}",
-      scenario.settings.robot.name, duration, log.num_samples(), num_payload, num_stick, happened);
+      robot_name, duration, log.num_samples(), num_payload, num_stick, happened);
   const Eigen::VectorXd error = tracking_error(log);
   report::Table table({"joint", "RMS tracking error [rad, m]", "largest torque [N·m, N]"});
   if (error.size() > 0) json["rms_tracking_error"] = json_array(error);
@@ -111,8 +136,9 @@ void run(const Options& options) {
   }
   text += table.to_text(2);
 
-  report::Report page =
-      new_page(fmt::format("{}: simulation", scenario.settings.robot.name), file_name_of(options.scenario));
+  data::write_log(options.output, log);
+  write_json(options.result.json, json);
+  report::Report page = new_page(fmt::format("{}: simulation", robot_name), source);
   page.verdict(fmt::format("{:.6g} s simulated, {} payload events.", duration, num_payload));
   page.table(table);
   page.plots("Position", channel_plots(result, log.q, log.qref, "position [rad, m]"));
@@ -129,22 +155,37 @@ Action set_up_simulate(CommandLine line) {
                   "what to simulate: robot, motion, controller, sensors, events (JSON)")
       .type_name("SCENARIO.json")
       .names_file(FileUse::kInput);
+  line.add_option("--replay", options->replay,
+                  "a motion (CSV: time, q*, better with qd*, qdd*) that the arm of --urdf follows under "
+                  "computed torque")
+      .type_name("MOTION.csv")
+      .names_file(FileUse::kMeasurements);
+  add_robot_options(line, options->robot);
   add_output_option(line, options->output, "the log (CSV); - is standard output", false);
   add_result_options(line, options->result);
   line.add_flag("--example", options->example, "print a complete scenario with comments, and nothing else");
   line.parse_complete_callback([options] {
     if (options->example) return;
-    if (options->scenario.empty()) {
+    if (options->scenario.empty() && options->replay.empty()) {
       throw UsageError(
-          "--scenario is required: what to simulate; heft simulate --example prints one to begin with");
+          "--scenario is required: what to simulate; heft simulate --example prints one to begin with; or give a motion "
+          "with --urdf ROBOT --replay MOTION.csv");
     }
     if (options->output.empty()) throw UsageError("--output is required: where the log goes");
+    if (options->scenario.empty() == options->replay.empty()) {
+      throw UsageError(
+          "give what to simulate: either --scenario SCENARIO.json or --urdf ROBOT --replay MOTION.csv");
+    }
+    if (!options->scenario.empty() && (!options->robot.urdf.empty() || !options->robot.model.empty())) {
+      throw UsageError("--urdf and --model belong to --replay; a scenario names its own robot");
+    }
   });
   line.footer(
       std::string(kScenarioKeys) +
       "The scenario names its robot as --urdf does elsewhere; a relative path is looked for beside the "
       "scenario first.\n"
-      "Example: heft simulate --scenario pick.json -o pick.csv");
+      "Example: heft simulate --scenario pick.json -o pick.csv\n"
+      "Example: heft simulate --urdf ur10e --replay exciting.csv -o log.csv");
   return [options] {
     if (options->example) return host::write_file_atomically("-", kExampleScenario);
     run(*options);

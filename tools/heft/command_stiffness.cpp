@@ -78,6 +78,7 @@ Action set_up_stiffness(CommandLine line) {
       .type_name("X,Y,Z")
       .delimiter(',')
       .expected(3);
+  add_pose_options(line, options->safety);
   add_output_option(line, options->model,
                     "model file with the stiffnesses as elastic joints (--plan: the poses)", false);
   add_result_options(line, options->result);

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "console.hpp"
+#include "heft/excite/excite.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
@@ -337,9 +338,18 @@ std::string describe_map(const model::Kinematics& kinematics, const VectorXd& q,
 
 void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   const Console console{options.result.json, options.model};
-  const model::Robot robot = load_robot(options.robot);
-  const model::Kinematics kinematics(robot);
+  model::Robot robot = load_robot(options.robot);
   const int n = robot.num_joints();
+  excite::MotionLimits limits = load_limits(options.robot, robot, options.safety, false).limits;
+  // Poses are held, not run through: speeds and torques do not matter.
+  limits.velocity.setOnes(n);
+  limits.torque.setConstant(n, std::numeric_limits<double>::infinity());
+  const excite::PoseCheck safe(robot, limits);
+  for (int j = 0; j < n; ++j) {
+    robot.joints[static_cast<std::size_t>(j)].lower = limits.lower[j];
+    robot.joints[static_cast<std::size_t>(j)].upper = limits.upper[j];
+  }
+  const model::Kinematics kinematics(robot);
   const auto length_at = identify::characteristic_length(kinematics);
   const double length = std::isfinite(length_at.length) ? length_at.length : 1.0;
 
@@ -349,11 +359,19 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   MatrixXd directions = MatrixXd::Identity(6, 6);
   directions.bottomRows(3) *= length;
   constexpr int kCandidates = 3000;
+  std::string missed;
   const auto candidates = identify::pose_candidates(kinematics, length, kCandidates, [&](const VectorXd& q) {
+    if (!(safe.slack(q, &missed) > 0.0)) return MatrixXd();
     MatrixXd J;
     const model::ToolPlacement tip = kinematics.tip_and_jacobian(q, J);
     return identify::compliance_rows(J, wrench_of(pull, options.payload.com, tip), directions);
   });
+  if (candidates.size() < 2 * static_cast<std::size_t>(options.plan)) {
+    throw NotIdentifiableError(fmt::format(
+        "robot \"{}\": {} poses are to be chosen and only {} of {} tried are safe; the limit missed last: {}; widen it or "
+        "ask for fewer",
+        robot.name, options.plan, candidates.size(), kCandidates, missed));
+  }
   // Well away from singular poses: the better half.
   std::vector<double> sorted;
   for (const auto& candidate : candidates) sorted.push_back(candidate.dexterity);
@@ -396,7 +414,7 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   }
   report::Report page = new_page("Poses to measure stiffness at", robot.name);
   page.verdict(
-      fmt::format("{} poses of {} tried: each joint's compliance known as well as so many poses allow.",
+      fmt::format("{} of {} safe poses: each joint's compliance known as well as so many poses allow.",
                   options.plan, candidates.size()));
   page.table(table, "Poses");
   page.table(expected, "What to expect of readings by a tracker");
@@ -404,9 +422,9 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   const VectorXd& first = candidates[static_cast<std::size_t>(choice.chosen.front())].q;
   const std::string zones = describe_map(kinematics, first, length, options.map, json, page);
   console.print(
-      "{} poses of {} tried, chosen for the smallest volume of uncertainty (D-optimal) among the half with "
-      "the best "
-      "dexterity, {:.3g} N on the tool. Not checked for collisions.\n{}\nExpected of a tracker:\n{}{}",
+      "{} of {} safe poses (links clear of one another, of floor and obstacles; at most one turn a joint), chosen for the "
+      "smallest volume of uncertainty (D-optimal) among the half with the best "
+      "dexterity, {:.3g} N on the tool. The way from one to the next is not checked.\n{}\nExpected of a tracker:\n{}{}",
       options.plan, candidates.size(), pull.norm(), table.to_text(2), expected.to_text(2), zones);
   finish(console, options.model, options.result, json, page,
          [&] { host::write_file_atomically(options.model, csv); });

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "motion_safety.hpp"
 #include "options.hpp"
 
 namespace heft::tools {
@@ -35,6 +36,7 @@ struct StiffnessCommandOptions {
   std::string path;         ///< log whose poses the loaded tool is to follow
   std::string compensated;  ///< that log with compensated positions
 
+  SafetyOptions safety;        ///< of planned poses
   int plan{0};                 ///< poses to choose
   std::vector<int> map{2, 3};  ///< joints (from 1) of the map of dexterity through the first pose
   std::vector<double> pull;    ///< force on the tool while measuring, base axes [N]

@@ -50,6 +50,13 @@ enum class WaypointOrder {
 std::shared_ptr<const Reference> make_waypoints(const std::vector<double>& times,
                                                 const Eigen::MatrixXd& points, WaypointOrder order);
 
+/// Through samples with their derivatives, fifth-order polynomials between them; at rest at the ends before the first and
+/// after the last.
+/// @param times     strictly increasing, at least two [s]
+/// @param q,qd,qdd  number of times × n
+std::shared_ptr<const Reference> make_sampled(const Eigen::VectorXd& times, const Eigen::MatrixXd& q,
+                                              const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd);
+
 /// Blends from rest at `start` into a motion: q = start + σ(t/ramp) (motion − start) with the fifth-order
 /// smooth step σ, so that position, velocity and acceleration begin at start, 0, 0.
 std::shared_ptr<const Reference> ramp_in(std::shared_ptr<const Reference> motion,

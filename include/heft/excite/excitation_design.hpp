@@ -2,7 +2,6 @@
 /// Motions that make parameters visible: finite Fourier series designed for the regression that will follow.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -12,50 +11,15 @@
 
 #include <Eigen/Core>
 
+#include "heft/excite/fourier_motion.hpp"
+#include "heft/excite/motion_limits.hpp"
 #include "heft/identify/regression_columns.hpp"
 #include "heft/model/robot.hpp"
 
-namespace heft::identify {
+namespace heft::excite {
 
-/// What a motion has to keep to. Vectors of n.
-struct MotionLimits {
-  Eigen::VectorXd lower, upper;  ///< positions [rad, m], finite, lower < upper
-  Eigen::VectorXd velocity;      ///< [rad/s, m/s], > 0 and finite
-  Eigen::VectorXd acceleration;  ///< [rad/s², m/s²], > 0, may be infinite
-  Eigen::VectorXd torque;        ///< [N·m, N], > 0, may be infinite
-  /// Share of every limit that stays unused; of half the range for positions. In [0, 1).
-  double margin{0.05};
-  /// Height above the base frame's origin, against gravity, that link origins and tool stay above [m].
-  std::optional<double> floor;
-  /// Corners of a box in the base frame that link origins and tool stay inside [m]; infinite entries allowed.
-  std::optional<std::array<Eigen::Vector3d, 2>> box;
-  double clearance{0.0};                          ///< distance kept from floor and box [m], ≥ 0
-  Eigen::Vector3d tool{Eigen::Vector3d::Zero()};  ///< a point of the tool, in the tip frame [m]
-};
-
-/// The URDF's limits. A revolute joint without position limits gets one turn, ±π; a prismatic one without them and
-/// a joint without velocity limit stay unbounded, which ExcitationDesign refuses. The floor is the base
-/// frame's x-y plane when the base stands upright within 45°, else (ceiling, wall, no gravity) there is none.
-/// Clearance: 5 % of the arm's length, about the radius of a housing, of which a URDF need not say anything.
-MotionLimits limits_of(const model::Robot& robot);
-
-/// A finite Fourier series per joint:
-///
-///   q̇_j(t) = Σ_k a_jk sin(kωt) + b_jk cos(kωt),   q_j(0) = start_j,   ω = 2π / period.
-///
-/// At rest with zero acceleration at both ends when Σ b = 0 and Σ k a = 0 (see ExcitationDesign).
-struct ExcitationTrajectory {
-  double period{20.0};     ///< of the first harmonic [s]
-  double duration{20.0};   ///< [s]
-  Eigen::VectorXd start;   ///< n [rad, m]
-  Eigen::MatrixXd sine;    ///< a, n × harmonics [rad/s, m/s]
-  Eigen::MatrixXd cosine;  ///< b, n × harmonics
-
-  int num_joints() const { return static_cast<int>(start.size()); }
-  int num_harmonics() const { return static_cast<int>(sine.cols()); }
-  /// @param q,qd,qdd  out, resized to n
-  void evaluate(double t, Eigen::VectorXd& q, Eigen::VectorXd& qd, Eigen::VectorXd& qdd) const;
-};
+using identify::ModelStructure;
+using identify::RegressionColumns;
 
 /// What is to become small.
 enum class ExcitationCost {
@@ -96,17 +60,6 @@ struct ExcitationOptions {
   std::uint64_t seed{1};
 };
 
-/// How near a motion comes to the limits, without the margin: 1 is the limit itself. Vectors of n.
-struct LimitUse {
-  Eigen::VectorXd lowest, highest;                 ///< positions reached [rad, m]
-  Eigen::VectorXd position;                        ///< distance from the middle of the range over half of it
-  Eigen::VectorXd velocity, acceleration, torque;  ///< largest values [rad/s, rad/s², N·m; m, N]
-  double lowest_height{0.0};  ///< of a moving point above the base origin [m]; NaN: no floor
-  double box_distance{0.0};   ///< smallest distance of a moving point from the box's walls [m]; NaN: none
-  bool inside{false};         ///< all limits kept with their margin
-  std::string worst;          ///< the limit nearest or passed, in words
-};
-
 /// What a motion tells about the base parameters, sharp sign of friction.
 struct ExcitationScore {
   double condition{0.0};            ///< of W with unit columns, rows weighted as chosen
@@ -142,14 +95,14 @@ struct Excitation {
 /// finer grid and drawn together about its middle until the limits hold there.
 ///
 /// Torque limits are kept for either sign of Coulomb friction, because a joint that reverses takes any torque
-/// between. Not checked: links hitting one another; narrow the position limits for that.
+/// between. Links are kept apart as capsules, by the closed form of their distances.
 class ExcitationDesign {
  public:
   struct Impl;
 
   /// @throws ModelError when limits contradict themselves or one another, the start is outside them, or the
-  ///         options are out of range. NotIdentifiableError when the harmonics are too few for the parameters.
-  ExcitationDesign(const model::Robot& robot, MotionLimits limits, ExcitationOptions options);
+  ///         options are out of range.
+  ExcitationDesign(const model::Robot& robot, const MotionLimits& limits, ExcitationOptions options);
   ~ExcitationDesign();
   ExcitationDesign(ExcitationDesign&&) noexcept;
   ExcitationDesign& operator=(ExcitationDesign&&) noexcept;
@@ -174,7 +127,7 @@ class ExcitationDesign {
 
   /// A random motion inside the limits: normally distributed coefficients, each joint as fast as its velocity and
   /// range allow, then drawn together about a random position until everything else holds.
-  /// @throws ModelError when no position inside the limits can be held.
+  /// @throws NotIdentifiableError when no position inside the limits can be held or nothing can move there.
   ExcitationTrajectory random_motion(std::uint64_t seed) const;
 
   ExcitationScore score(const ExcitationTrajectory& motion) const;
@@ -186,7 +139,7 @@ class ExcitationDesign {
                          const Eigen::VectorXd& qdd) const;
 
   /// @param progress  called with 0..1, from the calling thread; may be empty
-  /// @throws ModelError as random_motion, NotIdentifiableError when the best motion leaves parameters undetermined.
+  /// @throws NotIdentifiableError as random_motion, and when the best motion leaves parameters undetermined.
   Excitation optimize(const std::function<void(double)>& progress = {}) const;
 
   // For tests: the function that is searched.
@@ -202,4 +155,4 @@ class ExcitationDesign {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace heft::identify
+}  // namespace heft::excite

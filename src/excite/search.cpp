@@ -15,10 +15,10 @@
 #include <fmt/format.h>
 #include <glog/logging.h>
 
-#include "excitation_impl.hpp"
+#include "design_impl.hpp"
 #include "heft/host/error.hpp"
 
-namespace heft::identify {
+namespace heft::excite {
 namespace {
 
 using Eigen::Index;
@@ -227,4 +227,4 @@ Excitation ExcitationDesign::Impl::optimize(const std::function<void(double)>& p
   return result;
 }
 
-}  // namespace heft::identify
+}  // namespace heft::excite

@@ -1,4 +1,4 @@
-#include "excitation_regressor.hpp"
+#include "differentiable_regressor.hpp"
 
 #include <array>
 #include <cmath>
@@ -9,8 +9,12 @@
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/host/error.hpp"
 
-namespace heft::identify {
+namespace heft::excite {
 namespace {
+
+using identify::Column;
+using identify::ColumnKind;
+using identify::RegressionColumns;
 
 template <typename Scalar, int N>
 ArmModel<Scalar, N> converted(const ArmModel<double, N>& arm) {
@@ -229,4 +233,4 @@ std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(const Reg
   return make_sized<0>(columns, chosen, sign_width);
 }
 
-}  // namespace heft::identify
+}  // namespace heft::excite

@@ -9,7 +9,7 @@
 
 #include "heft/identify/regression_columns.hpp"
 
-namespace heft::identify {
+namespace heft::excite {
 
 /// Chosen columns of the regression, smooth sign, and the torque without Coulomb friction.
 class DifferentiableRegressor {
@@ -29,8 +29,8 @@ class DifferentiableRegressor {
 
 /// @param chosen      columns wanted
 /// @param sign_width  n: tanh(q̇/width) stands for the sign [rad/s, m/s]
-std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(const RegressionColumns& columns,
-                                                                       const std::vector<int>& chosen,
-                                                                       const Eigen::VectorXd& sign_width);
+std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(
+    const identify::RegressionColumns& columns, const std::vector<int>& chosen,
+    const Eigen::VectorXd& sign_width);
 
-}  // namespace heft::identify
+}  // namespace heft::excite

@@ -9,35 +9,24 @@
 
 #include <Eigen/Core>
 
-#include "excitation_regressor.hpp"
-#include "heft/identify/excitation.hpp"
+#include "differentiable_regressor.hpp"
+#include "heft/excite/excitation_design.hpp"
 #include "heft/model/dynamics.hpp"
+#include "limit_check.hpp"
+#include "robot_words.hpp"
 
-namespace heft::identify {
+namespace heft::excite {
 
 /// Position, velocity and acceleration of the 2K basis functions at some instants (rows).
 struct FourierBasis {
   Eigen::MatrixXd q, qd, qdd;
 };
 
-/// A point that moves with a link has to stay on one side of a plane: normal · P ≥ bound, base frame.
-struct Wall {
-  int link;
-  Eigen::Vector3d point;  ///< in the link frame
-  Eigen::Vector3d normal;
-  double bound;  ///< [m]
-  std::string name;
-  bool is_floor;
-};
-
-/// Where a motion is nearest to leaving the limits. Slack is a share of the limit (metres for walls).
-struct Closest {
-  double slack{0.0};
-  std::string what;
-};
+/// A position to start from is at least so far inside, as a share of every limit.
+inline constexpr double kRoom = 0.01;
 
 struct ExcitationDesign::Impl {
-  Impl(const model::Robot& robot, MotionLimits given_limits, ExcitationOptions given_options);
+  Impl(const model::Robot& robot, const MotionLimits& limits, ExcitationOptions given_options);
 
   int n() const { return columns.num_joints(); }
   int b() const { return static_cast<int>(kept.size()); }
@@ -58,15 +47,18 @@ struct ExcitationDesign::Impl {
   bool evaluate(const Eigen::VectorXd& x, double barrier, double& cost, Eigen::VectorXd* gradient,
                 double* pure = nullptr) const;
 
-  /// Smallest slack over instants (rows of the basis); stops at the first below `enough`.
-  Closest closest(const ExcitationTrajectory& motion, const FourierBasis& basis, double enough) const;
-  /// Slack of standing still at q.
-  Closest closest_at_rest(const Eigen::VectorXd& q) const;
+  Samples samples_of(const ExcitationTrajectory& motion, const FourierBasis& basis) const;
+  /// Barrier of everything that is limited in space over the dense samples: Σ log slack is added to `sum`, its
+  /// derivatives, times −barrier, to the others (samples × n). False outside.
+  bool space_barrier(const Samples& dense_motion, double barrier, bool with_gradient, double& sum,
+                     Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_qd) const;
   /// Drawn together about `middle` by the largest factor that keeps the limits on this basis; 0: none does.
   double drawn_together(const ExcitationTrajectory& motion, const FourierBasis& basis, double step,
                         ExcitationTrajectory& result) const;
   ExcitationTrajectory scaled(const ExcitationTrajectory& motion, double factor) const;
   ExcitationTrajectory random_motion(std::uint64_t seed) const;
+  /// How fast each joint may turn with the others at rest and the arm stretched out, n.
+  Eigen::VectorXd fastest_alone() const;
 
   /// Information matrices of a motion a unit of weight squared and second: with noise weights and unit rows.
   void information(const ExcitationTrajectory& motion, Eigen::MatrixXd& by_noise,
@@ -77,8 +69,8 @@ struct ExcitationDesign::Impl {
 
   Excitation optimize(const std::function<void(double)>& progress) const;
 
-  MotionLimits limits;
   ExcitationOptions options;
+  LimitCheck bounds;
   RegressionColumns columns;
   model::Dynamics dynamics;
   std::vector<int> kept;
@@ -87,12 +79,6 @@ struct ExcitationDesign::Impl {
   std::unique_ptr<DifferentiableRegressor> regressor;
   Eigen::VectorXd noise;    ///< σ, n
   Eigen::VectorXd weights;  ///< of rows in the search, n
-
-  // Limits less their margin.
-  Eigen::VectorXd middle, half, velocity, acceleration, torque;
-  Eigen::VectorXd coulomb;
-  std::vector<Wall> walls;
-  Eigen::Vector3d up{Eigen::Vector3d::Zero()};
 
   int repeats{1};           ///< periods in the duration, when whole
   double span{0.0};         ///< time that the search looks at: one period, or the duration
@@ -104,4 +90,4 @@ struct ExcitationDesign::Impl {
   bool has_given{false};
 };
 
-}  // namespace heft::identify
+}  // namespace heft::excite

@@ -1,0 +1,140 @@
+/// @file
+/// Motions that show what an arm is like, checked before anyone runs them: the facade of this room.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/data/log.hpp"
+#include "heft/excite/excitation_design.hpp"
+#include "heft/excite/motion.hpp"
+#include "heft/excite/motion_limits.hpp"
+#include "heft/host/verdict.hpp"
+#include "heft/model/robot.hpp"
+
+namespace heft::excite {
+
+/// A load on the flange.
+struct Payload {
+  double mass{0.0};                              ///< [kg], ≥ 0
+  Eigen::Vector3d com{Eigen::Vector3d::Zero()};  ///< in the tip frame [m]
+};
+/// The robot with a load that is a point mass fixed to its tip.
+/// @throws ModelError for a mass that is negative or not finite
+model::Robot with_payload(model::Robot robot, const Payload& payload);
+
+/// What a motion is to show and where the arm stands before it. Limits are separate: limits_of, read_limits.
+struct Options {
+  ExcitationOptions search;
+  Payload payload;                      ///< carried along; counts in every torque
+  std::optional<Eigen::VectorXd> from;  ///< the arm stands here before and after, n [rad, m]
+  double rate{100.0};                   ///< rows a second of the log [Hz]
+  bool rehearse{true};                  ///< run on the simulated arm and check what it did
+  /// Motion of logs already taken: q, q̇, q̈ (m × n) and the time that a row stands for [s].
+  struct Given {
+    Eigen::MatrixXd q, qd, qdd;
+    double seconds{0.0};
+  };
+  std::vector<Given> given;
+  std::function<void(double)> progress{};  ///< called with 0..1, from the calling thread
+};
+
+/// A stretch of a motion.
+struct Phase {
+  std::string name;
+  double begin{0.0}, end{0.0};  ///< [s]
+};
+
+/// A motion over time in space, for plots: one row a log row.
+struct SpaceRecord {
+  /// [m]; NaN where there is nothing to be near to. `link_spare` is beyond the clearance of a pair.
+  Eigen::VectorXd link_distance, link_spare, obstacle_distance, height;
+  Eigen::VectorXd tool_speed;  ///< [m/s]
+};
+SpaceRecord in_space(const model::Robot& robot, const MotionLimits& limits, const data::Log& log);
+
+/// A finished motion.
+struct Motion {
+  model::Robot robot;   ///< with the payload
+  MotionLimits limits;  ///< with the pairs of links that are watched
+  PiecewiseMotion path;
+  std::vector<Phase> phases;
+  data::Log log;  ///< time, q, qd, qdd, tau as predicted
+  LimitUse use;   ///< of the whole motion
+  std::optional<Rehearsal> rehearsal;
+  host::Judgement judgement;
+
+  bool usable() const { return judgement.usable(); }
+};
+
+/// An exciting motion with its design.
+struct ExcitingMotion : Motion {
+  std::shared_ptr<const ExcitationDesign> design;
+  Excitation excitation;
+};
+
+/// Designs an exciting motion, leads to it and back from where the arm stands, and rehearses all of it.
+/// @throws ModelError as ExcitationDesign; NotIdentifiableError when no safe motion is found, the rehearsal passes a limit
+///         (both name it), or the motion leaves parameters undetermined.
+ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, const Options& options = {});
+
+/// Strokes at constant speed both ways, joint by joint, for friction over speed.
+struct FrictionOptions {
+  int speeds{6};               ///< of each joint, evenly spaced on a logarithmic scale
+  double slowest{0.02};        ///< share of the fastest
+  double longest_stroke{3.0};  ///< at constant speed [s]
+  std::vector<int> joints;     ///< 0-based; empty: all
+  Eigen::VectorXd pose;        ///< around which the joints move, the others at rest, n; size 0: chosen
+  Payload payload;
+  std::optional<Eigen::VectorXd> from;  ///< as Options::from
+  double rate{100.0};                   ///< [Hz]
+  bool rehearse{true};
+  std::uint64_t seed{1};  ///< of the poses tried
+};
+
+/// One stretch at constant speed.
+struct Stroke {
+  int joint{0};                 ///< 0-based
+  double speed{0.0};            ///< signed [rad/s, m/s]
+  double begin{0.0}, end{0.0};  ///< of the constant speed [s]
+  double from{0.0}, to{0.0};    ///< position of the joint there [rad, m]
+};
+
+struct FrictionMotion : Motion {
+  Eigen::VectorXd pose;
+  std::vector<Stroke> strokes;
+};
+
+/// @throws as design
+FrictionMotion friction_strokes(const model::Robot& robot, const MotionLimits& limits,
+                                const FrictionOptions& options = {});
+
+/// A program for a Universal Robots controller that runs the motion: one servoj a row. It does not move to the first
+/// row by itself, since it does not know a safe way there: it stops with a message unless the arm stands there.
+/// @throws ModelError for a robot without six joints, rows that are not evenly spaced, or less than 2 ms apart
+std::string to_urscript(const data::Log& log, const std::string& name = "heft_motion");
+/// A ROS 2 trajectory_msgs/msg/JointTrajectory in YAML, as `ros2 topic pub` and `ros2 action send_goal` take it.
+std::string to_ros_trajectory(const data::Log& log, const model::Robot& robot);
+
+/// Poses at which the arm may stand: inside the limits less their margin, clear of itself, floor, box and obstacles.
+class PoseCheck {
+ public:
+  PoseCheck(const model::Robot& robot, const MotionLimits& limits);
+  ~PoseCheck();
+  PoseCheck(PoseCheck&&) noexcept;
+  PoseCheck& operator=(PoseCheck&&) noexcept;
+  /// Above 0 where the pose may be taken: the smallest slack, a share of a joint's range or of the clearance.
+  /// @param what  gets the nearest limit, in words; may be null
+  double slack(const Eigen::VectorXd& q, std::string* what = nullptr) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace heft::excite

@@ -1,0 +1,149 @@
+#include "heft/excite/excite.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "finish_motion.hpp"
+#include "heft/host/error.hpp"
+#include "limit_check.hpp"
+#include "robot_words.hpp"
+
+namespace heft::excite {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kMostRows = 2e6;
+
+/// A good fit is possible below; above, single parameters lose a digit or more to the noise.
+constexpr double kGoodCondition = 30.0;
+
+}  // namespace
+
+model::Robot with_payload(model::Robot robot, const Payload& payload) {
+  if (!(payload.mass >= 0.0) || !std::isfinite(payload.mass) || !payload.com.allFinite()) {
+    throw ModelError(
+        fmt::format("payload: found a mass of {} kg and a centre at ({}, {}, {}) m, expected finite numbers "
+                    "and at least 0 kg",
+                    payload.mass, payload.com.x(), payload.com.y(), payload.com.z()));
+  }
+  if (payload.mass == 0.0 || robot.joints.empty()) return robot;
+  const Vector3d c = vector_of(robot.tip_position) + matrix_of(robot.tip_rotation) * payload.com;
+  const double m = payload.mass;
+  const Eigen::Matrix3d inertia = m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  InertialParameters<double>& link = robot.joints.back().link;
+  link[kMass] += m;
+  link[kMcx] += m * c.x();
+  link[kMcy] += m * c.y();
+  link[kMcz] += m * c.z();
+  link[kIxx] += inertia(0, 0);
+  link[kIxy] += inertia(0, 1);
+  link[kIyy] += inertia(1, 1);
+  link[kIxz] += inertia(0, 2);
+  link[kIyz] += inertia(1, 2);
+  link[kIzz] += inertia(2, 2);
+  return robot;
+}
+
+SpaceRecord in_space(const model::Robot& robot, const MotionLimits& limits, const data::Log& log) {
+  const LimitCheck check(robot, limits);
+  SpaceRecord record;
+  record.link_distance.resize(log.num_samples());
+  record.link_spare = record.obstacle_distance = record.height = record.tool_speed = record.link_distance;
+  for (Index i = 0; i < log.num_samples(); ++i) {
+    const InSpace space = check.in_space(log.q.row(i), log.qd.row(i));
+    record.link_distance[i] = space.link_distance;
+    record.link_spare[i] = space.link_spare;
+    record.obstacle_distance[i] = space.obstacle_distance;
+    record.height[i] = space.height;
+    record.tool_speed[i] = space.speed;
+  }
+  return record;
+}
+
+void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::optional<VectorXd>& from,
+                   double rate, bool rehearsed) {
+  VectorXd first, last, qd, qdd;
+  core.front().at(0.0, first, qd, qdd);
+  core.back().at(core.back().duration, last, qd, qdd);
+  const auto add = [&](const std::vector<Piece>& pieces, const std::string& name) {
+    if (pieces.empty()) return;
+    const double begin = motion.path.duration();
+    for (const Piece& piece : pieces) motion.path.add(piece);
+    motion.phases.push_back({name, begin, motion.path.duration()});
+  };
+  if (from) add(safe_way(motion.robot, motion.limits, "way to the motion", *from, first), "approach");
+  add(core, "motion");
+  if (from) add(safe_way(motion.robot, motion.limits, "way back", last, *from), "return");
+  if (!(motion.path.duration() * rate <= kMostRows)) {
+    throw ModelError(
+        fmt::format("{:g} s at {:g} Hz: found {:.3g} rows, expected at most {:g}; take a lower rate",
+                    motion.path.duration(), rate, motion.path.duration() * rate, kMostRows));
+  }
+  motion.log = log_of(motion.robot, motion.path, rate);
+  const LimitCheck check(motion.robot, motion.limits);
+  motion.limits = check.limits;
+  const Samples samples{motion.log.q, motion.log.qd, motion.log.qdd};
+  motion.use = check.use_of(samples);
+  if (!motion.use.inside) {
+    throw NotIdentifiableError(
+        fmt::format("robot \"{}\": no safe motion: on a last look at every row a limit is passed: {}",
+                    motion.robot.name, motion.use.worst));
+  }
+  if (!rehearsed) {
+    motion.judgement.add(host::Verdict::kDoubtful, "The motion was not rehearsed on a simulated arm");
+    return;
+  }
+  motion.rehearsal = rehearse(motion.robot, motion.limits, motion.path);
+  if (!motion.rehearsal->passed) {
+    throw NotIdentifiableError(
+        fmt::format("robot \"{}\": no safe motion: in simulation the arm passes a limit: {}; a larger margin "
+                    "(\"margin\" in the limits) "
+                    "leaves the controller more room",
+                    motion.robot.name, motion.rehearsal->failure));
+  }
+}
+
+ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, const Options& options) {
+  ExcitingMotion motion;
+  motion.robot = with_payload(robot, options.payload);
+  ExcitationOptions search = options.search;
+  search.sample_rate = options.rate;
+  auto designed = std::make_shared<ExcitationDesign>(motion.robot, limits, search);
+  // A pose that cannot be held is told before the search, which takes a while.
+  if (options.from) safe_way(motion.robot, limits, "pose to come from", *options.from, *options.from);
+  for (const Options::Given& given : options.given)
+    designed->add_given(given.q, given.qd, given.qdd, given.seconds);
+  motion.excitation = designed->optimize(options.progress);
+  motion.limits = designed->limits();
+  motion.design = designed;
+  finish_motion(motion, {fourier_piece("exciting motion", motion.excitation.trajectory)}, options.from,
+                options.rate, options.rehearse);
+  if (!(motion.excitation.score.condition <= kGoodCondition)) {
+    motion.judgement.add(
+        host::Verdict::kDoubtful,
+        fmt::format("The condition number is {:.3g}, above {:g}: some parameters will be known badly",
+                    motion.excitation.score.condition, kGoodCondition));
+  }
+  return motion;
+}
+
+struct PoseCheck::Impl {
+  LimitCheck check;
+};
+PoseCheck::PoseCheck(const model::Robot& robot, const MotionLimits& limits)
+    : impl_(new Impl{LimitCheck(robot, limits)}) {}
+PoseCheck::~PoseCheck() = default;
+PoseCheck::PoseCheck(PoseCheck&&) noexcept = default;
+PoseCheck& PoseCheck::operator=(PoseCheck&&) noexcept = default;
+double PoseCheck::slack(const VectorXd& q, std::string* what) const {
+  return impl_->check.pose_slack(q, what);
+}
+
+}  // namespace heft::excite

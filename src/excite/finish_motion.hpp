@@ -1,0 +1,20 @@
+/// @file
+/// What every motion goes through last.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/excite/excite.hpp"
+
+namespace heft::excite {
+
+/// Leads to the pieces and back, makes the log, looks at every row and rehearses. Takes `motion.robot` and
+/// `motion.limits`, fills in the rest but the judgement of the motion itself.
+/// @throws NotIdentifiableError naming the limit that is passed
+void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::optional<Eigen::VectorXd>& from,
+                   double rate, bool rehearsed);
+
+}  // namespace heft::excite

@@ -1,0 +1,276 @@
+#include "excite_result.hpp"
+
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "motion_result.hpp"
+#include "page.hpp"
+
+namespace heft::tools {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// The same motion as a scenario of `simulate` states it: q0 + Σ A sin(2π f t + φ).
+nlohmann::ordered_json scenario_reference(const excite::ExcitationTrajectory& motion) {
+  // a (1 − cos kωt) / kω + b sin kωt / kω = a / kω + A sin(kωt + φ) with A sin φ = −a / kω, A cos φ = b / kω
+  const Index n = motion.num_joints(), K = motion.num_harmonics();
+  VectorXd q0 = motion.start;
+  MatrixXd amplitude(n, K), frequency(n, K), phase(n, K);
+  for (Index k = 0; k < K; ++k) {
+    const double f = static_cast<double>(k + 1) / motion.period, w = 2.0 * std::numbers::pi * f;
+    for (Index j = 0; j < n; ++j) {
+      const double a = motion.sine(j, k) / w, b = motion.cosine(j, k) / w;
+      q0[j] += a;
+      amplitude(j, k) = std::hypot(a, b);
+      phase(j, k) = std::atan2(-a, b);
+      frequency(j, k) = f;
+    }
+  }
+  return {{"kind", "fourier"},
+          {"q0", array_of(q0)},
+          {"amplitude", rows_of(amplitude)},
+          {"frequency_hz", rows_of(frequency)},
+          {"phase", rows_of(phase)}};
+}
+
+report::Table parameter_table(const excite::ExcitationDesign& design, const excite::ExcitationScore& score) {
+  report::Table table({"parameter", "unit", "present value", "expected std", "% of value"});
+  const VectorXd values = design.values();
+  for (Index i = 0; i < score.std.size(); ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const double share = score.std[i] / std::abs(values[i]);
+    table.add_row({design.names()[k], design.units()[k], report::number(values[i], 4),
+                   report::number(score.std[i], 3), share < 10.0 ? percent_text(share) : "–"});
+  }
+  return table;
+}
+
+report::PlotSpec history_plot(const excite::Excitation& design, const std::string& label) {
+  report::PlotSpec spec;
+  spec.title = "Cost over the winner's search";
+  spec.x_label = "iteration";
+  spec.y_label = label;
+  report::Series series{"", {}, {}};
+  for (std::size_t i = 0; i < design.history.size(); ++i) {
+    series.x.push_back(static_cast<double>(i));
+    series.y.push_back(design.history[i]);
+  }
+  spec.series.push_back(std::move(series));
+  return spec;
+}
+
+double less(double value, double reference) { return 100.0 * (1.0 - value / reference); }
+
+std::string scaling_text(const ExciteWording& wording) {
+  return fmt::format("columns scaled to norm 1, rows {}",
+                     wording.rows_by_noise ? "over the torque noise of their joint" : "as they are");
+}
+
+std::string std_text(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+  return fmt::format("for {} and a row every {:g} ms", wording.noise,
+                     1e3 / motion.design->options().sample_rate);
+}
+
+std::string random_text(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+  const RandomMotions& random = *wording.random;
+  return fmt::format(
+      "{} random motions inside the same limits{}: median condition number {}, standard deviation {}: this "
+      "one has "
+      "{} % less",
+      random.count, wording.given.empty() ? "" : ", with the given logs", report::number(random.condition, 3),
+      report::number(random.mean_std, 3),
+      report::number(less(motion.excitation.score.mean_std, random.mean_std), 3));
+}
+
+std::string about(const excite::ExcitationTrajectory& motion) {
+  return fmt::format("{:g} s, {} harmonics of {:g} s", motion.duration, motion.num_harmonics(),
+                     motion.period);
+}
+
+std::string reasons_text(const host::Judgement& judgement) {
+  std::string text;
+  for (const std::string& reason : judgement.reasons) text += reason + ".\n";
+  return text;
+}
+
+}  // namespace
+
+std::string excite_text(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+  const excite::ExcitationScore& score = motion.excitation.score;
+  std::string text = fmt::format(
+      "{}: {}, at rest at both ends\n"
+      "{} parameters: {}{}\n"
+      "Condition number {}: {}; {} with unweighted rows\n"
+      "log det F {}; expected standard deviation {} (geometric mean), {}\n",
+      motion.robot.name, about(motion.excitation.trajectory), motion.design->num_parameters(),
+      wording.parameters,
+      wording.given.empty()
+          ? ""
+          : fmt::format("; {} log{} given", wording.given.size(), wording.given.size() == 1 ? "" : "s"),
+      report::number(score.condition, 3), scaling_text(wording), report::number(score.condition_unit_rows, 3),
+      report::number(score.log_det, 4), report::number(score.mean_std, 3), std_text(motion, wording));
+  if (wording.before) {
+    text +=
+        fmt::format("The given logs alone: condition number {}, standard deviation {}: {} % less now\n",
+                    report::number(wording.before->condition, 3), report::number(wording.before->mean_std, 3),
+                    report::number(less(score.mean_std, wording.before->mean_std), 3));
+  } else if (!wording.given.empty()) {
+    text += "The given logs alone do not determine all of them\n";
+  }
+  if (wording.random) text += random_text(motion, wording) + '\n';
+  text += reasons_text(motion.judgement) + safety_text(motion);
+  text += fmt::format("Limits with {:g} % to spare; nearest: {}\n{}", 100.0 * motion.limits.margin,
+                      motion.use.worst, limit_table(motion).to_text(2));
+  return text;
+}
+
+nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+  const excite::ExcitationTrajectory& trajectory = motion.excitation.trajectory;
+  const excite::ExcitationScore& score = motion.excitation.score;
+  const excite::ExcitationDesign& design = *motion.design;
+  nlohmann::ordered_json json{{"robot", motion.robot.name},
+                              {"duration", trajectory.duration},
+                              {"period", trajectory.period},
+                              {"harmonics", trajectory.num_harmonics()},
+                              {"cost", wording.cost},
+                              {"seed", design.options().seed},
+                              {"parameters", nlohmann::ordered_json::array()},
+                              {"columns", wording.parameters},
+                              {"condition_number", finite_or_null(score.condition)},
+                              {"condition_number_scaling", scaling_text(wording)},
+                              {"condition_number_unweighted_rows", finite_or_null(score.condition_unit_rows)},
+                              {"log_det", finite_or_null(score.log_det)},
+                              {"torque_noise", array_of(design.torque_noise())},
+                              {"sample_rate", design.options().sample_rate},
+                              {"std_geometric_mean", finite_or_null(score.mean_std)},
+                              {"std_principal_axes_geometric_mean", finite_or_null(score.volume_std)}};
+  const VectorXd values = design.values();
+  for (Index i = 0; i < score.std.size(); ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    json["parameters"].push_back({{"name", design.names()[k]},
+                                  {"expression", design.expressions()[k]},
+                                  {"unit", design.units()[k]},
+                                  {"value", values[i]},
+                                  {"std", finite_or_null(score.std[i])}});
+  }
+  if (!wording.given.empty()) {
+    json["given"] = {
+        {"logs", wording.given},
+        {"condition_number", wording.before ? finite_or_null(wording.before->condition) : nullptr},
+        {"std_geometric_mean", wording.before ? finite_or_null(wording.before->mean_std) : nullptr}};
+  }
+  if (wording.random) {
+    const RandomMotions& random = *wording.random;
+    json["random"] = {
+        {"count", random.count},
+        {"median_condition_number", finite_or_null(random.condition)},
+        {"median_std_geometric_mean", finite_or_null(random.mean_std)},
+        {"median_std_principal_axes_geometric_mean", finite_or_null(random.volume_std)},
+        {"std_reduction_percent", finite_or_null(less(score.mean_std, random.mean_std))},
+        {"std_principal_axes_reduction_percent", finite_or_null(less(score.volume_std, random.volume_std))}};
+  }
+  add_safety(motion, json);
+  json["trajectory"] = {{"start", array_of(trajectory.start)},
+                        {"sine", rows_of(trajectory.sine)},
+                        {"cosine", rows_of(trajectory.cosine)},
+                        {"reference", scenario_reference(trajectory)}};
+  const std::vector<double>& costs = motion.excitation.costs;
+  json["costs_of_starts"] =
+      array_of(Eigen::Map<const VectorXd>(costs.data(), static_cast<Index>(costs.size())));
+  json["history"] = motion.excitation.history;
+  return json;
+}
+
+report::Report excite_page(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+  const excite::ExcitationScore& score = motion.excitation.score;
+  report::Report page = new_page(fmt::format("{}: exciting motion", motion.robot.name),
+                      about(motion.excitation.trajectory));
+  page.verdict(fmt::format("{} parameters at a condition number of {}.", motion.design->num_parameters(),
+                           report::number(score.condition, 3)),
+               tone_of(motion));
+  for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
+  page.facts(
+      {{"condition number", report::number(score.condition, 3), scaling_text(wording)},
+       {"expected standard deviation", report::number(score.mean_std, 3),
+        "geometric mean over the parameters"},
+       {"smallest distance between links",
+        std::isfinite(motion.use.link_distance) ? report::number(1e3 * motion.use.link_distance, 3) + " mm"
+                                                : "–",
+        motion.use.closest_links},
+       {"largest tool speed", report::number(motion.use.tool_speed, 3) + " m/s",
+        std::isfinite(motion.limits.tool_speed) ? fmt::format("limit {:g} m/s", motion.limits.tool_speed)
+                                                : std::string("no limit")},
+       {"margin", fmt::format("{:g} %", 100.0 * motion.limits.margin), "nearest: " + motion.use.worst}});
+  page.paragraph(fmt::format("Parameters: {}. Standard deviations {}. {}", wording.parameters,
+                             std_text(motion, wording),
+                             wording.random ? random_text(motion, wording) + "." : ""));
+  add_safety(motion, page);
+  page.heading("Search");
+  page.plot(history_plot(motion.excitation,
+                         wording.cost == "condition" ? "log condition number" : "−log det F / 2b"));
+  page.heading("Parameters");
+  page.table(parameter_table(*motion.design, score), "Present values are those of the robot's description.");
+  return page;
+}
+
+namespace {
+
+report::Table stroke_table(const excite::FrictionMotion& motion) {
+  report::Table table({"joint", "speed [rad/s, m/s]", "from [rad, m]", "to", "begin [s]", "end [s]"});
+  for (const excite::Stroke& stroke : motion.strokes) {
+    table.add_row({std::to_string(stroke.joint + 1), report::number(stroke.speed, 3),
+                   report::number(stroke.from, 3), report::number(stroke.to, 3),
+                   fmt::format("{:.2f}", stroke.begin), fmt::format("{:.2f}", stroke.end)});
+  }
+  return table;
+}
+
+std::string strokes_in_words(const excite::FrictionMotion& motion) {
+  return fmt::format("{} strokes at constant speed, both ways, joint by joint", motion.strokes.size());
+}
+
+}  // namespace
+
+std::string friction_text(const excite::FrictionMotion& motion) {
+  std::string text = fmt::format("{}: {}, {:.4g} s\n{}{}", motion.robot.name, strokes_in_words(motion),
+                                 motion.path.duration(), reasons_text(motion.judgement), safety_text(motion));
+  text += fmt::format("Limits with {:g} % to spare; nearest: {}\n{}\nConstant speeds:\n{}",
+                      100.0 * motion.limits.margin, motion.use.worst, limit_table(motion).to_text(2),
+                      stroke_table(motion).to_text(2));
+  return text;
+}
+
+nlohmann::ordered_json friction_json(const excite::FrictionMotion& motion) {
+  nlohmann::ordered_json json{{"robot", motion.robot.name},
+                              {"for", "friction"},
+                              {"duration", motion.path.duration()},
+                              {"pose", array_of(motion.pose)},
+                              {"strokes", nlohmann::ordered_json::array()}};
+  for (const excite::Stroke& stroke : motion.strokes) {
+    json["strokes"].push_back({{"joint", stroke.joint + 1},
+                               {"speed", stroke.speed},
+                               {"begin", stroke.begin},
+                               {"end", stroke.end},
+                               {"from", stroke.from},
+                               {"to", stroke.to}});
+  }
+  add_safety(motion, json);
+  return json;
+}
+
+report::Report friction_page(const excite::FrictionMotion& motion) {
+  report::Report page = new_page(fmt::format("{}: strokes for friction", motion.robot.name),
+                      fmt::format("{:.4g} s", motion.path.duration()));
+  page.verdict(strokes_in_words(motion) + ".", tone_of(motion));
+  for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
+  page.table(stroke_table(motion), "Stretches at constant speed");
+  add_safety(motion, page);
+  return page;
+}
+
+}  // namespace heft::tools
