@@ -22,6 +22,8 @@ constexpr double kSignWidth = 0.02, kSlowest = 0.003;
 constexpr double kRowsPerSecond = 2.0, kFewestRows = 4.0, kMostRows = 150.0;
 /// Rotor inertia may make up half of the torque, friction all of it.
 constexpr double kRotorShare = 0.5;
+/// Among columns of norm 1, a ridge that hides directions in which they differ by less than 1e-4.
+constexpr double kRidge = 1e-8;
 
 double arm_length(const model::Robot& robot) {
   double length = 0.0;
@@ -74,7 +76,7 @@ JointMoments::JointMoments(const model::Robot& robot, int joint, const std::vect
   rows_ = static_cast<double>(rows);
   effective_ = std::clamp(kRowsPerSecond * samples.duration, kFewestRows, kMostRows);
 
-  MatrixXd all(rows, parameters_ + 5 + n);
+  MatrixXd all(rows, parameters_ + 6 + n);
   VectorXd parameters(parameters_);
   for (Index k = 0; k < parameters_; ++k) {
     parameters[k] = robot.joints[static_cast<std::size_t>((first + k) / kParametersPerLink)]
@@ -90,6 +92,7 @@ JointMoments::JointMoments(const model::Robot& robot, int joint, const std::vect
   all.col(parameters_ + 1) = (speed.array() / width).tanh();
   all.col(parameters_ + 2) = speed;
   all.col(parameters_ + 3) = samples.qdd.col(joint);
+  all.col(parameters_ + 5) = samples.q.col(joint).array() - samples.q.col(joint).mean();
   all.rightCols(n) = samples.tau;
   moments_ = all.transpose() * all;
 }
@@ -103,8 +106,6 @@ double JointMoments::expected_rms() const {
 }
 
 double JointMoments::free_residual(int torque, bool friction) const {
-  // Columns of norm 1 and a ridge that hides directions in which they differ by less than 1e-4.
-  constexpr double kRidge = 1e-8;
   std::vector<Index> used;
   for (Index k = 0; k < parameters_ + 4; ++k) {
     const bool is_friction = k == parameters_ + 1 || k == parameters_ + 2;
@@ -119,6 +120,32 @@ double JointMoments::free_residual(int torque, bool friction) const {
   const VectorXd x = gram.ldlt().solve(right);
   const double left = moments_(tau(torque), tau(torque)) - 2.0 * right.dot(x) + x.dot(plain * x);
   return std::sqrt(std::max(left, 0.0) / rows_);
+}
+
+double JointMoments::dissipation(int torque) const {
+  if (!moving_) return 0.0;
+  const Index sign = parameters_ + 1, speed = parameters_ + 2;
+  std::vector<Index> used;
+  for (Index k = 0; k < parameters_ + 6; ++k) {
+    if (k != parameters_ + 4 && moments_(k, k) > 0.0) used.push_back(k);
+  }
+  const auto p = static_cast<Index>(used.size());
+  const VectorXd scale = moments_.diagonal()(used).cwiseSqrt().cwiseInverse();
+  const MatrixXd gram = scale.asDiagonal() * moments_(used, used) * scale.asDiagonal();
+  const VectorXd right = scale.cwiseProduct(moments_(used, tau(torque)));
+  MatrixXd steadied = gram;
+  steadied.diagonal().array() += kRidge * static_cast<double>(p);
+  const Eigen::LDLT<MatrixXd> solver(steadied);
+  const VectorXd x = solver.solve(right);
+  const double left = moments_(tau(torque), tau(torque)) - 2.0 * right.dot(x) + x.dot(gram * x);
+  // Mean of f_c |q̇| + f_v q̇².
+  VectorXd power = VectorXd::Zero(p);
+  for (Index k = 0; k < p; ++k) {
+    const Index column = used[static_cast<std::size_t>(k)];
+    if (column == sign || column == speed) power[k] = scale[k] * moments_(column, speed) / rows_;
+  }
+  const double variance = std::max(left, 0.0) / effective_ * power.dot(solver.solve(power));
+  return variance > 0.0 ? power.dot(x) / std::sqrt(variance) : 0.0;
 }
 
 double JointMoments::misfit(int torque, double sign, double noise, double offset) const {

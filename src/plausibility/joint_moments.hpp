@@ -39,13 +39,16 @@ class JointMoments {
   /// @param noise   standard deviation of the residual
   /// @param offset  standard deviation of the offset
   double misfit(int torque, double sign, double noise, double offset) const;
+  /// Power that the friction of a torque takes out, over its standard deviation, when all parameters of the joint's row
+  /// and a spring are free; 0 for a joint at rest. Below 0 the friction would drive the joint.
+  double dissipation(int torque) const;
   /// Slope of a torque on what the robot's parameters make of it, and its standard deviation.
   std::pair<double, double> slope(int torque, double noise, double offset) const;
 
  private:
-  Eigen::Index tau(int torque) const { return parameters_ + 5 + torque; }
+  Eigen::Index tau(int torque) const { return parameters_ + 6 + torque; }
 
-  // Second moments (sums over rows) of [δ columns | 1 | sign | q̇ | q̈ | expected | τ_1..τ_n].
+  // Second moments (sums over rows) of [δ columns | 1 | sign | q̇ | q̈ | expected | q | τ_1..τ_n].
   Eigen::MatrixXd moments_;
   Eigen::Index parameters_{0};
   double rows_{0.0}, effective_{0.0};

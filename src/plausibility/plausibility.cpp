@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -26,6 +27,8 @@ constexpr double kTurnShare = 0.04;
 constexpr double kLead = 2.0;
 /// From this multiple of its threshold on a gain is clear.
 constexpr double kClear = 2.5;
+/// Standard deviations by which friction takes power out of a joint whose sign is right beyond doubt.
+constexpr double kBrakes = 3.0;
 /// A slope counts where its standard deviation is below this, or below this share of a large slope.
 constexpr double kKnownSlope = 0.9, kKnownLargeSlope = 0.3;
 /// Measured over expected torque: beyond these the unit is wrong, ...
@@ -86,7 +89,11 @@ class Judge {
  public:
   Judge(const model::Robot& robot, const Comparison& comparison, const Options& options)
       : robot_(robot), comparison_(comparison), options_(options) {
-    for (int j = 0; j < n(); ++j) slopes_.push_back(comparison.slope(j));
+    // A torque that never changes has no slope.
+    constexpr double kUnknown = std::numeric_limits<double>::infinity();
+    for (int j = 0; j < n(); ++j) {
+      slopes_.push_back(comparison.dead(j) ? std::pair{0.0, kUnknown} : comparison.slope(j));
+    }
   }
 
   std::vector<JointExpectation> expectations() const {
@@ -159,6 +166,8 @@ class Judge {
     Structure signs;
     for (const Hypothesis& h : comparison_.signs()) {
       if (h.gain < kSignGain || comparison_.torque_rms(h.joint) < comparison_.floor(h.joint)) continue;
+      // A spring may look like inertia of the other sign, but friction that brakes settles it.
+      if (comparison_.joint(h.joint).dissipation(h.joint) > kBrakes) continue;
       signs.list.push_back(h);
       signs.gain += h.gain;
       signs.clear = signs.clear || h.gain > kClear * kSignGain;
@@ -219,9 +228,9 @@ class Judge {
     const std::string seen = std < 0.5
                                  ? fmt::format("{:.2f} of the expected gravity and inertia torque", slope)
                                  : "its friction would drive the joint instead of braking it";
-    findings_.push_back(
-        {Contradiction::kSign, h.gain > kClear * kSignGain, h.joint, -1, slope, h.gain,
-         fmt::format("tau{} fits with the opposite sign ({}); change the sign of the column", h.joint + 1, seen)});
+    findings_.push_back({Contradiction::kSign, h.gain > kClear * kSignGain, h.joint, -1, slope, h.gain,
+                         fmt::format("tau{} fits with the opposite sign ({}); change the sign of the column",
+                                     h.joint + 1, seen)});
   }
 
   void add_interchange(const Hypothesis& h, bool clear) {
@@ -334,8 +343,16 @@ class Judge {
   void add_scales() {
     bool one = false;
     for (int j = 0; j < n(); ++j) one = add_joint_scale(j) || one;
+    // A spring or a cable shifts the slope of one joint; masses of another robot shift all of them.
+    int known = 0, light = 0, heavy = 0;
+    for (const auto& slope : slopes_) {
+      if (!is_known(slope)) continue;
+      ++known;
+      light += slope.first < kFarTooLight ? 1 : 0;
+      heavy += slope.first > kFarTooHeavy ? 1 : 0;
+    }
+    if (one || known < 2 || (light < known && heavy < known)) return;
     const double all = median_slope(slopes_);
-    if (one || !mean_slope() || (all > kFarTooLight && all < kFarTooHeavy)) return;
     findings_.push_back(
         {Contradiction::kRobot, false, -1, -1, all, 0.0,
          fmt::format(
@@ -437,7 +454,8 @@ void refuse_contradictions(const TorqueCheck& check) {
     if (f.clear) lines.push_back(f.message);
   }
   throw DataError(
-      fmt::format("{}: the torque contradicts the robot: {}; correct the log or the robot (--accept-torque continues anyway)",
+      fmt::format("{}: the torque contradicts the robot: {}; correct the log or the robot (--accept-torque "
+                  "continues anyway)",
                   check.log, fmt::join(lines, "; ")));
 }
 

@@ -189,6 +189,16 @@ TEST(Plausibility, SaysNothingAboutARobotWithoutMasses) {
   EXPECT_THAT(check_torque(massless, log_of(robot("ur10e"), 9)).findings, testing::IsEmpty());
 }
 
+TEST(Plausibility, TakesASpringForNoOtherSign) {
+  // Where no gravity acts, a spring looks like inertia of the opposite sign.
+  const model::Robot scara = robot("scara");
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    data::Log log = log_of(scara, seed);
+    log.tau.col(1) += 60.0 * log.q.col(1);
+    EXPECT_THAT(check_torque(scara, log).findings, testing::IsEmpty());
+  }
+}
+
 TEST(Plausibility, TakesALoadedArmForSound) {
   const model::Robot ur10e = robot("ur10e");
   model::Robot loaded = ur10e;

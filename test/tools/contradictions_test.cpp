@@ -142,7 +142,7 @@ TEST(Contradictions, ASoundLogIsTaken) {
   const TemporaryFolder folder;
   data::write_log(folder.path("log.csv"), sound_log(1));
   const Outcome outcome =
-      run_heft({"identify", "--urdf", "ur10e", "--log", "log.csv", "--json", "-"}, folder.path(""));
+      run_heft({"identify", "--urdf", "ur10e", "--method", "physical", "--log", "log.csv", "--json", "-"}, folder.path(""));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, testing::Not(testing::HasSubstr("warning")));
   EXPECT_THAT(outcome.out, testing::HasSubstr("\"verdict\": \"good\""));

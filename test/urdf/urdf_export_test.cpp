@@ -623,7 +623,7 @@ void expect_writes_back(const std::string& path, bool rounded_turns) {
   for (std::size_t at = rest.find(set_aside); at != std::string::npos; at = rest.find(set_aside))
     rest.erase(at, rest.find("-->", at) + 3 - at);
   const auto squeeze = [](std::string& text) {
-    std::erase_if(text, [](char c) { return c == ' ' || c == '\n'; });
+    std::erase_if(text, [](char c) { return c == ' ' || c == '\n' || c == '\r'; });
   };
   squeeze(rest), squeeze(expected);
   EXPECT_EQ(rest, expected);
