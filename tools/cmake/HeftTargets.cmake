@@ -130,7 +130,13 @@ function(heft_add_test name)
   target_compile_definitions(test_${name} PRIVATE
     HEFT_DATA_DIR="${HEFT_DATA_DIR}" HEFT_REFERENCE_DIR="${HEFT_REFERENCE_DIR}"
     HEFT_URDF_DIR="${PROJECT_SOURCE_DIR}/urdf" HEFT_SOURCE_DIR="${PROJECT_SOURCE_DIR}" ${ARG_DEFINITIONS})
-  string(REPLACE ";" "\\;" labels "${ARG_LABELS}")
   gtest_discover_tests(test_${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
-                       PROPERTIES LABELS "${labels}" TIMEOUT ${ARG_TIMEOUT})
+                       PROPERTIES TIMEOUT ${ARG_TIMEOUT})
+  # gtest_discover_tests takes one label for a list and the next word for a property: labels are set behind it.
+  set(labels_file ${CMAKE_CURRENT_BINARY_DIR}/test_${name}_labels.cmake)
+  file(WRITE ${labels_file} "foreach(each IN LISTS test_${name}_TESTS)
+  set_tests_properties(\"\${each}\" PROPERTIES LABELS \"${ARG_LABELS}\")
+endforeach()
+")
+  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
 endfunction()
