@@ -136,9 +136,7 @@ void run(const Options& options) {
   }
   text += table.to_text(2);
 
-  data::write_log(options.output, log);
-  write_json(options.result.json, json);
-  report::Report page = new_page(fmt::format("{}: simulation", robot_name), source);
+  report::Report page = new_page(fmt::format("{}: simulation", robot_name), file_name_of(source));
   page.verdict(fmt::format("{:.6g} s simulated, {} payload events.", duration, num_payload));
   page.table(table);
   page.plots("Position", channel_plots(result, log.q, log.qref, "position [rad, m]"));
