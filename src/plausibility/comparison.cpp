@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "heft/model/dynamics.hpp"
@@ -107,17 +108,30 @@ std::vector<Hypothesis> Comparison::interchanges() const {
                          joint(k).misfit(k, 1.0, of_k, offset(joint(k), k));
       const double crossed = joint(j).misfit(k, 1.0, of_k, offset(joint(j), k)) +
                              joint(k).misfit(j, 1.0, of_j, offset(joint(k), j));
-      list.push_back({Contradiction::kInterchanged, j, k, 0.0, {}, own - crossed});
+      list.push_back({Contradiction::kInterchanged, j, k, 0.0, {}, own - crossed, Columns::kTorque});
+      // Friction follows its joint, so less speaks against swapped joints: only neighbours are looked at.
+      if (k > j + 1) continue;
+      Samples swapped = samples_;
+      for (MatrixXd* columns : {&swapped.q, &swapped.qd, &swapped.qdd}) columns->col(j).swap(columns->col(k));
+      const std::vector<JointMoments> moments = moments_of(robot_, swapped);
+      std::vector<int> torques(static_cast<std::size_t>(num_joints()));
+      std::iota(torques.begin(), torques.end(), 0);
+      list.push_back(
+          {Contradiction::kInterchanged, j, k, 0.0, {}, gain_of(moments, torques), Columns::kPosition});
+      std::swap(torques[static_cast<std::size_t>(j)], torques[static_cast<std::size_t>(k)]);
+      list.push_back(
+          {Contradiction::kInterchanged, j, k, 0.0, {}, gain_of(moments, torques), Columns::kBoth});
     }
   }
   return list;
 }
 
-double Comparison::gain_of(const std::vector<JointMoments>& moments) const {
+double Comparison::gain_of(const std::vector<JointMoments>& moments, const std::vector<int>& torques) const {
   double gain = 0.0;
-  for (int j = 0; j < num_joints(); ++j) {
+  for (int row = 0; row < num_joints(); ++row) {
+    const int j = torques.empty() ? row : torques[static_cast<std::size_t>(row)];
     if (dead(j)) continue;
-    const JointMoments& changed = moments[static_cast<std::size_t>(j)];
+    const JointMoments& changed = moments[static_cast<std::size_t>(row)];
     const double sigma = noise(j, {free_residual(j), changed.free_residual(j)});
     gain += joint(j).misfit(j, 1.0, sigma, offset(joint(j), j)) -
             changed.misfit(j, 1.0, sigma, offset(changed, j));

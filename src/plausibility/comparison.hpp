@@ -15,13 +15,17 @@
 
 namespace heft::plausibility {
 
+/// Columns of two joints that may be interchanged.
+enum class Columns { kTorque, kPosition, kBoth };
+
 /// A contradiction to undo, with what the likelihood gains by it.
 struct Hypothesis {
   Contradiction kind{Contradiction::kSign};
   int joint{-1}, other{-1};
-  double value{0.0};                ///< kZero: to be added to q [rad]
-  std::array<double, 3> gravity{};  ///< kGravity: in the base frame [m/s²]
-  double gain{0.0};                 ///< fall of minus twice the log-likelihood
+  double value{0.0};                  ///< kZero: to be added to q [rad]
+  std::array<double, 3> gravity{};    ///< kGravity: in the base frame [m/s²]
+  double gain{0.0};                   ///< fall of minus twice the log-likelihood
+  Columns columns{Columns::kTorque};  ///< kInterchanged
 };
 
 /// A joint's moments for every joint of a robot.
@@ -44,6 +48,7 @@ class Comparison {
   std::pair<double, double> slope(int j) const { return slope_of(given_, j); }
 
   std::vector<Hypothesis> signs() const;
+  /// Torques of any two joints; positions, or all columns, of neighbours.
   std::vector<Hypothesis> interchanges() const;
   std::vector<Hypothesis> zeros() const;
   std::vector<Hypothesis> gravities() const;
@@ -58,7 +63,8 @@ class Comparison {
   double offset(const JointMoments& moments, int torque) const;
   double noise(int torque, std::initializer_list<double> residuals) const;
   std::pair<double, double> slope_of(const std::vector<JointMoments>& moments, int j) const;
-  double gain_of(const std::vector<JointMoments>& moments) const;
+  /// @param torques  the torque that each joint is compared with; empty: its own
+  double gain_of(const std::vector<JointMoments>& moments, const std::vector<int>& torques = {}) const;
 
   model::Robot robot_;
   Samples samples_;

@@ -175,7 +175,10 @@ class Judge {
     signs.found = !signs.list.empty();
     const double turn = std::max(kTurnGain, kTurnShare * comparison_.misfit());
     std::vector<std::pair<Hypothesis, double>> others;  // with their thresholds
-    for (const Hypothesis& h : comparison_.interchanges()) others.emplace_back(h, kInterchangeGain);
+    for (const Hypothesis& h : comparison_.interchanges()) {
+      const bool torque = h.columns == Columns::kTorque;
+      others.emplace_back(h, torque ? kInterchangeGain : std::max(kInterchangeGain, turn));
+    }
     for (const Hypothesis& h : comparison_.zeros()) others.emplace_back(h, turn);
     for (const Hypothesis& h : comparison_.gravities()) {
       others.emplace_back(h, turn);
@@ -185,7 +188,7 @@ class Judge {
     if (others.empty() || (signs.found && signs.gain > others.front().first.gain)) return signs;
     const auto& [best, threshold] = others.front();
     for (const auto& [h, unused] : others) {
-      if (is_upside_down(h) && h.gain > 0.5 * best.gain) return {true, true, h.gain, {h}, {}};
+      if (is_upside_down(h) && h.gain > 0.8 * best.gain) return {true, true, h.gain, {h}, {}};
     }
     if (best.gain < threshold) return {};
     Structure structure{true, best.gain > kClear * threshold, best.gain, {best}, {}};
@@ -234,11 +237,13 @@ class Judge {
   }
 
   void add_interchange(const Hypothesis& h, bool clear) {
-    findings_.push_back(
-        {Contradiction::kInterchanged, clear, h.joint, h.other, 0.0, h.gain,
-         fmt::format(
-             "tau{0} and tau{1} look interchanged: each fits the other joint; check the order of the columns",
-             h.joint + 1, h.other + 1)});
+    const char* format = h.columns == Columns::kTorque ? "tau{0} and tau{1} look interchanged"
+                         : h.columns == Columns::kPosition
+                             ? "q{0} and q{1} look interchanged"
+                             : "all columns of joints {0} and {1} look interchanged";
+    findings_.push_back({Contradiction::kInterchanged, clear, h.joint, h.other, 0.0, h.gain,
+                         fmt::format("{}: each fits the other joint; check the order of the columns",
+                                     fmt::format(fmt::runtime(format), h.joint + 1, h.other + 1))});
   }
 
   void add_zero(const Hypothesis& h, bool clear) {

@@ -192,6 +192,7 @@ class Altered {
     }
   }
   void interchanges() {
+    const MatrixXd before = expected_torque(loaded_.robot, loaded_.samples);
     for (int j = 0; j + 1 < n(); ++j) {
       const int k = j + 1;
       const double change = rms(loaded_.samples.tau.col(j) - loaded_.samples.tau.col(k))[0];
@@ -201,10 +202,20 @@ class Altered {
       }
       Samples s = loaded_.samples;
       s.tau.col(j).swap(s.tau.col(k));
-      const TorqueCheck result = check(s);
-      const Finding* found = first(result, Contradiction::kInterchanged);
-      count("interchanged", found != nullptr && found->joint == j && found->other == k,
-            fmt::format("{} and {}", j + 1, k + 1), result);
+      const auto look = [&](const char* way) {
+        const TorqueCheck result = check(s);
+        const Finding* found = first(result, Contradiction::kInterchanged);
+        count(way, found != nullptr && found->joint == j && found->other == k,
+              fmt::format("{} and {}", j + 1, k + 1), result);
+      };
+      look("interchanged");
+      for (MatrixXd* columns : {&s.q, &s.qd, &s.qdd}) columns->col(j).swap(columns->col(k));
+      // Friction goes with its joint; what changes is the torque of the masses.
+      MatrixXd after = expected_torque(loaded_.robot, s);
+      after.col(j).swap(after.col(k));
+      if (shows(rms(after - before))) look("all columns");
+      s.tau = loaded_.samples.tau;
+      look("positions");
     }
   }
   void scales() {

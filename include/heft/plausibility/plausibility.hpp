@@ -17,7 +17,7 @@ namespace heft::plausibility {
 enum class Contradiction {
   kNoSignal,      ///< the torque of a joint never changes
   kSign,          ///< the torque of a joint has the opposite sign
-  kInterchanged,  ///< the torques of two joints are interchanged
+  kInterchanged,  ///< torques, positions or all columns of two joints are interchanged
   kZero,          ///< a joint counts its position from another zero
   kGravity,       ///< gravity points elsewhere than the robot's mounting says
   kScale,         ///< the torque is too small or too large: another unit, or another side of the gear
