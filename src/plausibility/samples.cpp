@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <vector>
 
 #include "heft/data/differentiate.hpp"
 
@@ -18,29 +20,41 @@ constexpr double kRowsPerCutoff = 4.0;
 /// Rows at the end; the collection holds up to twice as many.
 constexpr Index kMostRows = 400;
 
-/// Rows in time order; drops every other one whenever there are too many.
+/// Rows in time order; drops half of them whenever there are too many. Row k is kept while the fractional part of k/φ, φ
+/// the golden ratio, is below the share that is kept: these are spread evenly over the log, and unlike every m-th row
+/// they do not fall on the same phases of a periodic motion again and again.
 class Collection {
  public:
   explicit Collection(Index joints) : rows_(2 * kMostRows, 4 * joints) {}
 
   /// @param number  of the row among all that could be taken
   void offer(long number, const Eigen::Ref<const Eigen::RowVectorXd>& row) {
-    if (number % stride_ != 0) return;
-    if (count_ == rows_.rows()) {
-      for (Index i = 0; 2 * i < count_; ++i) rows_.row(i) = rows_.row(2 * i).eval();
-      count_ = (count_ + 1) / 2;
-      stride_ *= 2;
-      if (number % stride_ != 0) return;
-    }
+    const double place = std::fmod(static_cast<double>(number) / std::numbers::phi, 1.0);
+    if (place >= share_) return;
+    while (count_ == rows_.rows()) halve();
+    if (place >= share_) return;
+    places_.push_back(place);
     rows_.row(count_++) = row;
   }
   MatrixXd rows() const { return rows_.topRows(count_); }
-  long stride() const { return stride_; }
 
  private:
+  void halve() {
+    share_ *= 0.5;
+    Index kept = 0;
+    for (Index i = 0; i < count_; ++i) {
+      if (places_[static_cast<std::size_t>(i)] >= share_) continue;
+      places_[static_cast<std::size_t>(kept)] = places_[static_cast<std::size_t>(i)];
+      rows_.row(kept++) = rows_.row(i).eval();
+    }
+    count_ = kept;
+    places_.resize(static_cast<std::size_t>(kept));
+  }
+
   MatrixXd rows_;
+  std::vector<double> places_;
   Index count_{0};
-  long stride_{1};
+  double share_{1.0};
 };
 
 }  // namespace
