@@ -71,7 +71,8 @@ std::string errors_in_words(const std::vector<JointError>& errors, Rank rank) {
     const std::string share = error.share < 0.0 ? "predicted worse than by its mean"
                                                 : fmt::format("{:.0f} % explained", 100.0 * error.share);
     parts.push_back(
-        fmt::format("joint {} ({}, off by {:.2g} % of its largest torque)", j + 1, share, error.percent));
+        fmt::format("joint {} ({}, off by {:.{}g} % of its largest torque)", j + 1, share, error.percent,
+                    error.percent < 99.5 ? 2 : 3));
   }
   return fmt::format("{}", fmt::join(parts, ", "));
 }
