@@ -13,7 +13,7 @@
 namespace heft::excite {
 namespace {
 
-class EveryRobot : public ::testing::TestWithParam<const char*> {};
+class EveryRobot : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(EveryRobot, MovesSafelyInSimulation) { design_and_look(GetParam(), 1); }
 

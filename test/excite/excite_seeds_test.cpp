@@ -1,4 +1,6 @@
 /// Ten seeds of every robot in urdf/, and the condition number of the UR10e: long.
+#include <string>
+
 #include <gtest/gtest.h>
 
 #include "safety_check.hpp"
@@ -6,14 +8,14 @@
 namespace heft::excite {
 namespace {
 
-class EverySeed : public ::testing::TestWithParam<std::tuple<const char*, int>> {};
+class EverySeed : public ::testing::TestWithParam<std::tuple<std::string, int>> {};
 
 TEST_P(EverySeed, MovesSafelyInSimulation) {
   design_and_look(std::get<0>(GetParam()), static_cast<std::uint64_t>(std::get<1>(GetParam())));
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, EverySeed,
-                         ::testing::Combine(::testing::Values("kawasaki6r", "panda", "scara", "ur10e", "ur5",
+                         ::testing::Combine(::testing::Values<std::string>("kawasaki6r", "panda", "scara", "ur10e", "ur5",
                                                               "ur5e"),
                                             ::testing::Range(1, 11)));
 
