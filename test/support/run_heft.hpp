@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdlib>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,14 @@ inline std::string shell_quote(const std::string& word) {
   std::string quoted = "'";
   for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return quoted + "'";
+}
+
+/// The command under a name that a shell takes for one word without quotes, wherever the build folder is.
+/// @param folder  where a link to it is made
+inline std::string command_without_blanks(const TemporaryFolder& folder) {
+  const std::string link = folder.path("heft");
+  std::filesystem::create_symlink(HEFT_COMMAND, link);
+  return link;
 }
 
 /// @param from  folder to run in; empty: the present one

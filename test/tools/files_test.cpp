@@ -54,8 +54,9 @@ class Files : public testing::Test {
   std::string read(const std::string& name) const { return host::read_file(path(name), "file"); }
   Outcome bash(const std::string& command) const {
     const TemporaryFolder streams;
-    const std::string line = "cd " + shell_quote(path("")) + " && H=" + shell_quote(HEFT_COMMAND) + " && { " +
-                             command + "; } >" + shell_quote(streams.path("out")) + " 2>" +
+    const std::string line = "cd " + shell_quote(path("")) +
+                             " && H=" + shell_quote(command_without_blanks(streams)) + " && { " + command +
+                             "; } >" + shell_quote(streams.path("out")) + " 2>" +
                              shell_quote(streams.path("err")) + " </dev/null";
     const int status = std::system(("bash -c " + shell_quote(line)).c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),

@@ -78,8 +78,9 @@ class Mistakes : public testing::TestWithParam<Mistake> {
 
   Outcome run(const std::string& command) const {
     const TemporaryFolder streams;
-    const std::string line = "cd " + shell_quote(folder_.path("")) + " && H=" + shell_quote(HEFT_COMMAND) +
-                             " && { " + command + "; } >" + shell_quote(streams.path("out")) + " 2>" +
+    const std::string line = "cd " + shell_quote(folder_.path("")) +
+                             " && H=" + shell_quote(command_without_blanks(streams)) + " && { " + command +
+                             "; } >" + shell_quote(streams.path("out")) + " 2>" +
                              shell_quote(streams.path("err")) + " </dev/null";
     const int status = std::system(("bash -c " + shell_quote(line)).c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),
