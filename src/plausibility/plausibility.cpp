@@ -121,6 +121,7 @@ class Judge {
         add_scales();
       }
     }
+    if (findings_.empty()) add_beyond_limits();
     if (options_.at_motor) add_model_torque();
     return std::move(findings_);
   }
@@ -379,6 +380,19 @@ class Judge {
                      j + 1, small ? ratio(j) : slope, j + 1, comparison_.torque_rms(j),
                      comparison_.joint(j).expected_rms())});
     return true;
+  }
+
+  /// No drive gives more than its limit on average; the limits of descriptions are too rough for more than a doubt.
+  void add_beyond_limits() {
+    for (int j = 0; j < n(); ++j) {
+      const double limit = robot_.joints[static_cast<std::size_t>(j)].effort_limit;
+      if (!(limit > 0.0) || comparison_.torque_rms(j) <= limit) continue;
+      findings_.push_back(
+          {Contradiction::kScale, false, j, -1, comparison_.torque_rms(j) / limit, 0.0,
+           fmt::format("tau{} is {:.3g} N·m on average, beyond the effort limit of {:.3g}; check its unit, "
+                       "and the limit in the robot's description",
+                       j + 1, comparison_.torque_rms(j), limit)});
+    }
   }
 
   /// Friction explains nothing in any joint, and there is hardly any noise: no drive measures that.

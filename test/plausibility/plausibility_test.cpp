@@ -183,6 +183,16 @@ TEST(Plausibility, DoubtsAMotorTorqueWithoutFriction) {
   EXPECT_THAT(check_torque(ur10e, log, behind_the_gear).findings, testing::IsEmpty());
 }
 
+TEST(Plausibility, DoubtsATorqueBeyondTheEffortLimit) {
+  model::Robot weak = robot("ur10e");
+  weak.joints[1].effort_limit = 20.0;
+  const TorqueCheck check = check_torque(weak, log_of(robot("ur10e"), 9));
+  ASSERT_EQ(check.findings.size(), 1u);
+  EXPECT_EQ(check.findings[0].joint, 1);
+  EXPECT_FALSE(check.refused());
+  EXPECT_THAT(check.findings[0].message, HasSubstr("beyond the effort limit of 20"));
+}
+
 TEST(Plausibility, SaysNothingAboutARobotWithoutMasses) {
   model::Robot massless = robot("ur10e");
   for (model::RobotJoint& joint : massless.joints) joint.link.fill(0.0);
