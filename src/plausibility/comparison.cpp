@@ -43,10 +43,11 @@ std::vector<JointMoments> moments_of(const model::Robot& robot, const Samples& s
 Comparison::Comparison(const model::Robot& robot, Samples samples)
     : robot_(robot), samples_(std::move(samples)), given_(moments_of(robot_, samples_)) {
   const Index n = samples_.q.cols();
-  rms_.resize(n), floor_.resize(n);
+  rms_.resize(n), floor_.resize(n), residual_.resize(n);
   for (Index j = 0; j < n; ++j) {
     const VectorXd torque = samples_.tau.col(j);
     rms_[j] = joint(static_cast<int>(j)).torque_rms(static_cast<int>(j));
+    residual_[j] = joint(static_cast<int>(j)).free_residual(static_cast<int>(j));
     dead_.push_back(torque.maxCoeff() - torque.minCoeff() <=
                     1e-9 * std::max(1.0, torque.cwiseAbs().maxCoeff()));
   }
@@ -64,8 +65,6 @@ double Comparison::offset(const JointMoments& moments, int torque) const {
 double Comparison::noise(int torque, std::initializer_list<double> residuals) const {
   return std::max({kNoiseShare * rms_[torque], floor_[torque], std::min(residuals), 1e-12});
 }
-
-double Comparison::free_residual(int j) const { return joint(j).free_residual(j); }
 
 std::pair<double, double> Comparison::slope_of(const std::vector<JointMoments>& moments, int j) const {
   const JointMoments& own = moments[static_cast<std::size_t>(j)];
@@ -102,8 +101,8 @@ std::vector<Hypothesis> Comparison::interchanges() const {
     for (int k = j + 1; k < num_joints(); ++k) {
       if (dead(j) || dead(k)) continue;
       // Noise of a torque is what is left of it where it fits better.
-      const double of_j = noise(j, {joint(j).free_residual(j), joint(k).free_residual(j)});
-      const double of_k = noise(k, {joint(k).free_residual(k), joint(j).free_residual(k)});
+      const double of_j = noise(j, {free_residual(j), joint(k).free_residual(j)});
+      const double of_k = noise(k, {free_residual(k), joint(j).free_residual(k)});
       const double own = joint(j).misfit(j, 1.0, of_j, offset(joint(j), j)) +
                          joint(k).misfit(k, 1.0, of_k, offset(joint(k), k));
       const double crossed = joint(j).misfit(k, 1.0, of_k, offset(joint(j), k)) +

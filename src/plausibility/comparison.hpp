@@ -42,7 +42,7 @@ class Comparison {
   /// Torque of that size may be a sensor's zero error: 1 % of the effort limit, or 2 % of the arm's largest [N·m, N].
   double floor(int j) const { return floor_[j]; }
   double torque_rms(int j) const { return rms_[j]; }
-  double free_residual(int j) const;
+  double free_residual(int j) const { return residual_[j]; }
   /// Sum over joints of minus twice the log-likelihood, as the robot is given.
   double misfit() const;
   std::pair<double, double> slope(int j) const { return slope_of(given_, j); }
@@ -70,7 +70,7 @@ class Comparison {
   Samples samples_;
   std::vector<JointMoments> given_;
   std::vector<bool> dead_;
-  Eigen::VectorXd rms_, floor_;
+  Eigen::VectorXd rms_, floor_, residual_;
 };
 
 }  // namespace heft::plausibility

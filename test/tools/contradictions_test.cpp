@@ -138,11 +138,26 @@ TEST(Contradictions, GoOnWhereTheyAreAcceptedButAreNeverGood) {
   EXPECT_THAT(outcome.out, testing::HasSubstr("\"verdict\": \"bad\""));
 }
 
+TEST(Contradictions, OfTheUnloadedArmAreNeverGoodEither) {
+  const TemporaryFolder folder;
+  data::Log log = sound_log(1);
+  flip_second(log);
+  data::write_log(folder.path("log.csv"), log);
+  data::write_log(folder.path("sound.csv"), sound_log(2));
+  // The arm's model rests on the flipped log, the load on a sound one.
+  const Outcome outcome = run_heft({"payload", "--urdf", "ur10e", "--baseline", "log.csv", "--log",
+                                    "sound.csv", "--accept-torque", "--json", "-"},
+                                   folder.path(""));
+  EXPECT_THAT(outcome.out, testing::HasSubstr("\"verdict\": \"bad\""));
+  EXPECT_THAT(outcome.out, testing::HasSubstr("log.csv: tau2 fits with the opposite sign"));
+}
+
 TEST(Contradictions, ASoundLogIsTaken) {
   const TemporaryFolder folder;
   data::write_log(folder.path("log.csv"), sound_log(1));
   const Outcome outcome =
-      run_heft({"identify", "--urdf", "ur10e", "--method", "physical", "--log", "log.csv", "--json", "-"}, folder.path(""));
+      run_heft({"identify", "--urdf", "ur10e", "--method", "physical", "--log", "log.csv", "--json", "-"},
+               folder.path(""));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, testing::Not(testing::HasSubstr("warning")));
   EXPECT_THAT(outcome.out, testing::HasSubstr("\"verdict\": \"good\""));

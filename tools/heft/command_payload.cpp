@@ -360,6 +360,7 @@ void run(const Options& options) {
   Arm arm{robot, std::nullopt, std::nullopt};
   std::optional<identify::RecursiveFit> fitted;
   std::vector<data::Log> baselines;
+  host::Judgement unloaded;  // what the torque of the logs without load is suspected of
   std::string model_text;
   if (options.baselines.empty()) {
     const model::ModelFile file = model::read_model(options.robot.model);
@@ -368,14 +369,20 @@ void run(const Options& options) {
     if (arm.covariance && !arm.covariance->allFinite()) arm.covariance.reset();
     model_text = fmt::format("Model: {}.", options.robot.model);
   } else {
-    for (const std::string& path : options.baselines)
-      baselines.push_back(read_recording(path, options.log, robot).causal);
+    for (const std::string& path : options.baselines) {
+      Recording baseline = read_recording(path, options.log, robot);
+      unloaded.add(baseline.torque);
+      baselines.push_back(std::move(baseline.causal));
+    }
     fitted = fit(robot, baselines, options, "fitting the arm without load");
     arm = arm_of(robot, *fitted);
     model_text = describe(*fitted, baselines);
   }
   std::vector<Recording> recordings, zeros;
-  for (const std::string& path : options.zeros) zeros.push_back(read_recording(path, options.log, robot));
+  for (const std::string& path : options.zeros) {
+    zeros.push_back(read_recording(path, options.log, robot));
+    unloaded.add(zeros.back().torque);
+  }
   for (const std::string& path : options.log.logs)
     recordings.push_back(read_recording(path, options.log, robot));
 
@@ -393,6 +400,7 @@ void run(const Options& options) {
   for (const Recording& recording : recordings) {
     const identify::PayloadRun payload = estimate(arm, recording.causal, options, zero_mass_std);
     Shown shown_run = present(arm, recording, payload, options);
+    shown_run.result.judgement.add(unloaded);
     shown_run.result.zero_checks = zero_checks;
     text += '\n' + to_text(shown_run.result);
     if (recordings.size() > 1) page.heading(file_name_of(recording.causal.path));

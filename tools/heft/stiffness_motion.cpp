@@ -150,7 +150,7 @@ std::vector<report::PlotSpec> loop_plots(const std::vector<data::Log>& logs, con
 }
 
 void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobot& loaded,
-                        const std::vector<data::Log>& logs) {
+                        const std::vector<data::Log>& logs, const host::Judgement& torque) {
   const Console console{options.result.json, options.model};
   const model::Robot& robot = loaded.robot;
   identify::JointEncoderOptions asked;
@@ -193,7 +193,8 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
         fmt::format("no stiffness can be told from these logs; {}", fmt::join(missing, "; ")));
   }
   const std::string verdict = fmt::format("Stiffness of the gears: {}.", fmt::join(known, ", "));
-  const host::Judgement judgement = identify::judge(fit, rotors_known);
+  host::Judgement judgement = identify::judge(fit, rotors_known);
+  judgement.add(torque);
   std::string text = verdict + "\n" + verdict_text(judgement);
   for (const std::string& line : missing) text += fmt::format("Not known: {}\n", line);
   const Table table = joint_table(fit, options.log.logs);
@@ -252,7 +253,8 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
 
 /// What the motor's side alone shows is the elasticity among the effects of a diagnosis.
 void from_motor_side(const StiffnessCommandOptions& options, const model::Robot& robot,
-                     const std::vector<data::Log>& logs, const std::vector<data::Log>& validate) {
+                     const std::vector<data::Log>& logs, const std::vector<data::Log>& validate,
+                     const host::Judgement& torque) {
   const Console console{options.result.json, options.model};
   diagnose::Diagnosis diagnosis;
   {
@@ -293,7 +295,8 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
                     why.empty() ? "" : ": ", fmt::join(why, "; ")));
   }
   const std::string verdict = fmt::format("Elastic, as the motor's side shows: {}.", fmt::join(known, ", "));
-  const host::Judgement judgement = diagnose::judge(diagnosis);
+  host::Judgement judgement = diagnose::judge(diagnosis);
+  judgement.add(torque);
   report::Report page = new_page("Joint stiffness from the motor's side",
                                  fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));
   for (const data::Log& log : logs) add_log_line(page, log_line(log));
@@ -334,14 +337,16 @@ void stiffness_from_motion(const StiffnessCommandOptions& options) {
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   host::Judgement torque;
   const std::vector<data::Log> logs = read_all(options.log.logs, options, loaded.robot, torque);
-  if (!identify::link_encoder_joints(logs.front()).empty()) return from_link_encoders(options, loaded, logs);
+  if (!identify::link_encoder_joints(logs.front()).empty())
+    return from_link_encoders(options, loaded, logs, torque);
   if (options.validate.empty()) {
     throw UsageError(
         "the log has no link-side encoders (columns qlink1..); from the motor's side alone an elastic joint "
         "is taken only "
         "when a log that the fit has not seen confirms it: give one with --validate LOG.csv");
   }
-  from_motor_side(options, loaded.robot, logs, read_all(options.validate, options, loaded.robot, torque));
+  const std::vector<data::Log> validate = read_all(options.validate, options, loaded.robot, torque);
+  from_motor_side(options, loaded.robot, logs, validate, torque);
 }
 
 }  // namespace heft::tools
