@@ -12,9 +12,9 @@
 #include <Eigen/Geometry>
 
 #include "heft/host/error.hpp"
-#include "heft/host/file.hpp"
 #include "rigid_body.hpp"
 #include "stl.hpp"
+#include "urdf_text.hpp"
 #include "xml_outline.hpp"
 
 namespace heft::urdf {
@@ -258,13 +258,7 @@ std::vector<model::LinkShape> load_shapes_string(const std::string& text, const 
 
 std::vector<model::LinkShape> load_shapes(const std::string& path, const model::Robot& robot,
                                           std::vector<std::string>* warnings) {
-  std::string text;
-  try {
-    text = host::read_file(path, "URDF");
-  } catch (const InputError& error) {
-    throw UrdfError(error.what());
-  }
-  return load_shapes_string(text, path, robot, warnings);
+  return load_shapes_string(read_urdf(path), path, robot, warnings);
 }
 
 }  // namespace heft::urdf

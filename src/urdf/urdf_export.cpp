@@ -20,6 +20,7 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "rigid_body.hpp"
+#include "urdf_text.hpp"
 #include "xml_outline.hpp"
 
 namespace heft::urdf {
@@ -531,14 +532,6 @@ double proven_torques(const model::Robot& found, const model::Robot& expected, c
         name, difference, kTorqueTolerance));
   }
   return difference;
-}
-
-std::string read_urdf(const std::string& path) {
-  try {
-    return host::read_file(path, "URDF");
-  } catch (const InputError& error) {
-    throw UrdfError(error.what());
-  }
 }
 
 }  // namespace

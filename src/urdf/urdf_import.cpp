@@ -16,8 +16,8 @@
 #include <Eigen/Dense>
 
 #include "heft/host/error.hpp"
-#include "heft/host/file.hpp"
 #include "rigid_body.hpp"
+#include "urdf_text.hpp"
 #include "xml_outline.hpp"
 
 namespace heft::urdf {
@@ -716,13 +716,7 @@ model::Robot load_urdf_string(const std::string& text, const std::string& name, 
 
 model::Robot load_urdf(const std::string& path, const UrdfOptions& options,
                        std::vector<std::string>* warnings) {
-  std::string text;
-  try {
-    text = host::read_file(path, "URDF");
-  } catch (const InputError& error) {
-    throw UrdfError(error.what());
-  }
-  return load_urdf_string(text, path, options, warnings);
+  return load_urdf_string(read_urdf(path), path, options, warnings);
 }
 
 }  // namespace heft::urdf
