@@ -26,12 +26,12 @@
 
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/file.hpp"
-#include "heft/identify/base_parameters.hpp"
 #include "heft/identify/fit.hpp"
-#include "heft/identify/observations.hpp"
-#include "heft/identify/regression_columns.hpp"
-#include "heft/identify/triangular_factor.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/observations.hpp"
+#include "heft/regression/regression_columns.hpp"
+#include "heft/regression/triangular_factor.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
 namespace {
@@ -207,11 +207,11 @@ int take_motion(const std::string& log) {
 /// The same, and the filtered rows of the base regressor with their torque.
 int take_rows(const std::string& log) {
   const data::MotionStream stream = stream_of(log);
-  const identify::RegressionColumns columns(robot(), {});
-  const identify::BaseParameters base = identify::find_base_parameters(columns);
+  const regression::RegressionColumns columns(robot(), {});
+  const regression::BaseParameters base = regression::find_base_parameters(columns);
   double sum = 0.0;
-  identify::for_each_observation(columns, base.kept, {&stream}, {},
-                                 [&](const identify::ObservationRows& rows) { sum += rows.W.sum(); });
+  regression::for_each_observation(columns, base.kept, {&stream}, {},
+                                   [&](const regression::ObservationRows& rows) { sum += rows.W.sum(); });
   return std::isfinite(sum) ? 0 : 1;
 }
 
@@ -270,7 +270,7 @@ BENCHMARK_CAPTURE(stage, command, kCommand)->Name("log/command")->Apply(at_three
 // The two inner loops, in this process.
 
 void regressor(benchmark::State& state) {
-  const identify::RegressionColumns columns(robot(), {});
+  const regression::RegressionColumns columns(robot(), {});
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> uniform(-3.0, 3.0);
   const Eigen::MatrixXd states =
@@ -289,16 +289,17 @@ BENCHMARK(regressor);
 
 /// Pieces of so many rows of each joint.
 void triangular_factor(benchmark::State& state) {
-  const identify::RegressionColumns columns(robot(), {});
-  const int p = identify::find_base_parameters(columns).count(), n = columns.num_joints();
+  const regression::RegressionColumns columns(robot(), {});
+  const int p = regression::find_base_parameters(columns).count(), n = columns.num_joints();
   const Eigen::Index rows = state.range(0);
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal;
   const Eigen::MatrixXd W = Eigen::MatrixXd::NullaryExpr(rows, p, [&] { return normal(random); });
   const Eigen::VectorXd y = Eigen::VectorXd::NullaryExpr(rows, [&] { return normal(random); });
-  std::vector<identify::TriangularFactor> factors(static_cast<std::size_t>(n), identify::TriangularFactor(p));
+  std::vector<regression::TriangularFactor> factors(static_cast<std::size_t>(n),
+                                                    regression::TriangularFactor(p));
   for (auto _ : state) {
-    for (identify::TriangularFactor& factor : factors) factor.add(W, y);
+    for (regression::TriangularFactor& factor : factors) factor.add(W, y);
   }
   benchmark::DoNotOptimize(factors);
   state.counters["samples_per_second"] =

@@ -7,7 +7,7 @@ namespace heft::diagnose {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using identify::ColumnKind;
+using regression::ColumnKind;
 
 Motion rigid_motion(const MotionTable& table) {
   return {table.q, table.qd, table.qdd, table.q, table.qd, table.qdd, table.direction, table.displacement};
@@ -16,12 +16,12 @@ Motion rigid_motion(const MotionTable& table) {
 BaseModel::BaseModel(const model::Robot& robot)
     : columns_(robot,
                {.rotor_inertia = false, .coulomb = true, .viscous = true, .offset = false, .couplings = {}}),
-      base_(identify::find_base_parameters(columns_)),
+      base_(regression::find_base_parameters(columns_)),
       places_(static_cast<std::size_t>(columns_.num_joints())),
       coulomb_(places_.size(), -1),
       viscous_(places_.size(), -1) {
   for (int c = 0; c < columns(); ++c) {
-    const identify::Column& column = columns_[base_.kept[static_cast<std::size_t>(c)]];
+    const regression::Column& column = columns_[base_.kept[static_cast<std::size_t>(c)]];
     for (int j = 0; j < num_joints(); ++j) {
       const bool reaches = column.kind == ColumnKind::kLink ? column.joint >= j : column.joint == j;
       if (reaches) places_[static_cast<std::size_t>(j)].push_back(c);

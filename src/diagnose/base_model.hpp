@@ -6,9 +6,9 @@
 
 #include <Eigen/Core>
 
-#include "heft/identify/base_parameters.hpp"
-#include "heft/identify/regression_columns.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/regression_columns.hpp"
 #include "motion_table.hpp"
 
 namespace heft::diagnose {
@@ -48,8 +48,8 @@ class BaseModel {
   Eigen::MatrixXd link_share(int link) const;
 
  private:
-  identify::RegressionColumns columns_;
-  identify::BaseParameters base_;
+  regression::RegressionColumns columns_;
+  regression::BaseParameters base_;
   std::vector<std::vector<int>> places_;
   std::vector<int> coulomb_, viscous_;
 };

@@ -114,14 +114,14 @@ MotionTable table_of(const model::Robot& robot, const std::vector<data::MotionSt
 }
 
 /// Scores of the logs of a table, and their residuals for plots.
-std::vector<identify::Score> score_table(const MotionTable& table,
+std::vector<validate::Score> score_table(const MotionTable& table,
                                          const std::vector<data::MotionStream>& streams,
                                          const MatrixXd& predicted, double band) {
-  std::vector<identify::Score> scores;
+  std::vector<validate::Score> scores;
   for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
     const Index begin = table.run_begin[r], count = table.run_begin[r + 1] - begin;
     const data::StreamSummary& summary = streams[r].summary();
-    identify::TorqueScorer::Setup setup;
+    validate::TorqueScorer::Setup setup;
     setup.log = summary.path;
     setup.begin = table.time[begin];
     setup.end = table.time[begin + count - 1];
@@ -131,7 +131,7 @@ std::vector<identify::Score> score_table(const MotionTable& table,
     setup.band = band;
     setup.moving_from = summary.moving_from - summary.begin;
     setup.moving_to = summary.moving_to - summary.begin;
-    identify::TorqueScorer scorer(setup);
+    validate::TorqueScorer scorer(setup);
     scorer.add_rows(table.time.segment(begin, count), table.tau.middleRows(begin, count),
                     predicted.middleRows(begin, count));
     scorer.add_grid(table.time.segment(begin, count),
@@ -163,7 +163,7 @@ VectorXd rms_error(const MotionTable& table, std::size_t run, const MatrixXd& pr
   double count = 0.0;
   const Index last = table.run_begin[run + 1] - 1;
   for (Index i = table.run_begin[run]; i <= last; ++i) {
-    if (table.time[i] < identify::kScoreEnd || table.time[last] - table.time[i] < identify::kScoreEnd)
+    if (table.time[i] < validate::kScoreEnd || table.time[last] - table.time[i] < validate::kScoreEnd)
       continue;
     sum += (table.tau.row(i) - predicted.row(i)).cwiseAbs2().transpose();
     count += 1.0;
@@ -262,10 +262,10 @@ class Session {
     const MatrixXd train_after = engine_->predicted();
     const MatrixXd judged_after = predicted_by(judged_table_, result.after);
     const auto pooled = [&](const MotionTable& table, const std::vector<data::MotionStream>& streams,
-                            const MatrixXd& p, std::vector<identify::Score>* each) {
-      const std::vector<identify::Score> scores = score_table(table, streams, p, band());
+                            const MatrixXd& p, std::vector<validate::Score>* each) {
+      const std::vector<validate::Score> scores = score_table(table, streams, p, band());
       if (each != nullptr) *each = scores;
-      return identify::pool(scores);
+      return validate::pool(scores);
     };
     result.train_before = pooled(engine_->table(), train_, train_before, nullptr);
     result.train_after = pooled(engine_->table(), train_, train_after, nullptr);
@@ -338,7 +338,7 @@ class Session {
     if (!(cutoff_ > 0.0)) cutoff_ = from_motion;
   }
 
-  double band() const { return options_.band > 0.0 ? options_.band : identify::default_band(bandwidth_); }
+  double band() const { return options_.band > 0.0 ? options_.band : validate::default_band(bandwidth_); }
 
   /// Why a candidate is not taken; empty: it can be.
   std::string objection(const Candidate& c, int tried, const VectorXd& noise_floor,
@@ -652,13 +652,13 @@ class Session {
     while (!engine_->accepted.empty()) {
       const MatrixXd with = predicted_by(judged_table_, engine_->robot());
       const std::vector<VectorXd> after = rms_errors(judged_table_, with);
-      const std::vector<identify::Score> in_band = score_table(judged_table_, judged_, with, band());
+      const std::vector<validate::Score> in_band = score_table(judged_table_, judged_, with, band());
       without_each_.clear();
       bool refused = false;
       for (std::size_t e = 0; e < engine_->accepted.size() && !refused; ++e) {
         const MatrixXd without = predicted_by(judged_table_, rebuilt_without(e)->robot());
         without_each_.push_back(rms_errors(judged_table_, without));
-        const std::vector<identify::Score> in_band_without =
+        const std::vector<validate::Score> in_band_without =
             score_table(judged_table_, judged_, without, band());
         const std::string why =
             harm(engine_->accepted[e], after, without_each_.back(), in_band, in_band_without);
@@ -677,8 +677,8 @@ class Session {
 
   /// What an effect does to its own joint, and to all together, on the validation logs; empty: no harm.
   std::string harm(const Candidate& own, const std::vector<VectorXd>& after,
-                   const std::vector<VectorXd>& before, const std::vector<identify::Score>& in_band,
-                   const std::vector<identify::Score>& in_band_before) const {
+                   const std::vector<VectorXd>& before, const std::vector<validate::Score>& in_band,
+                   const std::vector<validate::Score>& in_band_before) const {
     if (own.kind == "contact") return {};
     Index main = 0;
     fall(own.trial).maxCoeff(&main);
@@ -703,7 +703,7 @@ class Session {
   /// such exchange for each effect.
   /// @param before, in_band_before  errors without the effect, as in harm()
   bool take_another_form(std::size_t effect, const std::vector<VectorXd>& before,
-                         const std::vector<identify::Score>& in_band_before) {
+                         const std::vector<validate::Score>& in_band_before) {
     const Candidate own = engine_->accepted[effect];
     if (!joint_effect_has_memory(own.effect) || !exchanged_.insert(own.joint).second) return false;
     for (const Candidate& form : forms_of_memory(effect, {own.joint, -1})) {

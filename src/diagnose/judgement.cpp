@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "heft/identify/judgement.hpp"
+#include "heft/validate/judgement.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -79,7 +79,7 @@ host::Judgement judge(const Diagnosis& diagnosis) {
     judgement.add(host::Verdict::kBad,
                   in_words(joint, diagnosis.after) +
                       ": check its sign, its unit and the order of the joints; no effect was sought in it");
-  judgement.add(identify::judge_prediction(diagnosis.validate_each_after));
+  judgement.add(validate::judge_prediction(diagnosis.validate_each_after));
   const std::vector<int> structure = joints_with_structure(diagnosis);
   if (!structure.empty()) {
     judgement.add(host::Verdict::kDoubtful,

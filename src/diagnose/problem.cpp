@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "heft/host/decompositions.hpp"
-#include "heft/identify/instrumental.hpp"
+#include "heft/statistics/distributions.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -463,7 +463,7 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
   trial.wald = trial.coefficients.head(t).dot(in_deviations);
   // Hotelling: W (B - t) / (t (B - 1)) follows F(t, B - t).
   const double f = trial.wald * (used - t) / (static_cast<double>(t) * (used - 1));
-  trial.p_value = identify::fisher_tail(f, t, used - t);
+  trial.p_value = statistics::fisher_tail(f, t, used - t);
   MatrixXd over_naive = meat;
   solve_positive(naive, over_naive);
   const double design = std::max(1.0, over_naive.trace() / k);

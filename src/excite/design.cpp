@@ -13,7 +13,7 @@
 #include "design_impl.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/base_parameters.hpp"
+#include "heft/regression/base_parameters.hpp"
 
 namespace heft::excite {
 namespace {
@@ -22,8 +22,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using identify::BaseParameters;
-using identify::find_base_parameters;
+using regression::BaseParameters;
+using regression::find_base_parameters;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPi = std::numbers::pi;

@@ -12,9 +12,9 @@
 namespace heft::excite {
 namespace {
 
-using identify::Column;
-using identify::ColumnKind;
-using identify::RegressionColumns;
+using regression::Column;
+using regression::ColumnKind;
+using regression::RegressionColumns;
 
 template <typename Scalar, int N>
 ArmModel<Scalar, N> converted(const ArmModel<double, N>& arm) {

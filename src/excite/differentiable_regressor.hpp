@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "heft/identify/regression_columns.hpp"
+#include "heft/regression/regression_columns.hpp"
 
 namespace heft::excite {
 
@@ -30,7 +30,7 @@ class DifferentiableRegressor {
 /// @param chosen      columns wanted
 /// @param sign_width  n: tanh(q̇/width) stands for the sign [rad/s, m/s]
 std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(
-    const identify::RegressionColumns& columns, const std::vector<int>& chosen,
+    const regression::RegressionColumns& columns, const std::vector<int>& chosen,
     const Eigen::VectorXd& sign_width);
 
 }  // namespace heft::excite

@@ -10,12 +10,14 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/block_jackknife.hpp"
 #include "heft/identify/instrumental.hpp"
-#include "heft/identify/residual_statistics.hpp"
 #include "heft/identify/robust.hpp"
 #include "heft/identify/total_least_squares.hpp"
-#include "residual_moments.hpp"
+#include "heft/model/physical_links.hpp"
+#include "heft/statistics/block_jackknife.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "heft/statistics/residual_moments.hpp"
+#include "heft/statistics/residual_statistics.hpp"
 
 namespace heft::identify {
 
@@ -46,7 +48,7 @@ double duration_of(const Logs& logs) {
 }
 
 /// Joints that stand still in every log, from 1.
-std::vector<int> resting_joints(const RegressionColumns& columns, const Logs& logs) {
+std::vector<int> resting_joints(const regression::RegressionColumns& columns, const Logs& logs) {
   std::vector<int> resting;
   for (int j = 0; j < columns.num_joints(); ++j) {
     double travel = 0.0;
@@ -56,7 +58,7 @@ std::vector<int> resting_joints(const RegressionColumns& columns, const Logs& lo
   return resting;
 }
 
-void check_logs(const RegressionColumns& columns, const Logs& logs) {
+void check_logs(const regression::RegressionColumns& columns, const Logs& logs) {
   if (logs.empty()) throw DataError("identify: no log given; expected at least one");
   for (const data::MotionStream* log : logs) {
     if (log->summary().num_joints != columns.num_joints()) {
@@ -80,7 +82,7 @@ struct Solution {
 
 /// β = argmin ‖R β − z‖² + λ ‖S (β − β₀)‖², S the column norms. λ = 0 unless the condition number passes the
 /// limit; then λ = (σ_max/limit)², with which the steadied problem has about that condition number.
-Solution solve(const TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from) {
+Solution solve(const regression::TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from) {
   Solution s;
   s.scale = data.R().colwise().norm();
   for (Eigen::Index i = 0; i < s.scale.size(); ++i) {
@@ -110,16 +112,16 @@ Solution solve(const TriangularFactor& data, const Eigen::VectorXd& prior, doubl
 }
 
 /// Scatter of every joint's residual; degrees of freedom are shared among joints by their rows.
-Eigen::VectorXd noise_of(const BlockFactors& factors, const Eigen::VectorXd& beta) {
+Eigen::VectorXd noise_of(const regression::BlockFactors& factors, const Eigen::VectorXd& beta) {
   Eigen::VectorXd noise(factors.num_joints());
   double all_rows = 0.0;
-  std::vector<TriangularFactor> joints;
+  std::vector<regression::TriangularFactor> joints;
   for (int j = 0; j < factors.num_joints(); ++j) {
     joints.push_back(factors.joint(j));
     all_rows += static_cast<double>(joints.back().rows());
   }
   for (int j = 0; j < factors.num_joints(); ++j) {
-    const TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
+    const regression::TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
     const auto rows = static_cast<double>(joint.rows());
     const double freedom =
         std::max(1.0, rows * (1.0 - static_cast<double>(beta.size()) / std::max(all_rows, 1.0)));
@@ -141,8 +143,8 @@ struct Jackknife {
 };
 
 /// Delete-a-block covariance of a weighted least squares estimate, blocks joined to at least `length`.
-Jackknife jackknife(const BlockFactors& factors, const Eigen::VectorXd& weights, const Solution& solution,
-                    double length, double edge_factor) {
+Jackknife jackknife(const regression::BlockFactors& factors, const Eigen::VectorXd& weights,
+                    const Solution& solution, double length, double edge_factor) {
   struct Group {
     Eigen::MatrixXd A;
     Eigen::VectorXd g;
@@ -158,7 +160,7 @@ Jackknife jackknife(const BlockFactors& factors, const Eigen::VectorXd& weights,
     Group& group =
         groups.try_emplace(key, Group{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)}).first->second;
     for (int j = 0; j < factors.num_joints(); ++j) {
-      const TriangularFactor& factor = factors.factor(k, j);
+      const regression::TriangularFactor& factor = factors.factor(k, j);
       if (factor.rows() == 0) continue;
       const Eigen::MatrixXd R = factor.R() * inverse.asDiagonal();
       group.A.noalias() += weights[j] * (R.transpose() * R);
@@ -184,7 +186,7 @@ Jackknife jackknife(const BlockFactors& factors, const Eigen::VectorXd& weights,
 }
 
 /// A size a parameter can be expected to have on this robot: what "undetermined" is measured against.
-Eigen::VectorXd expected_sizes(const RegressionColumns& columns, const Eigen::VectorXd& torque) {
+Eigen::VectorXd expected_sizes(const regression::RegressionColumns& columns, const Eigen::VectorXd& torque) {
   const model::Robot& robot = columns.robot();
   const auto n = static_cast<std::size_t>(columns.num_joints());
   // Mass beyond each joint and reach from link to link.
@@ -196,16 +198,16 @@ Eigen::VectorXd expected_sizes(const RegressionColumns& columns, const Eigen::Ve
   }
   Eigen::VectorXd size(columns.count());
   for (int i = 0; i < columns.count(); ++i) {
-    const Column& column = columns[i];
+    const regression::Column& column = columns[i];
     const auto j = static_cast<std::size_t>(column.joint);
     switch (column.kind) {
-      case ColumnKind::kLink:
+      case regression::ColumnKind::kLink:
         size[i] = column.entry == kMass  ? mass[j]
                   : column.entry <= kMcz ? mass[j] * reach[j]
                                          : mass[j] * reach[j] * reach[j];
         break;
-      case ColumnKind::kRotorInertia:
-      case ColumnKind::kCouplingInertia: size[i] = mass[j] * reach[j] * reach[j]; break;
+      case regression::ColumnKind::kRotorInertia:
+      case regression::ColumnKind::kCouplingInertia: size[i] = mass[j] * reach[j] * reach[j]; break;
       default: size[i] = 0.1 * std::max(torque[column.joint], 1e-3); break;
     }
   }
@@ -213,12 +215,12 @@ Eigen::VectorXd expected_sizes(const RegressionColumns& columns, const Eigen::Ve
 }
 
 /// The motion that would show a parameter.
-std::string motion_for(const RegressionColumns& columns, const Column& column) {
+std::string motion_for(const regression::RegressionColumns& columns, const regression::Column& column) {
   const int joint = column.joint + 1;
   const bool prismatic =
       columns.robot().joints[static_cast<std::size_t>(column.joint)].joint.type == JointType::kPrismatic;
   switch (column.kind) {
-    case ColumnKind::kLink:
+    case regression::ColumnKind::kLink:
       if (column.entry == kMass) return fmt::format("accelerate link {} along different directions", joint);
       if (column.entry <= kMcz) {
         return fmt::format(
@@ -228,19 +230,19 @@ std::string motion_for(const RegressionColumns& columns, const Column& column) {
       return fmt::format(
           "turn link {} fast about several axes: joints up to {} together, with strong accelerations", joint,
           joint);
-    case ColumnKind::kRotorInertia:
+    case regression::ColumnKind::kRotorInertia:
       return fmt::format("accelerate joint {} strongly, in several postures of the joints beyond it", joint);
-    case ColumnKind::kCoulomb:
+    case regression::ColumnKind::kCoulomb:
       return fmt::format("move joint {} in both directions at a slow, even speed", joint);
-    case ColumnKind::kViscous:
+    case regression::ColumnKind::kViscous:
       return fmt::format("move joint {} at several speeds up to its fastest, in both directions", joint);
-    case ColumnKind::kOffset:
+    case regression::ColumnKind::kOffset:
       return prismatic
                  ? fmt::format("move joint {} slowly in both directions", joint)
                  : fmt::format("move joint {} slowly in both directions over more than half a turn", joint);
-    case ColumnKind::kCouplingInertia:
-    case ColumnKind::kCouplingCoulomb:
-    case ColumnKind::kCouplingViscous: {
+    case regression::ColumnKind::kCouplingInertia:
+    case regression::ColumnKind::kCouplingCoulomb:
+    case regression::ColumnKind::kCouplingViscous: {
       const auto& pair = columns.structure().couplings[static_cast<std::size_t>(column.coupling)];
       return fmt::format("move joints {} and {} at different speeds, also against each other",
                          pair.driving + 1, pair.driven + 1);
@@ -250,7 +252,7 @@ std::string motion_for(const RegressionColumns& columns, const Column& column) {
 }
 
 /// Undetermined parameters by the motion they lack.
-std::vector<std::string> missing_motion(const RegressionColumns& columns, const Fit& fit,
+std::vector<std::string> missing_motion(const regression::RegressionColumns& columns, const Fit& fit,
                                         const std::vector<int>& resting) {
   std::vector<std::string> lines;
   for (const int joint : resting) {
@@ -261,7 +263,7 @@ std::vector<std::string> missing_motion(const RegressionColumns& columns, const 
   std::vector<std::pair<std::string, std::string>> by_motion;  // motion, names
   for (int i = 0; i < fit.base.count(); ++i) {
     if (fit.determined[static_cast<std::size_t>(i)]) continue;
-    const Column& column = columns[fit.base.kept[static_cast<std::size_t>(i)]];
+    const regression::Column& column = columns[fit.base.kept[static_cast<std::size_t>(i)]];
     if (std::find(resting.begin(), resting.end(), column.joint + 1) != resting.end()) continue;
     const std::string motion = motion_for(columns, column);
     const std::string name = fit.base.name(columns, i);
@@ -279,8 +281,8 @@ std::vector<std::string> missing_motion(const RegressionColumns& columns, const 
 }
 
 /// The parameters nearest to `x` with G x = β exactly, distance measured in expected sizes.
-Eigen::VectorXd with_base(const BaseParameters& base, const Eigen::VectorXd& x, const Eigen::VectorXd& beta,
-                          const Eigen::VectorXd& size) {
+Eigen::VectorXd with_base(const regression::BaseParameters& base, const Eigen::VectorXd& x,
+                          const Eigen::VectorXd& beta, const Eigen::VectorXd& size) {
   // G is [I, D] up to order: always of full row rank.
   const Eigen::MatrixXd scaled = base.regrouping * size.asDiagonal();
   const Eigen::VectorXd step =
@@ -294,7 +296,7 @@ Eigen::VectorXd with_base(const BaseParameters& base, const Eigen::VectorXd& x, 
 }
 
 bool all_physical(const model::Robot& robot) {
-  return has_physical_links(robot) &&
+  return model::has_physical_links(robot) &&
          std::all_of(robot.joints.begin(), robot.joints.end(), [](const model::RobotJoint& joint) {
            return joint.actuation.rotor_inertia >= 0.0 && joint.actuation.coulomb_friction >= 0.0 &&
                   joint.actuation.viscous_friction >= 0.0;
@@ -306,8 +308,8 @@ bool all_physical(const model::Robot& robot) {
 Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) {
   Fit result;
   result.method = options.method;
-  result.columns = std::make_shared<const RegressionColumns>(robot, options.structure);
-  const RegressionColumns& columns = *result.columns;
+  result.columns = std::make_shared<const regression::RegressionColumns>(robot, options.structure);
+  const regression::RegressionColumns& columns = *result.columns;
   check_logs(columns, logs);
   const std::vector<int> resting = resting_joints(columns, logs);
   if (static_cast<int>(resting.size()) == columns.num_joints()) {
@@ -319,16 +321,17 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
   const auto report = [&](double done) {
     if (options.progress) options.progress(done);
   };
-  result.base = find_base_parameters(columns);
-  const BaseParameters& base = result.base;
+  result.base = regression::find_base_parameters(columns);
+  const regression::BaseParameters& base = result.base;
   const int n = columns.num_joints();
   const int b = base.count();
 
   // First pass: the triangle of every joint and block.
-  BlockFactors factors(n, b, kBlock);
-  for_each_observation(columns, base.kept, logs, options.observation, [&](const ObservationRows& rows) {
-    factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau);
-  });
+  regression::BlockFactors factors(n, b, kBlock);
+  regression::for_each_observation(columns, base.kept, logs, options.observation,
+                                   [&](const regression::ObservationRows& rows) {
+                                     factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau);
+                                   });
   report(0.35);
   result.rows = Eigen::VectorXi::Zero(n);
   for (int j = 0; j < n; ++j) result.rows[j] = static_cast<int>(factors.joint(j).rows());
@@ -366,7 +369,7 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
 
   if (options.method == Method::kIrls) {
     RobustOptions robust_options;
-    robust_options.solve = [&](const TriangularFactor& data) {
+    robust_options.solve = [&](const regression::TriangularFactor& data) {
       return solve(data, prior, options.ridge_from_condition).beta;
     };
     RobustFit robust = fit_robust(columns, base, logs, options.observation, solution.beta, plain_noise,
@@ -400,13 +403,14 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
   }
 
   // Second pass: how the residual is correlated in time.
-  ResidualMoments moments(n);
-  for_each_observation(columns, base.kept, logs, options.observation, [&](const ObservationRows& rows) {
-    moments.add(rows.log, rows.joint, rows.time, rows.tau - rows.W * solution.beta);
-  });
+  statistics::ResidualMoments moments(n);
+  regression::for_each_observation(
+      columns, base.kept, logs, options.observation, [&](const regression::ObservationRows& rows) {
+        moments.add(rows.log, rows.joint, rows.time, rows.tau - rows.W * solution.beta);
+      });
   report(0.7);
   if (result.noise_std.size() == 0) result.noise_std = noise_of(factors, solution.beta);
-  const ResidualStatistics residual{result.noise_std, moments.correlation_time(), 0.0};
+  const statistics::ResidualStatistics residual{result.noise_std, moments.correlation_time(), 0.0};
   const double length = std::max(residual.block_length(duration_of(logs)), factors.block_length());
   const double edge_factor = residual.edge_factor(length);
   const Jackknife spread = jackknife(factors, weights, solution, length, edge_factor);
@@ -450,7 +454,7 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
     }
   }
   result.std = result.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-  result.half_width = interval_factor(result.blocks - 1) * result.std;
+  result.half_width = statistics::interval_factor(result.blocks - 1) * result.std;
   result.condition = solution.condition;
   result.ridge = solution.ridge > 0.0;
   const Eigen::VectorXd raw = singular_values(factors.weighted(weights).R());

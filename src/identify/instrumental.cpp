@@ -9,11 +9,12 @@
 #include <fmt/format.h>
 #include <unsupported/Eigen/SpecialFunctions>
 
-#include "block_groups.hpp"
 #include "heft/data/differentiate.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/regression/block_groups.hpp"
+#include "heft/statistics/distributions.hpp"
 
 namespace heft::identify {
 namespace {
@@ -169,7 +170,7 @@ bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Moti
 }
 
 /// Robot whose torque is that of β: the kept parameters have the values of β, the dropped ones 0.
-model::Robot robot_with(const RegressionColumns& columns, const BaseParameters& base,
+model::Robot robot_with(const regression::RegressionColumns& columns, const regression::BaseParameters& base,
                         const Eigen::VectorXd& beta) {
   Eigen::VectorXd x = Eigen::VectorXd::Zero(columns.count());
   x(base.kept) = beta;
@@ -204,7 +205,8 @@ struct Frame {
   double residual{0.0};  ///< ‖√w (y − W β_LS)‖²
 };
 
-Frame frame_of(const TriangularFactor& data, const Eigen::VectorXd& start, double condition_limit) {
+Frame frame_of(const regression::TriangularFactor& data, const Eigen::VectorXd& start,
+               double condition_limit) {
   const Eigen::MatrixXd R = data.R();
   Eigen::VectorXd scale = R.colwise().norm();
   scale = (scale.array() > 0.0).select(scale, 1.0);
@@ -254,7 +256,7 @@ Comparison compare(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
   }
   double relevance_squares = 0.0;
 
-  const std::vector<std::vector<int>> groups = groups_of(sums.plain(), length);
+  const std::vector<std::vector<int>> groups = regression::groups_of(sums.plain(), length);
   std::vector<Eigen::VectorXd> moved, plain_moved;
   for (const std::vector<int>& members : groups) {
     // Without group g: (K − K_g) δ = −Tᵀ (r_g − A_g β), since Tᵀ (r − A β) = 0.
@@ -267,7 +269,7 @@ Comparison compare(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
       A += block.A;
       r += block.r;
       for (int j = 0; j < sums.num_joints(); ++j) {
-        const TriangularFactor& factor = sums.plain().factor(b, j);
+        const regression::TriangularFactor& factor = sums.plain().factor(b, j);
         if (factor.rows() == 0) continue;
         plain_A += weights[j] * factor.information();
         gradient += weights[j] * factor.gradient(plain_beta);
@@ -304,10 +306,11 @@ Eigen::MatrixXd jackknife_covariance(const Eigen::MatrixXd& without, double edge
 
 // ---------------------------------------------------------------------------------------------- instruments
 
-InstrumentMotion simulated_motion(const RegressionColumns& columns, const BaseParameters& base,
-                                  const Eigen::VectorXd& beta, const Logs& logs,
-                                  const InstrumentOptions& options,
-                                  std::shared_ptr<SimulationReport> report) {
+regression::InstrumentMotion simulated_motion(const regression::RegressionColumns& columns,
+                                              const regression::BaseParameters& base,
+                                              const Eigen::VectorXd& beta, const Logs& logs,
+                                              const InstrumentOptions& options,
+                                              std::shared_ptr<SimulationReport> report) {
   auto arm = std::make_shared<SimulatedArm>(robot_with(columns, base, beta));
   std::vector<data::StreamSummary> summaries;
   for (const data::MotionStream* log : logs) summaries.push_back(log->summary());
@@ -371,8 +374,9 @@ InstrumentMotion simulated_motion(const RegressionColumns& columns, const BasePa
   };
 }
 
-InstrumentMotion delayed_motion(const Logs& logs, const ObservationOptions& observation,
-                                const InstrumentOptions& options) {
+regression::InstrumentMotion delayed_motion(const Logs& logs,
+                                            const regression::ObservationOptions& observation,
+                                            const InstrumentOptions& options) {
   std::vector<double> cutoffs;
   for (const data::MotionStream* log : logs) {
     double cutoff = log->summary().cutoff;
@@ -486,8 +490,9 @@ InstrumentalEstimate solve_instrumental(const InstrumentSums& sums, const Eigen:
   return estimate;
 }
 
-InstrumentalFit fit_instrumental(const RegressionColumns& columns, const BaseParameters& base,
-                                 const Logs& logs, const ObservationOptions& observation,
+InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
+                                 const regression::BaseParameters& base, const Logs& logs,
+                                 const regression::ObservationOptions& observation,
                                  const Eigen::VectorXd& start_beta, const Eigen::VectorXd& start_noise,
                                  const InstrumentOptions& options,
                                  const std::function<void(double)>& progress) {
@@ -508,17 +513,18 @@ InstrumentalFit fit_instrumental(const RegressionColumns& columns, const BasePar
   auto report = std::make_shared<SimulationReport>();
   while (fit.iterations < limit && !fit.converged) {
     *report = {};
-    const InstrumentMotion motion = simulated ? simulated_motion(columns, base, beta, logs, options, report)
-                                              : delayed_motion(logs, observation, options);
+    const regression::InstrumentMotion motion =
+        simulated ? simulated_motion(columns, base, beta, logs, options, report)
+                  : delayed_motion(logs, observation, options);
     fit.sums = fresh();
-    for_each_observation(
+    regression::for_each_observation(
         columns, base.kept, logs, observation,
-        [&](const ObservationRows& rows) {
+        [&](const regression::ObservationRows& rows) {
           fit.sums.add(rows.log, rows.joint, rows.time, rows.Z, rows.W, rows.tau);
         },
         motion);
     fit.estimate = solve_instrumental(fit.sums, weights, start_beta, options.condition_limit);
-    const TriangularFactor data = fit.sums.plain().weighted(weights);
+    const regression::TriangularFactor data = fit.sums.plain().weighted(weights);
     const double moved = (data.R() * (fit.estimate.beta - beta)).norm() /
                          std::sqrt(std::max(1.0, static_cast<double>(data.rows())));
     beta = fit.estimate.beta;
@@ -529,7 +535,7 @@ InstrumentalFit fit_instrumental(const RegressionColumns& columns, const BasePar
   if (progress) progress(1.0);
 
   for (int j = 0; j < columns.num_joints(); ++j) {
-    const TriangularFactor joint = fit.sums.plain().joint(j);
+    const regression::TriangularFactor joint = fit.sums.plain().joint(j);
     if (joint.rows() > 0)
       fit.noise_std[j] = std::sqrt(joint.squared_error(beta) / static_cast<double>(joint.rows()));
   }
@@ -553,14 +559,6 @@ InstrumentalFit fit_instrumental(const RegressionColumns& columns, const BasePar
 }
 
 // ---------------------------------------------------------------------------------------------- test
-
-double fisher_tail(double value, double numerator, double denominator) {
-  if (!(value > 0.0)) return 1.0;
-  // P(F > f) = I_x(d₂/2, d₁/2), x = d₂/(d₂ + d₁ f).
-  const auto one = [](double v) { return Eigen::Array<double, 1, 1>::Constant(v); };
-  return Eigen::betainc(one(0.5 * denominator), one(0.5 * numerator),
-                        one(denominator / (denominator + numerator * value)))(0);
-}
 
 BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, const Eigen::VectorXd& start,
                    double condition_limit, double length, double edge_factor) {
@@ -608,7 +606,7 @@ BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
   }
   if (test.degrees_of_freedom > 0) {
     const double dof = test.degrees_of_freedom;
-    test.p_value = fisher_tail(test.statistic * (B - dof) / (dof * (B - 1)), dof, B - dof);
+    test.p_value = statistics::fisher_tail(test.statistic * (B - dof) / (dof * (B - 1)), dof, B - dof);
   }
   test.biased = test.p_value < 0.01 && test.torque_difference > 0.1;
   // How far apart the two would be by chance alone.

@@ -17,6 +17,7 @@
 #include "heft/core/inertia.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/model/physical_links.hpp"
 
 namespace heft::identify {
 namespace {
@@ -36,22 +37,6 @@ constexpr double kSqrt2 = 1.4142135623730951;
 /// Entries of a symmetric 4 × 4 matrix in the order used here, row ≤ column.
 constexpr std::array<std::array<int, 2>, 10> kEntry{
     {{0, 0}, {1, 1}, {2, 2}, {3, 3}, {0, 1}, {0, 2}, {1, 2}, {0, 3}, {1, 3}, {2, 3}}};
-
-/// [Σ h; hᵀ m].
-Matrix4d to_matrix(const InertialParameters<double>& link) {
-  const PseudoInertia<double> s = to_pseudo_inertia(link);
-  Matrix4d P;
-  P << s[kS11], s[kS12], s[kS13], s[kPhx],  //
-      s[kS12], s[kS22], s[kS23], s[kPhy],   //
-      s[kS13], s[kS23], s[kS33], s[kPhz],   //
-      s[kPhx], s[kPhy], s[kPhz], s[kPm];
-  return P;
-}
-
-InertialParameters<double> to_link(const Matrix4d& P) {
-  return to_inertial_parameters(PseudoInertia<double>{P(3, 3), P(0, 3), P(1, 3), P(2, 3), P(0, 0), P(0, 1),
-                                                      P(1, 1), P(0, 2), P(1, 2), P(2, 2)});
-}
 
 /// Symmetric matrix to ten numbers with the same inner product.
 Vector10 to_vector(const Matrix4d& S) {
@@ -97,7 +82,7 @@ Matrix4d plausible_body(double mass, const Vector3d& center, const Vector3d& ext
 }
 
 /// Priors of the links that can be used: positive definite and not extremely thin.
-std::vector<Matrix4d> usable_priors(const RegressionColumns& columns, const VectorXd& prior,
+std::vector<Matrix4d> usable_priors(const regression::RegressionColumns& columns, const VectorXd& prior,
                                     std::vector<int>& repaired) {
   const model::Robot& robot = columns.robot();
   const std::size_t n = robot.joints.size();
@@ -122,7 +107,7 @@ std::vector<Matrix4d> usable_priors(const RegressionColumns& columns, const Vect
 
   std::vector<Matrix4d> priors(n);
   for (std::size_t i = 0; i < n; ++i) {
-    if (!is_physical(links[i])) repaired.push_back(static_cast<int>(i) + 1);
+    if (!model::is_physical(links[i])) repaired.push_back(static_cast<int>(i) + 1);
     const double mass = links[i][kMass];
     if (mass <= 0.0) {
       priors[i] = plausible_body(typical_mass, 0.5 * extents[i], extents[i], 0.3 * longest);
@@ -134,12 +119,13 @@ std::vector<Matrix4d> usable_priors(const RegressionColumns& columns, const Vect
     const Matrix4d body = plausible_body(mass, center, extents[i], 0.3 * longest);
     const Matrix4d root = body.llt().matrixL();
     const auto lower = root.triangularView<Eigen::Lower>();
-    const Matrix4d half = lower.solve(to_matrix(links[i]));
+    const Matrix4d half = lower.solve(model::pseudo_inertia_matrix(links[i]));
     const Matrix4d relative = lower.solve(half.transpose());
     const Eigensystem eigen = eigensystem_of(0.5 * (relative + relative.transpose()));
     const Matrix4d lifted =
         eigen.vectors * eigen.values.cwiseMax(0.01).asDiagonal() * eigen.vectors.transpose();
-    priors[i] = eigen.values[0] < 0.01 ? Matrix4d(root * lifted * root.transpose()) : to_matrix(links[i]);
+    priors[i] = eigen.values[0] < 0.01 ? Matrix4d(root * lifted * root.transpose())
+                                       : model::pseudo_inertia_matrix(links[i]);
   }
   return priors;
 }
@@ -403,8 +389,9 @@ VectorXd rough_sizes(const MatrixXd& columns, const VectorXd& z, const VectorXd&
   return size;
 }
 
-Problem make_problem(const RegressionColumns& columns, const BaseParameters& base,
-                     const TriangularFactor& data, const VectorXd& prior, double margin, PhysicalFit& fit) {
+Problem make_problem(const regression::RegressionColumns& columns, const regression::BaseParameters& base,
+                     const regression::TriangularFactor& data, const VectorXd& prior, double margin,
+                     PhysicalFit& fit) {
   const int n = columns.num_joints(), p = columns.count();
   const MatrixXd W = data.R() * base.regrouping;
   const VectorXd z = data.z();
@@ -415,7 +402,7 @@ Problem make_problem(const RegressionColumns& columns, const BaseParameters& bas
   MatrixXd whole(W.rows(), p - 9 * n);
   VectorXd start = VectorXd::Zero(p - 9 * n), least = start;
   for (int i = 0; i < n; ++i) {
-    const InertialParameters<double> link = to_link(priors[static_cast<std::size_t>(i)]);
+    const InertialParameters<double> link = model::link_with(priors[static_cast<std::size_t>(i)]);
     whole.col(i) = W.middleCols<10>(10 * i) * Eigen::Map<const Vector10>(link.data());
     start[i] = 1.0;
     least[i] = 0.1;
@@ -424,7 +411,7 @@ Problem make_problem(const RegressionColumns& columns, const BaseParameters& bas
     whole.col(k - 9 * n) = W.col(k);
     start[k - 9 * n] = prior[k];
     least[k - 9 * n] =
-        columns[k].kind == ColumnKind::kOffset ? -std::numeric_limits<double>::infinity() : 0.0;
+        columns[k].kind == regression::ColumnKind::kOffset ? -std::numeric_limits<double>::infinity() : 0.0;
   }
   const VectorXd sizes = rough_sizes(whole, z, start, least);
   for (int i = 0; i < n; ++i) {
@@ -438,11 +425,11 @@ Problem make_problem(const RegressionColumns& columns, const BaseParameters& bas
   problem.T = MatrixXd::Zero(p, p);
   for (int i = 0; i < n; ++i) {
     const Matrix4d L = priors[static_cast<std::size_t>(i)].llt().matrixL();
-    const InertialParameters<double> edge = to_link(margin * priors[static_cast<std::size_t>(i)]);
+    const InertialParameters<double> edge = model::link_with(margin * priors[static_cast<std::size_t>(i)]);
     problem.x0.segment<10>(10 * i) = Eigen::Map<const Vector10>(edge.data());
     for (int k = 0; k < 10; ++k) {
       const Matrix4d E = to_symmetric(Vector10::Unit(k));
-      const InertialParameters<double> column = to_link((1.0 - margin) * (L * E * L.transpose()));
+      const InertialParameters<double> column = model::link_with((1.0 - margin) * (L * E * L.transpose()));
       problem.T.block<10, 1>(10 * i, 10 * i + k) = Eigen::Map<const Vector10>(column.data());
     }
     problem.blocks.push_back({Kind::kLink, 10 * i, 10, i});
@@ -452,7 +439,7 @@ Problem make_problem(const RegressionColumns& columns, const BaseParameters& bas
     // In units of what the data give it, at least a hundredth of what would explain the whole torque.
     const double norm = W.col(k).norm();
     const double unit = norm > 0.0 ? std::max(std::abs(sizes[k - 9 * n]), 0.01 * z.norm() / norm) : 0.0;
-    if (columns[k].kind == ColumnKind::kOffset) {
+    if (columns[k].kind == regression::ColumnKind::kOffset) {
       problem.x0[k] = prior[k];
       problem.T(k, k) = unit;
       problem.blocks.push_back({Kind::kFree, k, 1});
@@ -469,8 +456,8 @@ Problem make_problem(const RegressionColumns& columns, const BaseParameters& bas
 
 }  // namespace
 
-PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters& base,
-                         const TriangularFactor& data, const VectorXd& prior,
+PhysicalFit fit_physical(const regression::RegressionColumns& columns, const regression::BaseParameters& base,
+                         const regression::TriangularFactor& data, const VectorXd& prior,
                          const PhysicalOptions& options) {
   if (prior.size() != columns.count() || base.count() != data.columns() ||
       base.regrouping.rows() != base.count() || base.regrouping.cols() != columns.count()) {
@@ -590,74 +577,6 @@ PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters&
       fit.converged ? "converged" : "did not converge", fit.iterations, fit.squared_error,
       fit.limit_squared_error, fit.gap, fit.unconstrained_squared_error);
   return fit;
-}
-
-bool is_physical(const InertialParameters<double>& link) {
-  const Matrix4d P = to_matrix(link);
-  if (!P.allFinite() || !(P.diagonal().array() > 0.0).all()) return false;
-  // Scaled to a diagonal of ones the answer does not depend on the unit of length.
-  const Eigen::Vector4d scale = P.diagonal().cwiseSqrt().cwiseInverse();
-  const Matrix4d scaled = scale.asDiagonal() * P * scale.asDiagonal();
-  return eigenvalues_of(scaled)[0] > 1e-13;
-}
-
-bool has_physical_links(const model::Robot& robot) {
-  return std::all_of(robot.joints.begin(), robot.joints.end(),
-                     [](const model::RobotJoint& joint) { return is_physical(joint.link); });
-}
-
-InertialParameters<double> nearest_physical(const InertialParameters<double>& link, double margin) {
-  const Matrix4d P = to_matrix(link);
-  if (!P.allFinite()) throw ModelError("nearest physical link: the parameters are not finite numbers");
-  const Eigensystem eigen = eigensystem_of(P);
-  const double least = margin * std::max(P.trace(), 1.0);
-  if (eigen.values[0] >= least) return link;
-  return to_link(eigen.vectors * eigen.values.cwiseMax(least).asDiagonal() * eigen.vectors.transpose());
-}
-
-MassMatrixCheck check_mass_matrix(const model::Robot& robot, int poses, std::uint64_t seed) {
-  const model::Dynamics dynamics(robot);
-  const Eigen::Index n = dynamics.num_joints();
-  MatrixXd rotors = MatrixXd::Zero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    rotors(i, i) = robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia;
-  }
-  // A shared motor with inertia I that turns with q_j + r q_i.
-  for (const auto& coupling : robot.couplings) {
-    VectorXd turn = VectorXd::Zero(n);
-    turn[coupling.driven] = 1.0;
-    turn[coupling.driving] = coupling.ratio;
-    rotors += coupling.rotor_inertia * turn * turn.transpose();
-  }
-
-  std::mt19937_64 generator(seed);
-  MassMatrixCheck check;
-  check.poses = poses;
-  check.smallest_eigenvalue = std::numeric_limits<double>::infinity();
-  VectorXd q(n);
-  const auto smallest = [](const MatrixXd& M) { return eigenvalues_of(M)[0]; };
-  for (int pose = 0; pose < poses; ++pose) {
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const auto& joint = robot.joints[static_cast<std::size_t>(i)];
-      const double share = std::generate_canonical<double, 53>(generator);
-      if (joint.joint.type == JointType::kRevolute) {
-        q[i] = std::numbers::pi * (2.0 * share - 1.0);
-      } else {
-        const double lower = std::isfinite(joint.lower) ? joint.lower : -1.0;
-        const double upper = std::isfinite(joint.upper) ? joint.upper : 1.0;
-        q[i] = lower + share * (upper - lower);
-      }
-    }
-    const MatrixXd M = dynamics.mass_matrix(q);
-    const double value = smallest(M);
-    if (!(value > 0.0)) ++check.not_positive;
-    if (!(smallest(M + rotors) > 0.0)) ++check.not_positive_with_rotors;
-    if (value < check.smallest_eigenvalue || check.worst_pose.size() == 0) {
-      check.smallest_eigenvalue = value;
-      check.worst_pose = q;
-    }
-  }
-  return check;
 }
 
 }  // namespace heft::identify

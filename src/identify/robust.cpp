@@ -72,14 +72,14 @@ class RowStore {
  public:
   RowStore(const ObservationPass& pass, std::size_t limit) : pass_(pass), limit_(limit) {}
 
-  void for_each(const std::function<void(const ObservationRows&)>& rows) {
+  void for_each(const std::function<void(const regression::ObservationRows&)>& rows) {
     if (complete_) {
-      for (const ObservationRows& piece : kept_) rows(piece);
+      for (const regression::ObservationRows& piece : kept_) rows(piece);
       return;
     }
     std::size_t bytes = 0;
     kept_.clear();
-    pass_([&](const ObservationRows& piece) {
+    pass_([&](const regression::ObservationRows& piece) {
       bytes += sizeof(double) * static_cast<std::size_t>(piece.W.size() + 2 * piece.tau.size());
       if (bytes <= limit_) {
         kept_.push_back(piece);
@@ -96,11 +96,11 @@ class RowStore {
   const ObservationPass& pass_;
   std::size_t limit_;
   bool complete_{false};
-  std::vector<ObservationRows> kept_;
+  std::vector<regression::ObservationRows> kept_;
 };
 
 /// Least squares in columns of norm 1; directions below rounding stay at `start`.
-Eigen::VectorXd solve_from(const TriangularFactor& data, const Eigen::VectorXd& start) {
+Eigen::VectorXd solve_from(const regression::TriangularFactor& data, const Eigen::VectorXd& start) {
   const Eigen::MatrixXd R = data.R();
   Eigen::VectorXd scale = R.colwise().norm();
   scale = (scale.array() > 0.0).select(scale, 1.0);
@@ -112,7 +112,7 @@ Eigen::VectorXd solve_from(const TriangularFactor& data, const Eigen::VectorXd& 
 
 /// What one look at all rows gives.
 struct Look {
-  BlockFactors factors;
+  regression::BlockFactors factors;
   Eigen::VectorXd scale;         ///< n, of the residuals of the β looked at
   Eigen::VectorXd downweighted;  ///< n
   Eigen::VectorXd slope_ratio;   ///< n: k = mean ψ' / mean ω
@@ -125,7 +125,7 @@ RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_b
   const auto n = start_noise.size();
   const auto b = start_beta.size();
   RowStore store(pass, options.row_memory);
-  const auto check = [&](const ObservationRows& rows) {
+  const auto check = [&](const regression::ObservationRows& rows) {
     if (rows.W.cols() != b || rows.joint < 0 || rows.joint >= n) {
       throw DataError(
           fmt::format("robust fit: rows of joint {} with {} columns; expected at most {} joints and {} "
@@ -153,7 +153,7 @@ RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_b
   Eigen::VectorXd has_rows = Eigen::VectorXd::Zero(n);
   const auto first_scale = [&](const Eigen::VectorXd& beta) {
     std::vector<SizeHistogram> histograms = histograms_for(start_noise);
-    store.for_each([&](const ObservationRows& rows) {
+    store.for_each([&](const regression::ObservationRows& rows) {
       check(rows);
       has_rows[rows.joint] += static_cast<double>(rows.tau.size());
       if (rows.tau.size() > 0)
@@ -168,13 +168,14 @@ RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_b
   // that of the M-estimate (robust.md).
   const auto look = [&](Loss loss, const Eigen::VectorXd& beta, const Eigen::VectorXd& scale,
                         const Eigen::VectorXd* slope) {
-    Look out{BlockFactors(static_cast<int>(n), static_cast<int>(b), options.block, options.max_blocks),
-             {},
-             Eigen::VectorXd::Zero(n),
-             Eigen::VectorXd::Ones(n)};
+    Look out{
+        regression::BlockFactors(static_cast<int>(n), static_cast<int>(b), options.block, options.max_blocks),
+        {},
+        Eigen::VectorXd::Zero(n),
+        Eigen::VectorXd::Ones(n)};
     std::vector<SizeHistogram> histograms = histograms_for(scale);
     Eigen::VectorXd weights = Eigen::VectorXd::Zero(n), slopes = Eigen::VectorXd::Zero(n);
-    store.for_each([&](const ObservationRows& rows) {
+    store.for_each([&](const regression::ObservationRows& rows) {
       const int j = rows.joint;
       const double k = slope == nullptr ? 1.0 : (*slope)[j];
       const Eigen::VectorXd model = rows.W * beta;
@@ -200,9 +201,12 @@ RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_b
     return out;
   };
 
-  RobustFit fit{
-      start_beta, start_noise, BlockFactors(static_cast<int>(n), static_cast<int>(b), options.block),
-      {},         0,           false};
+  RobustFit fit{start_beta,
+                start_noise,
+                regression::BlockFactors(static_cast<int>(n), static_cast<int>(b), options.block),
+                {},
+                0,
+                false};
   Eigen::VectorXd scale = first_scale(start_beta);
   // Huber moves the scales along; Tukey keeps those that Huber left, as MM-estimates do: a median that moves
   // with the weights can make the weights go round in circles.
@@ -210,7 +214,7 @@ RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_b
     for (int i = 0; i < limit; ++i) {
       const Look now = look(loss, fit.beta, scale, nullptr);
       const Eigen::VectorXd weights = scale.cwiseAbs2().cwiseInverse();
-      const TriangularFactor data = now.factors.weighted(weights);
+      const regression::TriangularFactor data = now.factors.weighted(weights);
       const Eigen::VectorXd next = options.solve ? options.solve(data) : solve_from(data, fit.beta);
       const double moved =
           (data.R() * (next - fit.beta)).norm() / std::sqrt(std::max(1.0, static_cast<double>(data.rows())));
@@ -239,14 +243,14 @@ RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_b
   return fit;
 }
 
-RobustFit fit_robust(const RegressionColumns& columns, const BaseParameters& base,
+RobustFit fit_robust(const regression::RegressionColumns& columns, const regression::BaseParameters& base,
                      const std::vector<const data::MotionStream*>& logs,
-                     const ObservationOptions& observation, const Eigen::VectorXd& start_beta,
+                     const regression::ObservationOptions& observation, const Eigen::VectorXd& start_beta,
                      const Eigen::VectorXd& start_noise, const RobustOptions& options,
                      const std::function<void(double)>& progress) {
   double passes = 0.0;
-  const ObservationPass pass = [&](const std::function<void(const ObservationRows&)>& rows) {
-    for_each_observation(columns, base.kept, logs, observation, rows);
+  const ObservationPass pass = [&](const std::function<void(const regression::ObservationRows&)>& rows) {
+    regression::for_each_observation(columns, base.kept, logs, observation, rows);
     passes += 1.0;
     // How many passes there will be is not known; each covers a quarter of what is left.
     if (progress) progress(1.0 - std::pow(0.75, passes));

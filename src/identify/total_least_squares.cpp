@@ -5,12 +5,12 @@
 
 #include <fmt/format.h>
 
-#include "block_groups.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/regression/block_groups.hpp"
 
 namespace heft::identify {
-TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
+TotalLeastSquaresFit total_least_squares(const regression::TriangularFactor& data,
                                          const TotalLeastSquaresOptions& options) {
   const Eigen::Index b = data.columns();
   const bool given = options.column_noise.size() > 0;
@@ -95,12 +95,13 @@ TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
   return fit;
 }
 
-TotalLeastSquaresSpread total_least_squares(const BlockFactors& factors, const Eigen::VectorXd& weights,
+TotalLeastSquaresSpread total_least_squares(const regression::BlockFactors& factors,
+                                            const Eigen::VectorXd& weights,
                                             const TotalLeastSquaresOptions& options, double length,
                                             double edge_factor) {
-  std::vector<TriangularFactor> groups;
-  for (const std::vector<int>& members : groups_of(factors, length)) {
-    TriangularFactor group(factors.num_columns());
+  std::vector<regression::TriangularFactor> groups;
+  for (const std::vector<int>& members : regression::groups_of(factors, length)) {
+    regression::TriangularFactor group(factors.num_columns());
     for (const int block : members) {
       for (int j = 0; j < factors.num_joints(); ++j) group.add(factors.factor(block, j), weights[j]);
     }
@@ -108,7 +109,7 @@ TotalLeastSquaresSpread total_least_squares(const BlockFactors& factors, const E
   }
   const std::size_t B = groups.size();
   // after[i]: groups i and later. With the running sum of those before, all but one cost one addition.
-  std::vector<TriangularFactor> after(B + 1, TriangularFactor(factors.num_columns()));
+  std::vector<regression::TriangularFactor> after(B + 1, regression::TriangularFactor(factors.num_columns()));
   for (std::size_t i = B; i-- > 0;) {
     after[i] = after[i + 1];
     after[i].add(groups[i]);
@@ -118,9 +119,9 @@ TotalLeastSquaresSpread total_least_squares(const BlockFactors& factors, const E
   out.groups = static_cast<int>(B);
   out.covariance = Eigen::MatrixXd::Zero(factors.num_columns(), factors.num_columns());
   if (B < 2) return out;
-  TriangularFactor before(factors.num_columns());
+  regression::TriangularFactor before(factors.num_columns());
   for (std::size_t i = 0; i < B; ++i) {
-    TriangularFactor rest = before;
+    regression::TriangularFactor rest = before;
     rest.add(after[i + 1]);
     const Eigen::VectorXd moved = total_least_squares(rest, options).beta - out.fit.beta;
     out.covariance.noalias() += moved * moved.transpose();
@@ -130,9 +131,10 @@ TotalLeastSquaresSpread total_least_squares(const BlockFactors& factors, const E
   return out;
 }
 
-std::vector<bool> exact_columns(const RegressionColumns& columns, const BaseParameters& base) {
+std::vector<bool> exact_columns(const regression::RegressionColumns& columns,
+                                const regression::BaseParameters& base) {
   std::vector<bool> exact;
-  for (const int i : base.kept) exact.push_back(columns[i].kind == ColumnKind::kOffset);
+  for (const int i : base.kept) exact.push_back(columns[i].kind == regression::ColumnKind::kOffset);
   return exact;
 }
 

@@ -21,13 +21,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-TEST(Statistics, TailOfFIsThatOfTheTables) {
-  // Critical values of printed tables: F(0.05; 1, 10) = 4.9646, F(0.01; 5, 20) = 4.1027.
-  EXPECT_NEAR(identify::fisher_tail(4.9646, 1, 10), 0.05, 1e-5);
-  EXPECT_NEAR(identify::fisher_tail(4.1027, 5, 20), 0.01, 1e-5);
-  EXPECT_EQ(identify::fisher_tail(-1.0, 3, 10), 1.0);
-}
-
 MotionTable even_table(Index rows, int joints, double rate, int blocks) {
   MotionTable table;
   table.num_joints = joints;

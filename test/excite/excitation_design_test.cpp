@@ -13,7 +13,7 @@
 #include <Eigen/SVD>
 
 #include "heft/host/error.hpp"
-#include "heft/identify/base_parameters.hpp"
+#include "heft/regression/base_parameters.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/arms.hpp"
 
@@ -23,8 +23,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using identify::BaseParameters;
-using identify::find_base_parameters;
+using regression::BaseParameters;
+using regression::find_base_parameters;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 

@@ -16,17 +16,22 @@ namespace fs = std::filesystem;
 const std::map<std::string, std::set<std::string>>& allowed() {
   static const std::map<std::string, std::set<std::string>> table = {
       {"core", {}},
-      {"host", {"core"}},
+      {"host", {}},
+      {"statistics", {"host"}},
+      {"page", {"host"}},
       {"model", {"core", "host"}},
       {"data", {"core", "host"}},
       {"urdf", {"core", "host", "model"}},
       {"sim", {"core", "host", "model", "data"}},
       {"plausibility", {"core", "host", "model", "data"}},
-      {"identify", {"core", "host", "model", "data"}},
+      {"regression", {"core", "host", "model", "data"}},
+      {"validate", {"core", "host", "model", "data"}},
+      {"payload", {"core", "host", "model", "data", "statistics"}},
+      {"stiffness", {"core", "host", "model", "data", "statistics"}},
+      {"identify", {"core", "host", "model", "data", "statistics", "regression", "validate"}},
       {"collision", {"core", "host", "model"}},
-      {"excite", {"core", "host", "model", "data", "sim", "collision", "identify"}},
-      {"diagnose", {"core", "host", "model", "data", "identify"}},
-      {"report", {"core", "host", "model", "data", "identify"}}};
+      {"excite", {"core", "host", "model", "data", "sim", "collision", "regression"}},
+      {"diagnose", {"core", "host", "model", "data", "statistics", "regression", "validate"}}};
   return table;
 }
 

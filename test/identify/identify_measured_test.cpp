@@ -11,8 +11,9 @@
 #include "heft/data/log_part.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/identify/fit.hpp"
-#include "heft/identify/validation.hpp"
+#include "heft/model/physical_links.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "heft/validate/score.hpp"
 
 namespace heft::identify {
 namespace {
@@ -47,9 +48,9 @@ TEST(MeasuredIdentification, OfAUr10eMeetsTheErrorOfPlainLeastSquaresOnARunNotSe
   // What the drives hold at rest before and after the motion is their friction's choice: judged is the motion.
   const data::MotionStream moving(
       data::part_of(log, whole.summary().moving_from - 0.5, whole.summary().moving_to + 0.5), streaming);
-  ScoreOptions scoring;
+  validate::ScoreOptions scoring;
   scoring.band = 8.0;
-  const Score score = identify::score(fit.robot, moving, scoring);
+  const validate::Score score = validate::score(fit.robot, moving, scoring);
   const std::vector<double> limits{2.7, 3.8, 1.5, 0.55, 0.75, 0.55};
   for (std::size_t j = 0; j < limits.size(); ++j) {
     EXPECT_LE(score.rmse_in_band[static_cast<Eigen::Index>(j)], limits[j]) << "joint " << j + 1;
@@ -89,15 +90,15 @@ TEST_P(MeasuredRobots, HavePhysicalModelsThatPredictAsWellAsFreeOnes) {
   options.method = Method::kPhysical;
   const Fit physical = identify::fit(robot, {&train}, options);
   EXPECT_TRUE(physical.physically_consistent);
-  const MassMatrixCheck mass = check_mass_matrix(physical.robot, 10000, 5);
+  const model::MassMatrixCheck mass = model::check_mass_matrix(physical.robot, 10000, 5);
   EXPECT_EQ(mass.not_positive, 0);
   EXPECT_EQ(mass.not_positive_with_rotors, 0);
   // All joints together, each in parts of its own largest torque. Left out are joints to which the free fit gives
   // a drive that cannot be (negative friction or rotor inertia): there the free fit is better by what physics
   // refuses. On the xMate3 that is joint 7, whose sensor sees -0.70 ± 0.71 N·m·s/rad; on the UR10 the wrist's
   // rotors.
-  const Score free_score = identify::score(free.robot, hold_out),
-              physical_score = identify::score(physical.robot, hold_out);
+  const validate::Score free_score = validate::score(free.robot, hold_out),
+                        physical_score = validate::score(physical.robot, hold_out);
   double free_square = 0.0, physical_square = 0.0;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     const JointActuation<double>& drive = free.robot.joints[j].actuation;

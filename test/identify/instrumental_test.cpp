@@ -13,10 +13,11 @@
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/block_jackknife.hpp"
 #include "heft/identify/instrumental.hpp"
-#include "identify/synthetic_log.hpp"
+#include "heft/statistics/block_jackknife.hpp"
+#include "heft/statistics/distributions.hpp"
 #include "support/arms.hpp"
+#include "support/synthetic_log.hpp"
 
 namespace heft::identify {
 namespace {
@@ -158,14 +159,6 @@ TEST(Instrumental, KnowsWeakInstrumentsFromStrongOnes) {
   EXPECT_LT(solve_instrumental(sums, Eigen::VectorXd::Ones(1), kTruth).relevance_ratio, 4.0);
 }
 
-TEST(FisherTail, AgreesWithClosedForms) {
-  // F(2, d): (1 + 2 f/d)^(−d/2); F(1, 1): 1 − 2/π atan √f.
-  EXPECT_NEAR(fisher_tail(3.0, 2.0, 10.0), std::pow(1.0 + 6.0 / 10.0, -5.0), 1e-12);
-  EXPECT_NEAR(fisher_tail(40.0, 2.0, 60.0), std::pow(1.0 + 80.0 / 60.0, -30.0), 1e-20);
-  EXPECT_NEAR(fisher_tail(5.0, 1.0, 1.0), 1.0 - 2.0 / std::numbers::pi * std::atan(std::sqrt(5.0)), 1e-12);
-  EXPECT_EQ(fisher_tail(0.0, 3.0, 7.0), 1.0);
-}
-
 TEST(BiasTest, FindsNoiseInTheRegressorAndOnlyThat) {
   int biased = 0, found_none = 0;
   constexpr int kSeeds = 100;
@@ -231,10 +224,10 @@ data::MotionStream stream_of(data::Log log) {
 
 /// Plain weighted least squares, its noise, and instruments on top.
 struct Experiment {
-  RegressionColumns columns{small_arm(), {}};
-  BaseParameters base{find_base_parameters(columns)};
+  regression::RegressionColumns columns{small_arm(), {}};
+  regression::BaseParameters base{regression::find_base_parameters(columns)};
   Eigen::VectorXd truth{base.regrouping * columns.values(small_arm())};
-  ObservationOptions observation{};
+  regression::ObservationOptions observation{};
 
   struct Result {
     Eigen::VectorXd plain, noise;
@@ -245,17 +238,18 @@ struct Experiment {
   };
   Result run(const data::MotionStream& stream, Instruments kind) const {
     const std::vector<const data::MotionStream*> logs{&stream};
-    BlockFactors factors(2, base.count(), 0.5);
-    for_each_observation(columns, base.kept, logs, observation, [&](const ObservationRows& rows) {
-      factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau);
-    });
+    regression::BlockFactors factors(2, base.count(), 0.5);
+    regression::for_each_observation(columns, base.kept, logs, observation,
+                                     [&](const regression::ObservationRows& rows) {
+                                       factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau);
+                                     });
     Result result{
         {}, Eigen::Vector2d::Ones(), {{}, InstrumentSums(2, base.count(), 0.5), {}, 0, false, {}}, {}};
     for (int round = 0; round < 3; ++round) {
-      const TriangularFactor data = factors.weighted(result.noise.cwiseAbs2().cwiseInverse());
+      const regression::TriangularFactor data = factors.weighted(result.noise.cwiseAbs2().cwiseInverse());
       result.plain = data.R().triangularView<Eigen::Upper>().solve(data.z());
       for (int j = 0; j < 2; ++j) {
-        const TriangularFactor joint = factors.joint(j);
+        const regression::TriangularFactor joint = factors.joint(j);
         result.noise[j] = std::sqrt(joint.squared_error(result.plain) / static_cast<double>(joint.rows()));
       }
     }
@@ -267,7 +261,8 @@ struct Experiment {
         solve_instrumental(result.fit.sums, weights, result.plain, 1000.0, 1.0);
     result.bias = test_bias(result.fit.sums, weights, result.plain, 1000.0, 1.0);
     for (int i = 0; i < base.count(); ++i) {
-      const double half = interval_factor(estimate.groups - 1) * std::sqrt(estimate.covariance(i, i));
+      const double half =
+          statistics::interval_factor(estimate.groups - 1) * std::sqrt(estimate.covariance(i, i));
       result.inside += std::abs(estimate.beta[i] - truth[i]) < half ? 1 : 0;
       result.plain_inside += std::abs(result.plain[i] - truth[i]) < half ? 1 : 0;
     }
@@ -340,7 +335,8 @@ TEST(BiasTest, FindsNoneInLogsWithoutPositionNoise) {
 }
 
 /// All pieces of a log with their motion replaced.
-std::vector<data::MotionChunk> replaced(const data::MotionStream& stream, const InstrumentMotion& motion) {
+std::vector<data::MotionChunk> replaced(const data::MotionStream& stream,
+                                        const regression::InstrumentMotion& motion) {
   std::vector<data::MotionChunk> pieces;
   stream.for_each([&](const data::MotionChunk& chunk) {
     pieces.push_back(chunk);
@@ -471,8 +467,8 @@ TEST(DelayedMotion, ShiftsByWholeSamples) {
   const data::MotionStream stream = stream_of(log);
   std::vector<data::MotionChunk> before;
   stream.for_each([&](const data::MotionChunk& chunk) { before.push_back(chunk); });
-  const auto shifted_by = [&](const ObservationOptions& observation, const InstrumentOptions& options,
-                              Eigen::Index rows) {
+  const auto shifted_by = [&](const regression::ObservationOptions& observation,
+                              const InstrumentOptions& options, Eigen::Index rows) {
     const data::MotionChunk after = replaced(stream, delayed_motion({&stream}, observation, options)).front();
     const Eigen::Index rest = after.q.rows() - rows;
     return after.qdd.bottomRows(rest) == before.front().qdd.topRows(rest) &&

@@ -1,5 +1,4 @@
 // One rule of trust: what is green has earned it, and what contradicts itself is said so.
-#include "heft/identify/judgement.hpp"
 
 #include <filesystem>
 #include <limits>
@@ -9,10 +8,14 @@
 #include <gtest/gtest.h>
 
 #include "heft/data/log_part.hpp"
-#include "heft/identify/recursive_fit.hpp"
+#include "heft/identify/judgement.hpp"
+#include "heft/payload/judgement.hpp"
+#include "heft/payload/recursive_fit.hpp"
+#include "heft/stiffness/judgement.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "heft/validate/acceptance.hpp"
 #include "support/arms.hpp"
-#include "synthetic_log.hpp"
+#include "support/synthetic_log.hpp"
 
 namespace heft::identify {
 namespace {
@@ -23,11 +26,15 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 using Rank = host::Verdict;
+using namespace validate;
+using payload::contradiction;
+using payload::judge;
+using stiffness::judge;
 
 /// A score of joints whose torque varies by 1 about its mean and reaches `largest`, with these errors; in band
 /// unless told otherwise.
-Score score_of(const VectorXd& error, double largest, double band = 5.0) {
-  Score score;
+validate::Score score_of(const VectorXd& error, double largest, double band = 5.0) {
+  validate::Score score;
   score.rmse = score.rmse_in_band = error;
   score.band = band;
   score.torque_variance = VectorXd::Ones(error.size());
@@ -36,7 +43,9 @@ Score score_of(const VectorXd& error, double largest, double band = 5.0) {
   return score;
 }
 
-Score score_of(double error, double largest) { return score_of(VectorXd::Constant(1, error), largest); }
+validate::Score score_of(double error, double largest) {
+  return score_of(VectorXd::Constant(1, error), largest);
+}
 
 TEST(ExplainedShare, IsOneLessErrorAgainstVariation) {
   const VectorXd share = explained_share(score_of(Eigen::Vector3d(0.0, 0.5, 1.0), 3.0));
@@ -45,7 +54,7 @@ TEST(ExplainedShare, IsOneLessErrorAgainstVariation) {
 
 TEST(ExplainedShare, LeavesNoiseAboveTheBandOutOfErrorAndTorque) {
   // Torque of variance 1, 0.36 of it noise above the band that no model explains; of the rest half is explained.
-  Score score = score_of(0.0, 3.0);
+  validate::Score score = score_of(0.0, 3.0);
   score.rmse_in_band[0] = std::sqrt(0.32);
   score.rmse[0] = std::sqrt(0.32 + 0.36);
   EXPECT_NEAR(explained_share(score)[0], 0.5, 1e-12);
@@ -70,8 +79,8 @@ TEST(Prediction, IsNotHeldAgainstAJointWhoseTorqueHardlyChanges) {
 }
 
 TEST(Prediction, IsJudgedOnTheWorstLogOfEachJoint) {
-  const Score one = score_of(Eigen::Vector2d(0.9, 0.1), 3.0),
-              other = score_of(Eigen::Vector2d(0.1, 0.5), 3.0);
+  const validate::Score one = score_of(Eigen::Vector2d(0.9, 0.1), 3.0),
+                        other = score_of(Eigen::Vector2d(0.1, 0.5), 3.0);
   const host::Judgement judgement = judge_prediction({one, other});
   EXPECT_EQ(judgement.verdict, Rank::kBad);
   EXPECT_THAT(judgement.reasons,
@@ -80,7 +89,7 @@ TEST(Prediction, IsJudgedOnTheWorstLogOfEachJoint) {
 }
 
 TEST(Prediction, OfATorqueThatNeverChangesIsNoProof) {
-  Score silent = score_of(Eigen::Vector2d(0.0, 0.0), 3.0);
+  validate::Score silent = score_of(Eigen::Vector2d(0.0, 0.0), 3.0);
   silent.torque_variance[1] = 0.0;
   EXPECT_EQ(judge_prediction({silent}).verdict, Rank::kDoubtful);
   silent.torque_variance.setZero();
@@ -130,7 +139,7 @@ host::Judgement judged_on_unseen(double noise, Method method, bool held_out = tr
   options.method = method;
   options.structure.rotor_inertia = false;
   const Fit found = fit(robot, {&train}, options);
-  const MassMatrixCheck mass = check_mass_matrix(found.robot, 1000, 1);
+  const model::MassMatrixCheck mass = model::check_mass_matrix(found.robot, 1000, 1);
   if (!held_out) return judge(found, mass, {}, {score(found.robot, train)});
   return judge(found, mass, {score(found.robot, unseen)});
 }
@@ -168,7 +177,7 @@ TEST(MeasuredTx40, IsNotUsable) {
   const data::MotionStream train(data::part_of(whole, 0.0, 4.2)), unseen(data::part_of(whole, 4.2, 6.0));
   const Fit found = fit(robot, {&train});
   const host::Judgement judged =
-      judge(found, check_mass_matrix(found.robot, 1000, 1), {score(found.robot, unseen)});
+      judge(found, model::check_mass_matrix(found.robot, 1000, 1), {score(found.robot, unseen)});
   // Its wrist is coupled, which this model does not know.
   EXPECT_FALSE(judged.usable());
   ASSERT_THAT(judged.reasons, SizeIs(3));
@@ -180,14 +189,14 @@ TEST(MeasuredTx40, IsNotUsable) {
 // Loads --------------------------------------------------------------------------------------------------------
 
 /// A run that found this body, every parameter known to a hundredth of the body's size.
-PayloadRun found_body(const InertialParameters<double>& body, double share = 0.01) {
-  PayloadRun run;
+payload::PayloadRun found_body(const InertialParameters<double>& body, double share = 0.01) {
+  payload::PayloadRun run;
   run.parameters = Eigen::Map<const VectorXd>(body.data(), 10);
   const VectorXd size = (VectorXd(10) << 1, 0.1, 0.1, 0.1, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01).finished();
   run.covariance = (share * size).cwiseAbs2().asDiagonal();
   run.interval_factor = 2.0;
   const auto part = [&](int from, int count) {
-    Estimated estimated;
+    payload::Estimated estimated;
     estimated.value = run.parameters.segment(from, count);
     estimated.std = run.covariance.diagonal().segment(from, count).cwiseSqrt();
     estimated.half_width = run.interval_factor * estimated.std;
@@ -213,13 +222,13 @@ TEST(Load, ThatABodyCanHaveIsGood) {
 TEST(Load, BelowZeroBeyondItsIntervalAsksWhetherTheLogsAreInterchanged) {
   InertialParameters<double> taken = kBody;
   for (double& p : taken) p = -p;
-  const PayloadRun run = found_body(taken);
+  const payload::PayloadRun run = found_body(taken);
   EXPECT_THAT(contradiction(run), AllOf(HasSubstr("-2 kg"), HasSubstr("interchanged")));
   EXPECT_FALSE(judge(run).usable());
 }
 
 TEST(Load, BelowZeroWithinItsIntervalIsNoContradiction) {
-  PayloadRun run = found_body({});
+  payload::PayloadRun run = found_body({});
   run.mass.value[0] = -0.01;
   run.mass.half_width[0] = 0.02;
   EXPECT_THAT(contradiction(run), IsEmpty());
@@ -238,7 +247,7 @@ TEST(Load, WithAnInertiaThatNoBodyHasIsAContradictionBeyondItsIntervalsOnly) {
 }
 
 TEST(Load, ThatOneJointFeelsDifferentlyIsDoubtfulOrAContradiction) {
-  PayloadRun run = found_body(kBody);
+  payload::PayloadRun run = found_body(kBody);
   run.torque_scale.value = Eigen::Vector3d(1.0, 1.3, 1.02);
   run.torque_scale.std = run.torque_scale.half_width = Eigen::Vector3d(0.05, 0.05, 0.01);
   run.torque_scale.identifiable = {true, true, true};
@@ -254,7 +263,7 @@ TEST(Load, ThatOneJointFeelsDifferentlyIsDoubtfulOrAContradiction) {
 }
 
 /// A load weighed on logs whose torque of one joint was multiplied by a factor, in both.
-PayloadRun weighed(int joint, double factor, bool loaded = true) {
+payload::PayloadRun weighed(int joint, double factor, bool loaded = true) {
   const model::Robot arm = test::six_joint_arm();
   const InertialParameters<double> load =
       test::body(1.5, {0.04, 0.11, -0.05}, {0.01, 0.001, 0.008, -0.002, 0.0005, 0.012});
@@ -265,17 +274,17 @@ PayloadRun weighed(int joint, double factor, bool loaded = true) {
   data::Log carrying = test::synthetic_log(loaded ? test::carrying(arm, load) : arm, settings);
   bare.tau.col(joint) *= factor;
   carrying.tau.col(joint) *= factor;
-  const RecursiveFit fit = fit_recursively(arm, {bare});
+  const payload::RecursiveFit fit = payload::fit_recursively(arm, {bare});
   model::Robot fitted = arm;
   model::apply(fit.model, fitted);
-  PayloadRunOptions options;
+  payload::PayloadRunOptions options;
   options.residual = fit.residual;
   options.model_covariance = fit.model.covariance;
-  return run_payload(fitted, carrying, options);
+  return payload::run_payload(fitted, carrying, options);
 }
 
 TEST(TorqueScale, IsOneWhereTheJointsAgree) {
-  const PayloadRun run = weighed(2, 1.0);
+  const payload::PayloadRun run = weighed(2, 1.0);
   int known = 0;
   for (Eigen::Index j = 0; j < 6; ++j) {
     if (!run.torque_scale.identifiable[static_cast<std::size_t>(j)]) continue;
@@ -288,7 +297,7 @@ TEST(TorqueScale, IsOneWhereTheJointsAgree) {
 }
 
 TEST(TorqueScale, NamesTheJointWithAnotherTorqueConstant) {
-  const PayloadRun run = weighed(2, 1.3);
+  const payload::PayloadRun run = weighed(2, 1.3);
   ASSERT_TRUE(run.torque_scale.identifiable[2]);
   // Against the others, which the load found is a compromise with.
   double others = 0.0;
@@ -304,7 +313,7 @@ TEST(TorqueScale, NamesTheJointWithAnotherTorqueConstant) {
 }
 
 TEST(TorqueScale, SaysNothingWhereThereIsNoLoad) {
-  const PayloadRun run = weighed(2, 1.0, false);
+  const payload::PayloadRun run = weighed(2, 1.0, false);
   EXPECT_THAT(contradiction(run), IsEmpty());
   EXPECT_THAT(run.torque_scale.identifiable, ::testing::Each(false));
 }
@@ -326,17 +335,10 @@ TEST(Improvement, IsNotARise) {
   EXPECT_EQ(judge_improvement("a", std::numeric_limits<double>::quiet_NaN(), "b", 1.0).verdict, Rank::kBad);
 }
 
-TEST(Condition, IsJudgedAtTheStatedLimits) {
-  EXPECT_EQ(judge_condition(kGoodCondition).verdict, Rank::kGood);
-  EXPECT_EQ(judge_condition(kGoodCondition + 1.0).verdict, Rank::kDoubtful);
-  EXPECT_EQ(judge_condition(kBadCondition + 1.0).verdict, Rank::kBad);
-  EXPECT_EQ(judge_condition(std::numeric_limits<double>::infinity()).verdict, Rank::kBad);
-}
-
 TEST(Campaign, IsGoodWhenEveryCriterionIsMet) {
-  std::vector<Criterion> criteria = acceptance_criteria();
+  std::vector<validate::Criterion> criteria = validate::acceptance_criteria();
   EXPECT_EQ(judge(criteria).verdict, Rank::kDoubtful);
-  for (Criterion& criterion : criteria) judge(criterion, criterion.at_least ? 99.0 : 0.1);
+  for (validate::Criterion& criterion : criteria) judge(criterion, criterion.at_least ? 99.0 : 0.1);
   EXPECT_EQ(judge(criteria).verdict, Rank::kGood);
   judge(criteria[1], 3.1);
   EXPECT_EQ(judge(criteria).verdict, Rank::kBad);
@@ -344,18 +346,18 @@ TEST(Campaign, IsGoodWhenEveryCriterionIsMet) {
 }
 
 TEST(Stiffness, WithOneOpenEndIsNone) {
-  StiffnessFit fit;
-  StiffnessEstimate known;
+  stiffness::StiffnessFit fit;
+  stiffness::StiffnessEstimate known;
   known.determined = true;
   known.group = 0;
   known.stiffness = 1e4, known.stiffness_low = 8e3, known.stiffness_high = 1.3e4;
-  StiffnessEstimate open = known;
+  stiffness::StiffnessEstimate open = known;
   open.stiffness_high = std::numeric_limits<double>::infinity();
   EXPECT_TRUE(known.has_stiffness());
   EXPECT_FALSE(open.has_stiffness());
   fit.joints = {known, known};
   fit.left_out_rms = 1e-5;
-  StiffnessDiagnosis diagnosis;
+  stiffness::StiffnessDiagnosis diagnosis;
   diagnosis.mean_rms = 1e-4;
   EXPECT_EQ(judge(fit, diagnosis).verdict, Rank::kGood);
   fit.joints = {known, open};
@@ -368,8 +370,8 @@ TEST(Stiffness, WithOneOpenEndIsNone) {
 }
 
 TEST(EncoderStiffness, WithoutRotorInertiaIsDoubtful) {
-  JointEncoderFit fit;
-  JointStiffness joint;
+  stiffness::JointEncoderFit fit;
+  stiffness::JointStiffness joint;
   joint.identifiable = true;
   joint.stiffness = 1e6, joint.stiffness_lower = 8e5, joint.stiffness_upper = 1.3e6;
   fit.pooled = {joint};

@@ -8,6 +8,7 @@
 
 #include "heft/host/error.hpp"
 #include "heft/identify/physical.hpp"
+#include "heft/model/physical_links.hpp"
 
 namespace heft::identify {
 namespace {
@@ -70,17 +71,17 @@ model::Robot make_arm(int n, unsigned seed) {
 }
 
 struct Data {
-  RegressionColumns columns;
-  BaseParameters base;
-  TriangularFactor factor;
+  regression::RegressionColumns columns;
+  regression::BaseParameters base;
+  regression::TriangularFactor factor;
   MatrixXd W;
   VectorXd y;
 };
 
 /// Rows of random motion, torque from parameters x, white noise.
 Data make_data(const model::Robot& robot, const VectorXd& x, int samples, double noise, unsigned seed) {
-  RegressionColumns columns(robot, {});
-  BaseParameters base = find_base_parameters(columns);
+  regression::RegressionColumns columns(robot, {});
+  regression::BaseParameters base = regression::find_base_parameters(columns);
   const int n = columns.num_joints(), b = base.count();
   std::mt19937_64 generator(seed);
   std::normal_distribution<double> normal;
@@ -98,13 +99,13 @@ Data make_data(const model::Robot& robot, const VectorXd& x, int samples, double
     y.segment(k * n, n) = Y * x;
     for (int i = 0; i < n; ++i) y[k * n + i] += noise * normal(generator);
   }
-  TriangularFactor factor(b);
+  regression::TriangularFactor factor(b);
   factor.add(W, y);
   return {std::move(columns), std::move(base), std::move(factor), std::move(W), std::move(y)};
 }
 
 /// A prior some way off: other bodies, nothing known of friction.
-VectorXd other_prior(const RegressionColumns& columns, unsigned seed) {
+VectorXd other_prior(const regression::RegressionColumns& columns, unsigned seed) {
   std::mt19937_64 generator(seed);
   VectorXd prior = VectorXd::Zero(columns.count());
   for (int i = 0; i < columns.num_joints(); ++i) {
@@ -126,12 +127,13 @@ Eigen::Matrix4d pseudo_inertia(const VectorXd& x, int link) {
   return P;
 }
 
-bool is_feasible(const RegressionColumns& columns, const VectorXd& x) {
+bool is_feasible(const regression::RegressionColumns& columns, const VectorXd& x) {
   for (int i = 0; i < columns.num_joints(); ++i) {
     if (Eigen::LLT<Eigen::Matrix4d>(pseudo_inertia(x, i)).info() != Eigen::Success) return false;
   }
   for (int k = 0; k < columns.count(); ++k) {
-    if (columns[k].kind != ColumnKind::kLink && columns[k].kind != ColumnKind::kOffset && x[k] < 0)
+    if (columns[k].kind != regression::ColumnKind::kLink &&
+        columns[k].kind != regression::ColumnKind::kOffset && x[k] < 0)
       return false;
   }
   return true;
@@ -150,7 +152,7 @@ double barrier_optimum(const Data& data, VectorXd x, double last_weight) {
     double value = (A * at - data.y).squaredNorm();
     for (int i = 0; i < n; ++i) value -= weight * std::log(pseudo_inertia(at, i).determinant());
     for (int k = 10 * n; k < p; ++k) {
-      if (data.columns[k].kind != ColumnKind::kOffset) value -= weight * std::log(at[k]);
+      if (data.columns[k].kind != regression::ColumnKind::kOffset) value -= weight * std::log(at[k]);
     }
     return value;
   };
@@ -170,7 +172,7 @@ double barrier_optimum(const Data& data, VectorXd x, double last_weight) {
         }
       }
       for (int k = 10 * n; k < p; ++k) {
-        if (data.columns[k].kind == ColumnKind::kOffset) continue;
+        if (data.columns[k].kind == regression::ColumnKind::kOffset) continue;
         gradient[k] -= weight / x[k];
         hessian(k, k) += weight / (x[k] * x[k]);
       }
@@ -192,14 +194,14 @@ double barrier_optimum(const Data& data, VectorXd x, double last_weight) {
 }
 
 /// Truth that no robot can have: a wrist with a negative principal inertia and a joint that gains energy.
-VectorXd impossible_truth(const RegressionColumns& columns) {
+VectorXd impossible_truth(const regression::RegressionColumns& columns) {
   VectorXd x = columns.values(columns.robot());
   const int last = columns.num_joints() - 1;
   x[10 * last + kIxx] -= 0.35;
   x[10 * last + kMcx] += 0.8;
   for (int k = 0; k < columns.count(); ++k) {
-    if (columns[k].kind == ColumnKind::kViscous && columns[k].joint == 0) x[k] = -1.5;
-    if (columns[k].kind == ColumnKind::kRotorInertia && columns[k].joint == last) x[k] = -0.1;
+    if (columns[k].kind == regression::ColumnKind::kViscous && columns[k].joint == 0) x[k] = -1.5;
+    if (columns[k].kind == regression::ColumnKind::kRotorInertia && columns[k].joint == last) x[k] = -0.1;
   }
   return x;
 }
@@ -207,7 +209,7 @@ VectorXd impossible_truth(const RegressionColumns& columns) {
 TEST(PhysicalFit, RecoversAPhysicalTruthWithoutNoise) {
   for (const int n : {1, 2, 4, 6}) {
     const model::Robot robot = make_arm(n, 10U + static_cast<unsigned>(n));
-    const RegressionColumns columns(robot, {});
+    const regression::RegressionColumns columns(robot, {});
     const VectorXd x = columns.values(robot);
     const Data data = make_data(robot, x, 200, 0.0, 3);
     const PhysicalFit fit =
@@ -222,7 +224,7 @@ TEST(PhysicalFit, RecoversAPhysicalTruthWithoutNoise) {
 
 TEST(PhysicalFit, IsLeastSquaresWhereThatIsPhysical) {
   const model::Robot robot = make_arm(3, 21);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const Data data = make_data(robot, columns.values(robot), 1000, 0.3, 4);
   const PhysicalFit fit =
       fit_physical(data.columns, data.base, data.factor, other_prior(columns, 6), vanishing_prior());
@@ -244,7 +246,7 @@ TEST(PhysicalFit, OfAPendulumIsTheBestOfAllActiveSets) {
   // eight active sets, tried out one by one.
   model::Robot robot = make_arm(1, 31);
   robot.gravity = {9.81, 0, 0};
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   int clipped = 0;
   for (unsigned seed = 0; seed < 12; ++seed) {
     std::mt19937_64 generator(seed);
@@ -286,7 +288,7 @@ TEST(PhysicalFit, OfAPendulumIsTheBestOfAllActiveSets) {
 TEST(PhysicalFit, ReachesTheOptimumThatABarrierMethodFinds) {
   for (const int n : {2, 3}) {
     const model::Robot robot = make_arm(n, 40U + static_cast<unsigned>(n));
-    const RegressionColumns columns(robot, {});
+    const regression::RegressionColumns columns(robot, {});
     const Data data = make_data(robot, impossible_truth(columns), 150, 0.5, 8);
     const PhysicalFit fit =
         fit_physical(data.columns, data.base, data.factor, other_prior(columns, 9), vanishing_prior());
@@ -307,7 +309,7 @@ TEST(PhysicalFit, ReachesTheOptimumThatABarrierMethodFinds) {
 
 TEST(PhysicalFit, OfSevenJointsProvesItsOwnOptimality) {
   const model::Robot robot = make_arm(7, 50);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const Data data = make_data(robot, impossible_truth(columns), 400, 0.5, 10);
   const PhysicalFit fit = fit_physical(data.columns, data.base, data.factor, other_prior(columns, 11));
   EXPECT_TRUE(fit.converged) << fit.summary;
@@ -320,9 +322,9 @@ TEST(PhysicalFit, OfSevenJointsProvesItsOwnOptimality) {
 
 TEST(PhysicalFit, DoesNotDependOnTheUnitOfTheRows) {
   const model::Robot robot = make_arm(3, 60);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const Data data = make_data(robot, impossible_truth(columns), 200, 0.5, 12);
-  TriangularFactor scaled(data.factor.columns());
+  regression::TriangularFactor scaled(data.factor.columns());
   scaled.add(data.factor, 1e4);
   const VectorXd prior = other_prior(columns, 13);
   const PhysicalFit one = fit_physical(data.columns, data.base, data.factor, prior);
@@ -333,13 +335,13 @@ TEST(PhysicalFit, DoesNotDependOnTheUnitOfTheRows) {
 TEST(PhysicalFit, LeavesThePriorWhereTheDataAreSilent) {
   // The prior is right: nothing moves, not even what no motion shows.
   const model::Robot robot = make_arm(3, 70);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const VectorXd x = columns.values(robot);
   const Data data = make_data(robot, x, 200, 0.0, 14);
   const PhysicalFit fit = fit_physical(data.columns, data.base, data.factor, x);
   EXPECT_LT((fit.x - x).cwiseAbs().maxCoeff(), 1e-6);
   // A log in which nothing moved says nothing at all.
-  TriangularFactor none(data.base.count());
+  regression::TriangularFactor none(data.base.count());
   const PhysicalFit silent = fit_physical(data.columns, data.base, none, x);
   for (int k = 0; k < columns.count(); ++k) {
     EXPECT_NEAR(silent.x[k], x[k], 1e-9) << columns[k].name;
@@ -348,7 +350,7 @@ TEST(PhysicalFit, LeavesThePriorWhereTheDataAreSilent) {
 
 TEST(PhysicalFit, ReplacesPriorLinksThatCannotExist) {
   const model::Robot robot = make_arm(4, 80);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const VectorXd truth = columns.values(robot);
   const Data data = make_data(robot, truth, 300, 0.2, 15);
   VectorXd prior = truth;
@@ -377,7 +379,7 @@ TEST(PhysicalFit, ReplacesPriorLinksThatCannotExist) {
 
 TEST(PhysicalFit, KeepsToTheShareThatThePriorMayCost) {
   const model::Robot robot = make_arm(4, 85);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const Data data = make_data(robot, impossible_truth(columns), 60, 0.5, 17);
   // A prior far too light pulls hard.
   const VectorXd prior = 1e-3 * other_prior(columns, 18);
@@ -396,7 +398,7 @@ TEST(PhysicalFit, KeepsToTheShareThatThePriorMayCost) {
 
 TEST(PhysicalFit, ReachesTheSameOptimumFromAnyPrior) {
   const model::Robot robot = make_arm(5, 87);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const Data data = make_data(robot, impossible_truth(columns), 100, 0.5, 21);
   const VectorXd good = columns.values(robot);
   std::vector<VectorXd> priors{good, other_prior(columns, 22), 1e-3 * good, 1e3 * good,
@@ -429,7 +431,7 @@ TEST(PhysicalFit, ReachesTheSameOptimumFromAnyPrior) {
 
 TEST(PhysicalFit, PriorFadesAsRowsComeIn) {
   const model::Robot robot = make_arm(3, 86);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const VectorXd prior = other_prior(columns, 19);
   double pull[2];
   for (int k = 0; k < 2; ++k) {
@@ -444,11 +446,11 @@ TEST(PhysicalFit, PriorFadesAsRowsComeIn) {
 
 TEST(PhysicalFit, RefusesSizesThatDoNotBelongTogether) {
   const model::Robot robot = make_arm(2, 90);
-  const RegressionColumns columns(robot, {});
+  const regression::RegressionColumns columns(robot, {});
   const VectorXd x = columns.values(robot);
   const Data data = make_data(robot, x, 60, 0.1, 16);
   EXPECT_THROW(fit_physical(columns, data.base, data.factor, x.head(5)), ModelError);
-  EXPECT_THROW(fit_physical(columns, data.base, TriangularFactor(3), x), ModelError);
+  EXPECT_THROW(fit_physical(columns, data.base, regression::TriangularFactor(3), x), ModelError);
   VectorXd missing = x;
   missing[3] = std::numeric_limits<double>::quiet_NaN();
   try {
@@ -462,31 +464,31 @@ TEST(PhysicalFit, RefusesSizesThatDoNotBelongTogether) {
 TEST(PhysicalLink, NeedsMassAndTheTriangleOfInertias) {
   std::mt19937_64 generator(1);
   const auto body = random_body(generator);
-  EXPECT_TRUE(is_physical(body));
+  EXPECT_TRUE(model::is_physical(body));
   auto light = body;
   light[kMass] = -1;
-  EXPECT_FALSE(is_physical(light));
+  EXPECT_FALSE(model::is_physical(light));
   auto thin = body;  // Izz above Ixx + Iyy
   thin[kIzz] = body[kIxx] + body[kIyy] + 0.01;
-  EXPECT_FALSE(is_physical(thin));
+  EXPECT_FALSE(model::is_physical(thin));
   auto far = body;  // first moment that the inertia cannot carry
   far[kMcx] += 5;
-  EXPECT_FALSE(is_physical(far));
-  EXPECT_FALSE(is_physical({}));
+  EXPECT_FALSE(model::is_physical(far));
+  EXPECT_FALSE(model::is_physical({}));
   // A speck of dust is a body too.
   auto speck = body;
   for (double& value : speck) value *= 1e-9;
-  EXPECT_TRUE(is_physical(speck));
+  EXPECT_TRUE(model::is_physical(speck));
 }
 
 TEST(PhysicalLink, NearestIsPhysicalAndNoFurtherThanOthers) {
   std::mt19937_64 generator(2);
   for (int k = 0; k < 50; ++k) {
     auto link = random_body(generator);
-    EXPECT_EQ(nearest_physical(link), link);
+    EXPECT_EQ(model::nearest_physical(link), link);
     for (double& value : link) value += uniform(generator, -0.5, 0.5);
-    const auto nearest = nearest_physical(link);
-    EXPECT_TRUE(is_physical(nearest));
+    const auto nearest = model::nearest_physical(link);
+    EXPECT_TRUE(model::is_physical(nearest));
     // Projection on a convex set: the way to any member makes an obtuse angle with the way to the link.
     const auto matrix = [](const InertialParameters<double>& p) {
       return pseudo_inertia(Eigen::Map<const VectorXd>(p.data(), 10), 0);
@@ -499,7 +501,7 @@ TEST(PhysicalLink, NearestIsPhysicalAndNoFurtherThanOthers) {
 
 TEST(MassMatrix, OfPhysicalLinksIsPositiveEverywhere) {
   const model::Robot robot = make_arm(6, 100);
-  const MassMatrixCheck check = check_mass_matrix(robot, 500, 1);
+  const model::MassMatrixCheck check = model::check_mass_matrix(robot, 500, 1);
   EXPECT_EQ(check.poses, 500);
   EXPECT_EQ(check.not_positive, 0);
   EXPECT_EQ(check.not_positive_with_rotors, 0);
@@ -511,13 +513,13 @@ TEST(MassMatrix, ShowsALinkThatCannotExist) {
   model::Robot robot = make_arm(3, 101);
   robot.joints[2].link[kIzz] = -0.05;
   for (auto& joint : robot.joints) joint.actuation.rotor_inertia = 0.0;
-  const MassMatrixCheck check = check_mass_matrix(robot, 200, 2);
+  const model::MassMatrixCheck check = model::check_mass_matrix(robot, 200, 2);
   EXPECT_EQ(check.not_positive, 200);
   EXPECT_EQ(check.not_positive_with_rotors, 200);
   EXPECT_LT(check.smallest_eigenvalue, -0.04);
   // The motor carries it, whether it stands at the joint or is shared with the one before.
   robot.joints[2].actuation.rotor_inertia = 3.0;
-  EXPECT_EQ(check_mass_matrix(robot, 200, 2).not_positive_with_rotors, 0);
+  EXPECT_EQ(model::check_mass_matrix(robot, 200, 2).not_positive_with_rotors, 0);
   robot.joints[2].actuation.rotor_inertia = 0.0;
   GearCoupling<double> coupling;
   coupling.driving = 1;
@@ -525,7 +527,7 @@ TEST(MassMatrix, ShowsALinkThatCannotExist) {
   coupling.ratio = 0.1;
   coupling.rotor_inertia = 3.0;
   robot.couplings.push_back(coupling);
-  EXPECT_EQ(check_mass_matrix(robot, 200, 2).not_positive_with_rotors, 0);
+  EXPECT_EQ(model::check_mass_matrix(robot, 200, 2).not_positive_with_rotors, 0);
 }
 
 }  // namespace

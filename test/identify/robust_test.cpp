@@ -8,8 +8,9 @@
 #include <Eigen/Cholesky>
 
 #include "heft/host/error.hpp"
-#include "heft/identify/block_jackknife.hpp"
 #include "heft/identify/robust.hpp"
+#include "heft/statistics/block_jackknife.hpp"
+#include "heft/statistics/distributions.hpp"
 
 namespace heft::identify {
 namespace {
@@ -21,16 +22,16 @@ const Eigen::Vector2d kNoise(0.1, 10.0);
 
 /// Rows of two joints whose noise differs hundredfold, in pieces as a log would give them. Outliers lie to
 /// one side, as a sensor that hangs makes them, and one column is a constant, which they pull at.
-std::vector<ObservationRows> make_rows(int samples, double outliers, double outlier_size,
-                                       std::uint64_t seed) {
+std::vector<regression::ObservationRows> make_rows(int samples, double outliers, double outlier_size,
+                                                   std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform;
   constexpr int kPiece = 100;
-  std::vector<ObservationRows> pieces;
+  std::vector<regression::ObservationRows> pieces;
   for (int first = 0; first < samples; first += kPiece) {
     for (int joint = 0; joint < kJoints; ++joint) {
-      ObservationRows piece;
+      regression::ObservationRows piece;
       piece.joint = joint;
       piece.time = Eigen::VectorXd::LinSpaced(kPiece, 0.1 * first, 0.1 * (first + kPiece - 1));
       piece.W = Eigen::MatrixXd::NullaryExpr(kPiece, kColumns, [&] { return normal(random); });
@@ -46,28 +47,28 @@ std::vector<ObservationRows> make_rows(int samples, double outliers, double outl
   return pieces;
 }
 
-ObservationPass pass_over(const std::vector<ObservationRows>& pieces, int* passes = nullptr) {
-  return [&pieces, passes](const std::function<void(const ObservationRows&)>& rows) {
-    for (const ObservationRows& piece : pieces) rows(piece);
+ObservationPass pass_over(const std::vector<regression::ObservationRows>& pieces, int* passes = nullptr) {
+  return [&pieces, passes](const std::function<void(const regression::ObservationRows&)>& rows) {
+    for (const regression::ObservationRows& piece : pieces) rows(piece);
     if (passes != nullptr) ++*passes;
   };
 }
 
-BlockFactors plain_factors(const std::vector<ObservationRows>& pieces) {
-  BlockFactors factors(kJoints, kColumns, 0.5);
-  for (const ObservationRows& piece : pieces)
+regression::BlockFactors plain_factors(const std::vector<regression::ObservationRows>& pieces) {
+  regression::BlockFactors factors(kJoints, kColumns, 0.5);
+  for (const regression::ObservationRows& piece : pieces)
     factors.add(piece.log, piece.joint, piece.time, piece.W, piece.tau);
   return factors;
 }
 
-Eigen::VectorXd solution(const TriangularFactor& data) {
+Eigen::VectorXd solution(const regression::TriangularFactor& data) {
   return data.R().triangularView<Eigen::Upper>().solve(data.z());
 }
 
 Eigen::VectorXd weights_for(const Eigen::VectorXd& noise) { return noise.cwiseAbs2().cwiseInverse(); }
 
 /// Standard deviations by leaving out one block after the other.
-Eigen::VectorXd jackknife_std(const BlockFactors& factors, const Eigen::VectorXd& weights) {
+Eigen::VectorXd jackknife_std(const regression::BlockFactors& factors, const Eigen::VectorXd& weights) {
   const Eigen::VectorXd all = solution(factors.weighted(weights));
   const int B = factors.num_blocks();
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(all.size());
@@ -83,12 +84,12 @@ TEST(Robust, OutliersDoNotMoveTheEstimateBeyondItsInterval) {
   int plain_inside = 0, robust_inside = 0;
   constexpr int kSeeds = 20;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    const std::vector<ObservationRows> pieces = make_rows(2000, 0.05, 50.0, seed);
-    const BlockFactors plain = plain_factors(pieces);
+    const std::vector<regression::ObservationRows> pieces = make_rows(2000, 0.05, 50.0, seed);
+    const regression::BlockFactors plain = plain_factors(pieces);
     const Eigen::VectorXd start = solution(plain.weighted(weights_for(kNoise)));
     const RobustFit fit = fit_robust(pass_over(pieces), start, kNoise);
     EXPECT_TRUE(fit.converged) << seed;
-    const Eigen::VectorXd half = interval_factor(fit.factors.num_blocks() - 1) *
+    const Eigen::VectorXd half = statistics::interval_factor(fit.factors.num_blocks() - 1) *
                                  jackknife_std(fit.factors, weights_for(fit.noise_std));
     robust_inside += ((fit.beta - kTruth).array().abs() < 1.3 * half.array()).all() ? 1 : 0;
     plain_inside += std::abs(start[3] - kTruth[3]) < 1.3 * half[3] ? 1 : 0;
@@ -105,7 +106,7 @@ TEST(Robust, WithoutOutliersCostsLittle) {
   // 95 % efficiency: mean squared error 1/0.95 of that of least squares; the sample of 200 tells it to ± 2 %.
   double plain_error = 0.0, robust_error = 0.0;
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
-    const std::vector<ObservationRows> pieces = make_rows(500, 0.0, 0.0, seed);
+    const std::vector<regression::ObservationRows> pieces = make_rows(500, 0.0, 0.0, seed);
     const Eigen::VectorXd start = solution(plain_factors(pieces).weighted(weights_for(kNoise)));
     const RobustFit fit = fit_robust(pass_over(pieces), start, kNoise);
     plain_error += (start - kTruth).squaredNorm();
@@ -119,7 +120,7 @@ TEST(Robust, FactorsHaveTheEstimateAndItsScatter) {
   constexpr int kSeeds = 300;
   Eigen::Vector4d squared = Eigen::Vector4d::Zero(), stated = Eigen::Vector4d::Zero();
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    const std::vector<ObservationRows> pieces = make_rows(300, 0.05, 50.0, seed);
+    const std::vector<regression::ObservationRows> pieces = make_rows(300, 0.05, 50.0, seed);
     const RobustFit fit = fit_robust(pass_over(pieces), kTruth, kNoise);
     const Eigen::VectorXd weights = weights_for(fit.noise_std);
     EXPECT_LT((solution(fit.factors.weighted(weights)) - fit.beta).norm(), 1e-3) << seed;
@@ -135,7 +136,7 @@ TEST(Robust, FactorsHaveTheEstimateAndItsScatter) {
 }
 
 TEST(Robust, ReadsTheLogsOnceWhenRowsFitInMemoryAndGivesTheSameWhenNot) {
-  const std::vector<ObservationRows> pieces = make_rows(1000, 0.05, 50.0, 7);
+  const std::vector<regression::ObservationRows> pieces = make_rows(1000, 0.05, 50.0, 7);
   int passes = 0;
   const RobustFit kept = fit_robust(pass_over(pieces, &passes), Eigen::Vector4d::Zero(), kNoise);
   EXPECT_EQ(passes, 1);
@@ -147,11 +148,11 @@ TEST(Robust, ReadsTheLogsOnceWhenRowsFitInMemoryAndGivesTheSameWhenNot) {
 }
 
 TEST(Robust, ScalesAgreeWithTheMedianOfAllResiduals) {
-  const std::vector<ObservationRows> pieces = make_rows(10000, 0.2, 50.0, 8);
+  const std::vector<regression::ObservationRows> pieces = make_rows(10000, 0.2, 50.0, 8);
   const RobustFit fit = fit_robust(pass_over(pieces), Eigen::Vector4d::Zero(), kNoise);
   for (int j = 0; j < kJoints; ++j) {
     std::vector<double> sizes;
-    for (const ObservationRows& piece : pieces) {
+    for (const regression::ObservationRows& piece : pieces) {
       if (piece.joint != j) continue;
       const Eigen::VectorXd r = piece.tau - piece.W * fit.beta;
       for (const double e : r) sizes.push_back(std::abs(e));
@@ -162,8 +163,8 @@ TEST(Robust, ScalesAgreeWithTheMedianOfAllResiduals) {
 }
 
 TEST(Robust, LeavesADirectionWithoutRowsAtTheStart) {
-  std::vector<ObservationRows> pieces = make_rows(500, 0.05, 50.0, 9);
-  for (ObservationRows& piece : pieces) {
+  std::vector<regression::ObservationRows> pieces = make_rows(500, 0.05, 50.0, 9);
+  for (regression::ObservationRows& piece : pieces) {
     piece.tau -= piece.W.col(1) * kTruth[1];
     piece.W.col(1).setZero();
   }
@@ -173,14 +174,14 @@ TEST(Robust, LeavesADirectionWithoutRowsAtTheStart) {
 }
 
 TEST(Robust, ExactRowsAreNoDivisionByZero) {
-  std::vector<ObservationRows> pieces = make_rows(500, 0.0, 0.0, 10);
-  for (ObservationRows& piece : pieces) piece.tau = piece.W * kTruth;
+  std::vector<regression::ObservationRows> pieces = make_rows(500, 0.0, 0.0, 10);
+  for (regression::ObservationRows& piece : pieces) piece.tau = piece.W * kTruth;
   const RobustFit fit = fit_robust(pass_over(pieces), Eigen::Vector4d::Zero(), kNoise);
   EXPECT_LT((fit.beta - kTruth).norm(), 1e-9);
 }
 
 TEST(Robust, RefusesRowsOfOtherSize) {
-  const std::vector<ObservationRows> pieces = make_rows(100, 0.0, 0.0, 11);
+  const std::vector<regression::ObservationRows> pieces = make_rows(100, 0.0, 0.0, 11);
   EXPECT_THROW(fit_robust(pass_over(pieces), Eigen::VectorXd::Zero(3), kNoise), DataError);
 }
 

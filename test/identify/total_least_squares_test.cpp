@@ -17,13 +17,13 @@ Eigen::MatrixXd random_matrix(Eigen::Index rows, Eigen::Index cols, std::mt19937
   return Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal(random); });
 }
 
-TriangularFactor factor_of(const Eigen::MatrixXd& W, const Eigen::VectorXd& y) {
-  TriangularFactor factor(static_cast<int>(W.cols()));
+regression::TriangularFactor factor_of(const Eigen::MatrixXd& W, const Eigen::VectorXd& y) {
+  regression::TriangularFactor factor(static_cast<int>(W.cols()));
   factor.add(W, y);
   return factor;
 }
 
-Eigen::VectorXd plain(const TriangularFactor& data) {
+Eigen::VectorXd plain(const regression::TriangularFactor& data) {
   return data.R().triangularView<Eigen::Upper>().solve(data.z());
 }
 
@@ -63,7 +63,7 @@ TEST(TotalLeastSquares, TakesAwayTheBiasOfEqualNoise) {
   // Equal relative noise of 30 % everywhere, which the default assumes.
   const Eigen::MatrixXd W = W0 + 0.3 * random_matrix(20000, 3, random) * size.asDiagonal();
   const Eigen::VectorXd y = y0 + 0.3 * std::sqrt(truth.squaredNorm()) * random_matrix(20000, 1, random);
-  const TriangularFactor data = factor_of(W, y);
+  const regression::TriangularFactor data = factor_of(W, y);
   const Eigen::VectorXd expected = truth.cwiseQuotient(size);
   const TotalLeastSquaresFit fit = total_least_squares(data);
   for (int i = 0; i < 3; ++i) {
@@ -78,7 +78,8 @@ TEST(TotalLeastSquares, TakesAwayTheBiasOfEqualNoise) {
 
 TEST(TotalLeastSquares, WithOnlyExactColumnsIsLeastSquares) {
   std::mt19937_64 random(3);
-  const TriangularFactor data = factor_of(random_matrix(50, 4, random), random_matrix(50, 1, random));
+  const regression::TriangularFactor data =
+      factor_of(random_matrix(50, 4, random), random_matrix(50, 1, random));
   TotalLeastSquaresOptions options;
   options.exact.assign(4, true);
   const TotalLeastSquaresFit fit = total_least_squares(data, options);
@@ -126,7 +127,7 @@ TEST(TotalLeastSquares, CovarianceIsTheScatterOverExperiments) {
     const Eigen::MatrixXd W0 = random_matrix(kRows, 2, random);
     const Eigen::MatrixXd W = W0 + 0.3 * random_matrix(kRows, 2, random);
     const Eigen::VectorXd y = W0 * truth + 0.3 * truth.norm() * random_matrix(kRows, 1, random);
-    BlockFactors factors(1, 2, 0.5);
+    regression::BlockFactors factors(1, 2, 0.5);
     factors.add(0, 0, Eigen::VectorXd::LinSpaced(kRows, 0.0, 19.9), W, y);
     const TotalLeastSquaresSpread spread =
         total_least_squares(factors, Eigen::VectorXd::Ones(1), {}, seed % 2 == 0 ? 1.0 : 0.0);
@@ -141,7 +142,8 @@ TEST(TotalLeastSquares, CovarianceIsTheScatterOverExperiments) {
 
 TEST(TotalLeastSquares, RefusesANoiseThatIsNotPositive) {
   std::mt19937_64 random(6);
-  const TriangularFactor data = factor_of(random_matrix(50, 2, random), random_matrix(50, 1, random));
+  const regression::TriangularFactor data =
+      factor_of(random_matrix(50, 2, random), random_matrix(50, 1, random));
   TotalLeastSquaresOptions options;
   options.column_noise = Eigen::Vector2d(1.0, 0.0);
   EXPECT_THROW(total_least_squares(data, options), DataError);

@@ -23,8 +23,8 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-identify::Score score_of(double first, double second) {
-  identify::Score score;
+validate::Score score_of(double first, double second) {
+  validate::Score score;
   score.samples = 1000;
   score.band = 8.0;
   const Eigen::Vector2d rmse{first, second};
@@ -347,7 +347,7 @@ TEST(DiagnosisText, NamesTheLogThatGetsWorse) {
 TEST(DiagnosisText, StandsWithoutScoresAndTraces) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
-  for (identify::Score* score : {&diagnosis.train_before, &diagnosis.train_after, &diagnosis.validate_before,
+  for (validate::Score* score : {&diagnosis.train_before, &diagnosis.train_after, &diagnosis.validate_before,
                                  &diagnosis.validate_after}) {
     *score = {};
   }

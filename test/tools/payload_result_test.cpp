@@ -61,7 +61,7 @@ TEST(PayloadResult, TextGivesTheIntervalAndWhatIsNotKnown) {
 }
 
 TEST(PayloadResult, PageShowsMassAndTorqueError) {
-  report::Report page("Load");
+  page::Page page("Load");
   add_to(page, example());
   EXPECT_THAT(page.html(), AllOf(HasSubstr("Mass of the load"), HasSubstr("Torque error per joint"),
                                  HasSubstr("95 % interval")));

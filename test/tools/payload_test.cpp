@@ -11,9 +11,9 @@
 #include "heft/data/log.hpp"
 #include "heft/host/file.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "identify/synthetic_log.hpp"
 #include "support/arms.hpp"
 #include "support/run_heft.hpp"
+#include "support/synthetic_log.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft {

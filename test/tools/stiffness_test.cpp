@@ -14,8 +14,8 @@
 
 #include "heft/data/log.hpp"
 #include "heft/host/file.hpp"
-#include "heft/identify/cartesian_stiffness.hpp"
 #include "heft/model/model_file.hpp"
+#include "heft/stiffness/cartesian_stiffness.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
@@ -54,10 +54,10 @@ std::string measured(const std::string& plan) {
     std::vector<std::string> field;
     for (std::string f; std::getline(fields, f, ',');) field.push_back(f);
     VectorXd q(6);
-    identify::Vector6d wrench;
+    stiffness::Vector6d wrench;
     for (int j = 0; j < 6; ++j) q[j] = std::stod(field[static_cast<std::size_t>(1 + j)]);
     for (int r = 0; r < 6; ++r) wrench[r] = std::stod(field[static_cast<std::size_t>(8 + r)]);
-    const auto exact = identify::exact_deflection(kinematics, q, true_stiffness(), wrench);
+    const auto exact = stiffness::exact_deflection(kinematics, q, true_stiffness(), wrench);
     text += line.substr(0, line.size() - 6);
     for (int r = 0; r < 6; ++r) {
       char value[40];

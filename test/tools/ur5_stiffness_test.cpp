@@ -72,13 +72,13 @@ TEST(Ur5Stiffness, ZonesFoundCoverThoseOfTheThesis) {
     EXPECT_GT(m.median, 0.0035) << m.name;
     EXPECT_LT(m.median, 0.005) << m.name;
   }
-  EXPECT_EQ(identify::zones(dexterity().as_printed, 0.003).size(), 4U);
+  EXPECT_EQ(stiffness::zones(dexterity().as_printed, 0.003).size(), 4U);
 }
 
 TEST(Ur5Stiffness, SingularPosesAreNamed) {
   std::vector<std::string> singular, in_zones;
   for (const PoseDexterity& p : dexterity().poses) {
-    if (p.sound < identify::kSingularDexterity) singular.push_back(p.name);
+    if (p.sound < stiffness::kSingularDexterity) singular.push_back(p.name);
     if (!p.measured && p.in_zone) in_zones.push_back(p.name);
   }
   EXPECT_EQ(singular, (std::vector<std::string>{"1", "5"}));
@@ -174,10 +174,10 @@ TEST(Ur5Stiffness, JointSixIsLeftOpen) {
 }
 
 TEST(Ur5Stiffness, ExactReadingsGiveTheStiffnessBackEvenOutOfTheZones) {
-  std::vector<identify::LoadedPose> poses =
+  std::vector<stiffness::LoadedPose> poses =
       loaded_with(arm(), measurements().outside, Instrument::kWhole, 1e-6, 1e-6, dexterity().length);
   set_values(poses, stiffness().truth);
-  const identify::StiffnessFit fit = identify::fit_stiffness(arm(), poses, {}, dexterity().length);
+  const stiffness::StiffnessFit fit = stiffness::fit_stiffness(arm(), poses, {}, dexterity().length);
   for (std::size_t j = 0; j < 6; ++j) {
     const double truth = stiffness().truth[static_cast<Eigen::Index>(j)];
     EXPECT_NEAR(fit.joints[j].compliance, truth, 1e-9 * truth) << "joint " << j + 1;
@@ -208,10 +208,10 @@ TEST(Ur5Stiffness, TablesDisagreeWhereTheyDo) {
 }
 
 TEST(Ur5Stiffness, WhatIsLeftCannotBeDecided) {
-  for (const identify::StiffnessDiagnosis* d :
+  for (const stiffness::StiffnessDiagnosis* d :
        {&stiffness().of_tool, &stiffness().of_both, &stiffness().of_own}) {
     EXPECT_EQ(d->accepted, -1);
-    for (const identify::StiffnessTrial& t : d->trials) EXPECT_GT(t.p_value, 0.05) << t.id;
+    for (const stiffness::StiffnessTrial& t : d->trials) EXPECT_GT(t.p_value, 0.05) << t.id;
   }
   // The model beats the mean of the other readings only with two sizes of gear.
   EXPECT_LT(stiffness().two.left_out_rms, stiffness().of_tool.mean_rms);

@@ -13,8 +13,10 @@
 #include "heft/excite/excitation_design.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/identify/fit_record.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/simulator.hpp"
+#include "heft/validate/acceptance.hpp"
 #include "parallel.hpp"
 #include "sim_controllers.hpp"
 
@@ -186,10 +188,10 @@ double worst_of(const Eigen::VectorXd& values, const std::vector<bool>& counted,
 }
 
 /// In band: what the model misses. Unfiltered beside it, with what of that the sensor's noise alone makes.
-void judge_torque(identify::Criterion& criterion, const identify::Score& score,
+void judge_torque(validate::Criterion& criterion, const validate::Score& score,
                   const CampaignSettings& settings) {
   Index at = 0, raw_at = 0;
-  identify::judge(criterion, score.in_band_percent_of_max.maxCoeff(&at));
+  validate::judge(criterion, score.in_band_percent_of_max.maxCoeff(&at));
   const double raw = score.percent_of_max.maxCoeff(&raw_at);
   criterion.notes.push_back(fmt::format(
       "worst: joint {}, band {:.3g} Hz; unfiltered {:.2f} % in joint {}, of which the torque "
@@ -324,7 +326,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   };
   result.fit = fits.front();
 
-  result.criteria = identify::acceptance_criteria();
+  result.criteria = validate::acceptance_criteria();
   enum { kRecovery, kPrediction, kTracking, kPayload, kRepeatability };
   const auto name_of = [&](Index i) {
     return result.fit.base.name(*result.fit.columns, static_cast<int>(i));
@@ -332,7 +334,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
 
   // Parameters against the truth.
   result.beta_true = result.fit.base.regrouping * result.fit.columns->values(setup.truth);
-  result.errors = identify::relative_errors(result.fit.beta, result.beta_true);
+  result.errors = validate::relative_errors(result.fit.beta, result.beta_true);
   const data::MotionStream holdout(result.experiments[judged.front()].log);
   result.shares = identify::torque_shares(result.fit, result.beta_true, holdout);
   result.counted = identify::counted_parameters(result.fit, result.shares);
@@ -343,8 +345,8 @@ CampaignResult run_campaign(const CampaignSettings& settings,
     names += (names.empty() ? "" : ", ") + name_of(i);
   }
   Index at = 0;
-  identify::Criterion& recovery = result.criteria[kRecovery];
-  identify::judge(recovery, 100.0 * worst_of(result.errors, result.counted.counted, &at));
+  validate::Criterion& recovery = result.criteria[kRecovery];
+  validate::judge(recovery, 100.0 * worst_of(result.errors, result.counted.counted, &at));
   int inside = 0;
   for (Index i = 0; i < result.errors.size(); ++i) {
     if (!result.counted.counted[static_cast<std::size_t>(i)]) continue;
@@ -361,7 +363,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   if (!untold.empty()) recovery.notes.push_back("not counted, the log does not tell them: " + untold);
 
   // Torque on the motion not trained on.
-  result.holdout = identify::score(result.fit.robot, holdout);
+  result.holdout = validate::score(result.fit.robot, holdout);
   judge_torque(result.criteria[kPrediction], result.holdout, settings);
 
   // Loads: each model on the other motion with the same load, then 5 kg on 8 kg.
@@ -379,11 +381,11 @@ CampaignResult run_campaign(const CampaignSettings& settings,
       last = sum(last, campaign_load(robot, payload), -1.0);
     }
     const data::MotionStream stream(experiment.log);
-    identify::ScoreOptions scoring;
+    validate::ScoreOptions scoring;
     scoring.band = result.holdout.band;
-    result.payloads.push_back({payload, experiment.payload, identify::score(robot, stream, scoring)});
+    result.payloads.push_back({payload, experiment.payload, validate::score(robot, stream, scoring)});
   }
-  identify::Criterion& payload = result.criteria[kPayload];
+  validate::Criterion& payload = result.criteria[kPayload];
   judge_torque(payload, result.payloads.back().score, settings);
   result.load_difference_true = settings.judged_payload - settings.identified_payload;
   find_load_difference(fit_of(settings.identified_payload), fit_of(settings.judged_payload), result);
@@ -410,15 +412,15 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   const auto reduction = [&](std::size_t from) {
     return 100.0 * (1.0 - result.tracking[1].total() / result.tracking[from].total());
   };
-  identify::Criterion& tracking = result.criteria[kTracking];
-  identify::judge(tracking, reduction(0));
+  validate::Criterion& tracking = result.criteria[kTracking];
+  validate::judge(tracking, reduction(0));
 
   // Repeats.
   std::vector<Eigen::VectorXd> betas;
   for (std::size_t k = 0; k < repeats.size(); ++k) betas.push_back(fits[k].beta);
-  result.scatter = identify::relative_scatter(betas);
-  identify::Criterion& repeatability = result.criteria[kRepeatability];
-  identify::judge(repeatability, 100.0 * worst_of(result.scatter, result.counted.counted, &at));
+  result.scatter = validate::relative_scatter(betas);
+  validate::Criterion& repeatability = result.criteria[kRepeatability];
+  validate::judge(repeatability, 100.0 * worst_of(result.scatter, result.counted.counted, &at));
   repeatability.notes.push_back(fmt::format("worst: {}; {} experiments", name_of(at), repeats.size()));
   return result;
 }

@@ -13,9 +13,11 @@
 
 #include "heft/data/log.hpp"
 #include "heft/identify/fit.hpp"
-#include "heft/identify/validation.hpp"
+#include "heft/identify/fit_record.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/sim/reference.hpp"
+#include "heft/validate/acceptance.hpp"
+#include "heft/validate/score.hpp"
 
 namespace heft::tools {
 
@@ -54,7 +56,7 @@ struct TrackingResult {
 /// A payload as the model trained with it and judged on another motion.
 struct PayloadScore {
   double trained{0.0}, judged{0.0};  ///< [kg]
-  identify::Score score;
+  validate::Score score;
 };
 
 struct CampaignResult {
@@ -64,11 +66,11 @@ struct CampaignResult {
   identify::Fit fit;                                   ///< of the first experiment without load
   Eigen::VectorXd beta_true, shares, errors, scatter;  ///< b
   identify::CountedParameters counted;
-  identify::Score holdout;  ///< of `fit` on the motion judged on
+  validate::Score holdout;  ///< of `fit` on the motion judged on
   std::vector<PayloadScore> payloads;
   double load_difference_true{0.0}, load_difference{0.0}, load_difference_std{0.0};  ///< [kg]
   std::vector<TrackingResult> tracking;  ///< datasheet, identified, bare URDF
-  std::vector<identify::Criterion> criteria;
+  std::vector<validate::Criterion> criteria;
   double condition{0.0};  ///< of the exciting motion, see identify::ExcitationScore
 };
 

@@ -14,10 +14,10 @@
 #include "console.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/output_folder.hpp"
-#include "heft/identify/judgement.hpp"
 #include "heft/model/named_arms.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 #include "heft/sim/simulator.hpp"
+#include "heft/validate/judgement.hpp"
 #include "operation_count_line.hpp"
 #include "options.hpp"
 #include "page.hpp"
@@ -119,7 +119,7 @@ Eigen::VectorXd error_level(const Run& run) {
   return level;
 }
 
-report::Mark grasp_mark() { return {report::Mark::Direction::kVertical, kGrasp, "grasp"}; }
+page::Mark grasp_mark() { return {page::Mark::Direction::kVertical, kGrasp, "grasp"}; }
 
 void run(const Options& options) {
   const Console console{options.json};
@@ -180,8 +180,8 @@ void run(const Options& options) {
   const double before = rms_between(with, kSettled, kGrasp);
   const double after_without = rms_between(without, kGrasp + kSettled, kDuration);
   const double after_with = rms_between(with, kGrasp + kSettled, kDuration);
-  host::Judgement judgement = identify::judge_against_truth("the mass", mass, half, load.mass);
-  judgement.add(identify::judge_improvement("the tracking error with the estimated load", after_with,
+  host::Judgement judgement = validate::judge_against_truth("the mass", mass, half, load.mass);
+  judgement.add(validate::judge_improvement("the tracking error with the estimated load", after_with,
                                             "that without it", after_without));
   const std::string operations = operation_count_line();
 
@@ -211,7 +211,7 @@ void run(const Options& options) {
   put_verdict(json, judgement);
   if (!operations.empty()) json["operations"] = operations;
 
-  report::Report page = new_page(
+  page::Page page = new_page(
       "An arm picks up a load nobody told it of",
       fmt::format("A simulated UR5 under computed torque at 1 kHz; {} kg in the gripper from {:.0f} s on.",
                   load.mass, kGrasp));
@@ -232,14 +232,14 @@ void run(const Options& options) {
               {"tracking error", fmt::format("÷ {:.1f}", after_without / after_with),
                "after the grasp, with the load in the model"}});
 
-  report::PlotSpec mass_plot;
+  page::PlotSpec mass_plot;
   mass_plot.title = "What the estimator says the load weighs, with its 95 % interval";
   mass_plot.x_label = "time [s]";
   mass_plot.y_label = "mass [kg]";
   mass_plot.height = 340;
   mass_plot.y_range = std::pair<double, double>(-0.5 * load.mass, 2.0 * load.mass);
   {
-    report::Series interval{"95 % interval", trace->time, {}, {}, report::Style::kBand, report::Hue::kBlue};
+    page::Series interval{"95 % interval", trace->time, {}, {}, page::Style::kBand, page::Hue::kBlue};
     const double lowest = mass_plot.y_range->first, highest = mass_plot.y_range->second;
     for (std::size_t k = 0; k < trace->mass.size(); ++k) {
       interval.y.push_back(std::clamp(trace->mass[k] - trace->mass_half_width[k], lowest, highest));
@@ -247,33 +247,32 @@ void run(const Options& options) {
     }
     mass_plot.series.push_back(interval);
     mass_plot.series.push_back(
-        {"estimate", trace->time, trace->mass, {}, report::Style::kLine, report::Hue::kBlue});
+        {"estimate", trace->time, trace->mass, {}, page::Style::kLine, page::Hue::kBlue});
     mass_plot.series.push_back({"truth",
                                 {0, kGrasp, kGrasp, kDuration},
                                 {0, 0, load.mass, load.mass},
                                 {},
-                                report::Style::kDashed,
-                                report::Hue::kNeutral});
+                                page::Style::kDashed,
+                                page::Hue::kNeutral});
   }
   mass_plot.marks = {grasp_mark()};
   page.plot(mass_plot);
 
-  report::PlotSpec error_plot;
+  page::PlotSpec error_plot;
   error_plot.title = "Tracking error of the whole arm (rms over joints and a tenth of a second)";
   error_plot.x_label = "time [s]";
   error_plot.y_label = "error [mrad]";
   error_plot.height = 340;
   error_plot.series = {
-      report::line("nobody tells the controller", without.time, error_level(without),
-                   report::Hue::kVermillion),
-      report::line("with the estimated load", with.time, error_level(with), report::Hue::kBlue)};
+      page::line("nobody tells the controller", without.time, error_level(without), page::Hue::kVermillion),
+      page::line("with the estimated load", with.time, error_level(with), page::Hue::kBlue)};
   error_plot.marks = {grasp_mark()};
   page.plot(error_plot);
 
-  report::Table table(
+  page::Table table(
       {"joint", "before the grasp [mrad]", "after, uncorrected [mrad]", "after, corrected [mrad]"});
   nlohmann::ordered_json per_joint = nlohmann::ordered_json::array();
-  std::vector<report::PlotSpec> small;
+  std::vector<page::PlotSpec> small;
   for (int j = 0; j < 6; ++j) {
     const Run one_with{with.time, with.error.col(j), {}}, one_without{without.time, without.error.col(j), {}};
     const double b = rms_between(one_with, kSettled, kGrasp),
@@ -285,16 +284,16 @@ void run(const Options& options) {
                          {"before_grasp", b},
                          {"after_grasp_uncorrected", u},
                          {"after_grasp_corrected", c}});
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = "error [mrad]";
     spec.width = 460;
     spec.height = 200;
     spec.series = {
-        report::line("nobody tells the controller", without.time, 1e3 * without.error.col(j),
-                     report::Hue::kVermillion),
-        report::line("with the estimated load", with.time, 1e3 * with.error.col(j), report::Hue::kBlue)};
+        page::line("nobody tells the controller", without.time, 1e3 * without.error.col(j),
+                   page::Hue::kVermillion),
+        page::line("with the estimated load", with.time, 1e3 * with.error.col(j), page::Hue::kBlue)};
     spec.marks = {grasp_mark()};
     small.push_back(spec);
   }
@@ -307,9 +306,9 @@ void run(const Options& options) {
       table,
       fmt::format("Root mean square tracking error from {:.0f} s after the start or the grasp on", kSettled));
 
-  std::vector<report::PlotSpec> com_plots;
+  std::vector<page::PlotSpec> com_plots;
   for (std::size_t a = 0; a < 3; ++a) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Centre of mass, {}", "xyz"[a]);
     spec.x_label = "time [s]";
     spec.y_label = "[mm]";
@@ -328,10 +327,10 @@ void run(const Options& options) {
       low[k] = std::clamp(low[k], truth - 60, truth + 60);
       high[k] = std::clamp(high[k], truth - 60, truth + 60);
     }
-    spec.series = {{"95 % interval", time, low, high, report::Style::kBand, report::Hue::kBlue},
-                   {"estimate", time, value, {}, report::Style::kLine, report::Hue::kBlue}};
+    spec.series = {{"95 % interval", time, low, high, page::Style::kBand, page::Hue::kBlue},
+                   {"estimate", time, value, {}, page::Style::kLine, page::Hue::kBlue}};
     spec.y_range = std::pair<double, double>(truth - 60, truth + 60);
-    spec.marks = {{report::Mark::Direction::kHorizontal, truth, "truth"}};
+    spec.marks = {{page::Mark::Direction::kHorizontal, truth, "truth"}};
     com_plots.push_back(spec);
   }
   page.plots("Where the load sits, in the axes of the last link", com_plots);

@@ -20,8 +20,10 @@
 #include "heft/diagnose/diagnosis.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/fit.hpp"
+#include "heft/identify/fit_record.hpp"
 #include "heft/identify/physical.hpp"
 #include "heft/model/model_file.hpp"
+#include "heft/model/physical_links.hpp"
 #include "options.hpp"
 #include "page.hpp"
 
@@ -181,7 +183,7 @@ void refuse_nothing_to_judge(const std::vector<data::Log>& validate) {
   if (extent.travel.maxCoeff() >= kResting && extent.seconds >= kShortest) return;
   throw NotIdentifiableError(fmt::format(
       "{}: {} s in which no joint moves by more than {:.2g} rad or m: too little to judge an effect on; {}",
-      validate.front().path, report::number(extent.seconds, 2), extent.travel.maxCoeff(), kMotionToRecord));
+      validate.front().path, page::number(extent.seconds, 2), extent.travel.maxCoeff(), kMotionToRecord));
 }
 
 /// The line that gives the same result, without the files to write.
@@ -210,7 +212,7 @@ model::ModelFile extended_model(const diagnose::Diagnosis& diagnosis, const Diag
   fit.method = "diagnose";
   fit.torque_at = context.torque_at;
   fit.condition_number = std::numeric_limits<double>::quiet_NaN();
-  fit.physically_consistent = identify::has_physical_links(diagnosis.after);
+  fit.physically_consistent = model::has_physical_links(diagnosis.after);
   identify::put_training(diagnosis.train_after, fit);
   fit.samples = diagnosis.train_after.samples;
   fit.cutoff_hz = diagnosis.cutoff;

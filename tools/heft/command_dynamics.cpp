@@ -17,7 +17,7 @@
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/motion_torque.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 #include "options.hpp"
 #include "page.hpp"
 #include "torque_score.hpp"
@@ -72,7 +72,7 @@ void append_row(std::string& csv, const data::Log& log, int row, const Values& v
 struct LogResult {
   data::Log log;
   Eigen::MatrixXd torque;                ///< samples × joints; empty for the regressor
-  std::optional<identify::Score> score;  ///< when the log holds torque to compare with
+  std::optional<validate::Score> score;  ///< when the log holds torque to compare with
 };
 
 /// What friction's memory goes by where the model says so: displacements as logged, samples × 2 n; no columns where
@@ -170,8 +170,8 @@ void run(const Options& options) {
   }
   csv += '\n';
 
-  report::Report page = new_page(fmt::format("{}: {}", robot, subject),
-                                 fmt::format("{} log{}", options.log.logs.size(), several ? "s" : ""));
+  page::Page page = new_page(fmt::format("{}: {}", robot, subject),
+                             fmt::format("{} log{}", options.log.logs.size(), several ? "s" : ""));
   nlohmann::ordered_json json{{"robot", robot}, {"what", options.what}, {"torque_at", options.log.torque_at}};
   json["logs"] = nlohmann::ordered_json::array();
   std::string text;
@@ -189,15 +189,15 @@ void run(const Options& options) {
       entry["max_abs"] = json_array(largest);
       if (result.score) {
         entry.update(score_json(*result.score));
-        const report::Table table = score_table(*result.score);
+        const page::Table table = score_table(*result.score);
         const std::string meaning = score_meaning(*result.score);
         text += "Against the torque that the log holds:\n" + table.to_text(2) + meaning + '\n';
         page.verdict(
             fmt::format("The model meets the measured torque within {} % of each joint's largest torque.",
-                        report::number(result.score->percent_of_max.maxCoeff(), 2)));
+                        page::number(result.score->percent_of_max.maxCoeff(), 2)));
         page.table(table, meaning);
       } else {
-        page.verdict(fmt::format("Largest {}: {} N·m.", subject, report::number(largest.maxCoeff())));
+        page.verdict(fmt::format("Largest {}: {} N·m.", subject, page::number(largest.maxCoeff())));
       }
       page.plots("Torque over time", torque_plots(result.log, result.torque));
     }

@@ -16,7 +16,7 @@
 #include "heft/data/log.hpp"
 #include "heft/excite/excite.hpp"
 #include "heft/host/file.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 #include "motion_safety.hpp"
 #include "options.hpp"
 #include "page.hpp"
@@ -167,18 +167,19 @@ ExciteWording wording_of(const Options& options, const excite::LimitsFile& file,
 
 /// All files of a motion; one that cannot be written does not keep the others from it.
 void finish_files(const Console& console, const Options& options, const excite::Motion& motion,
-                  const nlohmann::ordered_json& json, const report::Report& page) {
+                  const nlohmann::ordered_json& json, const page::Page& page) {
   const auto write = [&](const std::string& path, const auto& text) {
     if (path.empty()) return;
     host::write_file_atomically(path, text());
     if (!host::is_standard_output(path)) console.print("Program: {}\n", path);
   };
-  write_each({[&] { write(options.urscript, [&] { return excite::to_urscript(motion.log); }); },
-              [&] { write(options.ros, [&] { return excite::to_ros_trajectory(motion.log, motion.robot); }); },
-              [&] {
-                finish(console, options.output, options.result, json, page,
-                       [&] { data::write_log(options.output, motion.log); });
-              }});
+  write_each(
+      {[&] { write(options.urscript, [&] { return excite::to_urscript(motion.log); }); },
+       [&] { write(options.ros, [&] { return excite::to_ros_trajectory(motion.log, motion.robot); }); },
+       [&] {
+         finish(console, options.output, options.result, json, page,
+                [&] { data::write_log(options.output, motion.log); });
+       }});
 }
 
 void run_friction(const Options& options, const Console& console, const model::Robot& robot,

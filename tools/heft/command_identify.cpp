@@ -21,12 +21,14 @@
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/identify/fit.hpp"
+#include "heft/identify/fit_record.hpp"
 #include "heft/identify/judgement.hpp"
-#include "heft/identify/validation.hpp"
 #include "heft/model/model_file.hpp"
-#include "heft/report/report.hpp"
+#include "heft/model/physical_links.hpp"
+#include "heft/page/page.hpp"
 #include "heft/urdf/urdf_export.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "heft/validate/score.hpp"
 #include "options.hpp"
 #include "page.hpp"
 #include "torque_score.hpp"
@@ -59,7 +61,7 @@ constexpr int kPoses = 10000;
 identify::Method method_of(const std::string& name) {
   for (const auto method : {identify::Method::kOls, identify::Method::kWls, identify::Method::kIrls,
                             identify::Method::kIv, identify::Method::kTls, identify::Method::kPhysical}) {
-    if (name == identify::to_string(method)) return method;
+    if (name == to_string(method)) return method;
   }
   return identify::Method::kWls;
 }
@@ -99,8 +101,8 @@ GearCoupling<double> coupling_of(const std::string& text) {
   return coupling;
 }
 
-identify::ModelStructure structure_of(const Options& options) {
-  identify::ModelStructure structure;
+regression::ModelStructure structure_of(const Options& options) {
+  regression::ModelStructure structure;
   // A sensor behind the gear does not see the rotor; friction of bearings and seals, cables and its own zero it does.
   structure.rotor_inertia = options.log.measured_at() == TorqueAt::kMotor;
   for (const std::string& what : options.without) {
@@ -183,7 +185,7 @@ std::vector<const data::MotionStream*> pointers(const std::vector<data::MotionSt
 }
 
 struct Judged {
-  std::vector<identify::Score> scores;
+  std::vector<validate::Score> scores;
   std::vector<TorqueTrace> traces;
 };
 
@@ -192,7 +194,7 @@ Judged judge(const std::vector<data::MotionStream>& streams, const model::Robot&
   Judged judged;
   for (const data::MotionStream& stream : streams) {
     Progress progress("judging " + stream.summary().path);
-    identify::ScoreOptions scoring;
+    validate::ScoreOptions scoring;
     scoring.band = band;
     scoring.progress = [&](double done) { progress.update(done); };
     if (trace) {
@@ -202,12 +204,12 @@ Judged judge(const std::vector<data::MotionStream>& streams, const model::Robot&
         judged.traces.back().add(time, measured, predicted);
       };
     }
-    judged.scores.push_back(identify::score(robot, stream, scoring));
+    judged.scores.push_back(validate::score(robot, stream, scoring));
   }
   return judged;
 }
 
-std::string physics_in_words(const identify::Fit& fit, const identify::MassMatrixCheck& mass) {
+std::string physics_in_words(const identify::Fit& fit, const model::MassMatrixCheck& mass) {
   std::string text;
   const double loss = 100.0 * (std::sqrt(fit.physical_cost_ratio) - 1.0);
   if (fit.physically_consistent) {
@@ -235,10 +237,10 @@ std::string physics_in_words(const identify::Fit& fit, const identify::MassMatri
 }
 
 /// The answer in one sentence: on the log and in the joint where the model does worst.
-std::string answer_in_words(const std::vector<identify::Score>& scores, bool own) {
+std::string answer_in_words(const std::vector<validate::Score>& scores, bool own) {
   double worst = 0.0, mean = 0.0;
   Eigen::Index joint = 0;
-  for (const identify::Score& score : scores) {
+  for (const validate::Score& score : scores) {
     Eigen::Index at = 0;
     const double percent = score.percent_of_max.maxCoeff(&at);
     if (percent > worst) worst = percent, joint = at;
@@ -258,7 +260,7 @@ void print_lines(const Console& console, const std::string& title, const std::ve
 
 void run(const Options& options) {
   const Console console{options.result.json, options.model, options.write_urdf};
-  const identify::ModelStructure structure = structure_of(options);  // wrong usage comes before bad files
+  const regression::ModelStructure structure = structure_of(options);  // wrong usage comes before bad files
   const model::Robot robot = load_robot(options.robot);
   if (!options.write_urdf.empty() && options.robot.urdf.empty()) {
     throw ModelError("--write-urdf needs the URDF to write into: give it with --urdf");
@@ -278,18 +280,18 @@ void run(const Options& options) {
     fitting.progress = [&](double done) { progress.update(done); };
     fit = identify::fit(robot, pointers(logs.train), fitting);
   }
-  const identify::MassMatrixCheck mass = identify::check_mass_matrix(fit.robot, kPoses, 1);
+  const model::MassMatrixCheck mass = model::check_mass_matrix(fit.robot, kPoses, 1);
 
   double band = options.log.band;
   for (const auto* streams : {&logs.train, &logs.judge}) {
     for (const data::MotionStream& stream : *streams) {
-      if (options.log.band == 0.0) band = std::max(band, identify::default_band(stream.summary().bandwidth));
+      if (options.log.band == 0.0) band = std::max(band, validate::default_band(stream.summary().bandwidth));
     }
   }
   const bool trace = !options.result.report.empty();
   const Judged train = judge(logs.train, fit.robot, band, trace);
   const Judged held_out = judge(logs.judge, fit.robot, band, trace);
-  const identify::Score trained = identify::pool(train.scores);
+  const validate::Score trained = validate::pool(train.scores);
   host::Judgement judgement = identify::judge(fit, mass, held_out.scores, train.scores);
   judgement.add(logs.torque);
   const std::string meaning = score_meaning(trained) + validation_meaning();
@@ -307,7 +309,7 @@ void run(const Options& options) {
       "(weighted base regressor, columns of norm 1){}; 95 % intervals from {} blocks of {:.2g} s",
       fit.base.count(), determined, fit.samples,
       logs.train.size() == 1 ? "1 log" : fmt::format("{} logs", logs.train.size()), fit.rows.sum(),
-      fit.cutoff, report::number(fit.condition, 3), fit.ridge ? ", steadied by a ridge towards the URDF" : "",
+      fit.cutoff, page::number(fit.condition, 3), fit.ridge ? ", steadied by a ridge towards the URDF" : "",
       fit.blocks, fit.block_length);
 
   nlohmann::ordered_json json{
@@ -315,10 +317,10 @@ void run(const Options& options) {
   put_verdict(json, judgement);
   json["train"] = validation_json(trained);
   // The judged figures stand at the top where there are any: the error on logs not seen is the model's error.
-  json.update(validation_json(held_out.scores.empty() ? trained : identify::pool(held_out.scores)));
+  json.update(validation_json(held_out.scores.empty() ? trained : validate::pool(held_out.scores)));
   json["judged_on"] = held_out.scores.empty() ? "train" : "held_out";
   json["held_out"] = nlohmann::ordered_json::array();
-  for (const identify::Score& score : held_out.scores) {
+  for (const validate::Score& score : held_out.scores) {
     nlohmann::ordered_json entry{{"log", score.log}};
     entry.update(validation_json(score));
     json["held_out"].push_back(std::move(entry));
@@ -341,7 +343,7 @@ void run(const Options& options) {
       answer_in_words(held_out.scores.empty() ? train.scores : held_out.scores, held_out.scores.empty());
   console.print("{}\n{}\n{}: {}.\n", answer, verdict_text(judgement), robot.name, summary);
   console.print("\nTraining\n{}", validation_text(trained));
-  for (const identify::Score& score : held_out.scores) {
+  for (const validate::Score& score : held_out.scores) {
     console.print("\nHeld out: {}, {} samples\n{}", score.log, score.samples, validation_text(score));
   }
   console.print("{} {}.\n\nBase parameters (* with others, see expression)\n{}", meaning, capital(logs.how),
@@ -352,16 +354,16 @@ void run(const Options& options) {
   print_lines(console, "\nNot determined by these logs:", fit.missing);
   print_lines(console, "Notes:", fit.notes);
 
-  report::Report page = new_page(fmt::format("{}: identified model", robot.name),
-                                 fmt::format("{} on {}", options.method, file_names_of(options.log.logs)));
+  page::Page page = new_page(fmt::format("{}: identified model", robot.name),
+                             fmt::format("{} on {}", options.method, file_names_of(options.log.logs)));
   for (const auto* streams : {&logs.train, &logs.judge}) {
     for (const data::MotionStream& stream : *streams) add_log_line(page, log_line(stream));
   }
-  const identify::Score& judged = held_out.scores.empty() ? trained : held_out.scores.front();
+  const validate::Score& judged = held_out.scores.empty() ? trained : held_out.scores.front();
   page.verdict(answer, judgement);
   page.facts(
       {{"base parameters", fmt::format("{}", fit.base.count()), fmt::format("{} determined", determined)},
-       {"condition number", report::number(fit.condition, 3), "weighted, columns of norm 1"},
+       {"condition number", page::number(fit.condition, 3), "weighted, columns of norm 1"},
        {"physical", fit.physically_consistent ? "yes" : "no", "every link a body that can exist"},
        {"mean R²", fmt::format("{:.3f}", judged.r2.mean()),
         held_out.scores.empty() ? "training" : "held out"}});

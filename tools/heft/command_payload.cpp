@@ -13,12 +13,13 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/judgement.hpp"
-#include "heft/identify/payload_run.hpp"
-#include "heft/identify/recursive_fit.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/model_file.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
+#include "heft/payload/judgement.hpp"
+#include "heft/payload/payload_run.hpp"
+#include "heft/payload/recursive_fit.hpp"
+#include "heft/validate/judgement.hpp"
 #include "options.hpp"
 #include "page.hpp"
 #include "payload_result.hpp"
@@ -41,7 +42,7 @@ struct Options {
 /// The arm without load as the estimator is told of it.
 struct Arm {
   model::Robot robot;
-  std::optional<identify::ResidualStatistics> residual;
+  std::optional<statistics::ResidualStatistics> residual;
   std::optional<Eigen::MatrixXd> covariance;
 };
 
@@ -88,12 +89,12 @@ Eigen::VectorXd numbers(const nlohmann::ordered_json& json, const char* key, int
 }
 
 /// What a fit of heft wrote about the residual of its model; nothing for models from elsewhere.
-std::optional<identify::ResidualStatistics> residual_of(const model::ModelFile& file) {
+std::optional<statistics::ResidualStatistics> residual_of(const model::ModelFile& file) {
   if (file.other_fields.empty()) return std::nullopt;
   const auto others = nlohmann::ordered_json::parse(file.other_fields);
   if (!others.contains(kResidualField)) return std::nullopt;
   const auto& json = others[kResidualField];
-  identify::ResidualStatistics residual;
+  statistics::ResidualStatistics residual;
   residual.std = numbers(json, "std", file.num_joints(), file.path);
   residual.correlation_time = numbers(json, "correlation_time", file.num_joints(), file.path);
   const auto cutoff = json.value("cutoff_hz", nlohmann::ordered_json());
@@ -104,7 +105,7 @@ std::optional<identify::ResidualStatistics> residual_of(const model::ModelFile& 
   return residual;
 }
 
-void keep_residual(model::ModelFile& file, const identify::ResidualStatistics& residual) {
+void keep_residual(model::ModelFile& file, const statistics::ResidualStatistics& residual) {
   nlohmann::ordered_json others = file.other_fields.empty()
                                       ? nlohmann::ordered_json::object()
                                       : nlohmann::ordered_json::parse(file.other_fields);
@@ -114,14 +115,14 @@ void keep_residual(model::ModelFile& file, const identify::ResidualStatistics& r
   file.other_fields = others.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
-identify::RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs,
-                           const Options& options, const std::string& what) {
+payload::RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs,
+                          const Options& options, const std::string& what) {
   Progress progress(what);
-  identify::RecursiveFitOptions fit_options;
+  payload::RecursiveFitOptions fit_options;
   fit_options.cutoff = options.log.band;
   fit_options.torque_at_joint = options.log.measured_at() == TorqueAt::kJoint;
   fit_options.progress = [&](double done) { progress.update(done); };
-  identify::RecursiveFit result = identify::fit_recursively(robot, logs, fit_options);
+  payload::RecursiveFit result = payload::fit_recursively(robot, logs, fit_options);
   if (!result.missing.empty()) {
     std::string names;
     for (const data::Log& log : logs) names += fmt::format("{}{}", names.empty() ? "" : ", ", log.path);
@@ -130,16 +131,16 @@ identify::RecursiveFit fit(const model::Robot& robot, const std::vector<data::Lo
   return result;
 }
 
-Arm arm_of(const model::Robot& robot, const identify::RecursiveFit& fitted) {
+Arm arm_of(const model::Robot& robot, const payload::RecursiveFit& fitted) {
   Arm arm{robot, fitted.residual, fitted.model.covariance};
   model::apply(fitted.model, arm.robot);
   return arm;
 }
 
-identify::PayloadRun estimate(const Arm& arm, const data::Log& log, const Options& options,
-                              double zero_mass_std) {
+payload::PayloadRun estimate(const Arm& arm, const data::Log& log, const Options& options,
+                             double zero_mass_std) {
   Progress progress(log.path);
-  identify::PayloadRunOptions run;
+  payload::PayloadRunOptions run;
   run.first_joint = options.rows;
   run.cutoff = options.log.band;
   run.torque_at_joint = options.log.measured_at() == TorqueAt::kJoint;
@@ -147,7 +148,7 @@ identify::PayloadRun estimate(const Arm& arm, const data::Log& log, const Option
   run.model_covariance = arm.covariance;
   run.zero_mass_std = zero_mass_std;
   run.progress = [&](double done) { progress.update(done); };
-  return identify::run_payload(arm.robot, log, run);
+  return payload::run_payload(arm.robot, log, run);
 }
 
 /// Torque that a model expects; the sign of friction goes through zero within 0.005 rad/s, so that a joint
@@ -171,7 +172,7 @@ Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, bool at
 }
 
 /// The robot with the load found at its last link, and with the friction as found.
-model::Robot loaded(const model::Robot& robot, const identify::PayloadRun& run, bool with_friction) {
+model::Robot loaded(const model::Robot& robot, const payload::PayloadRun& run, bool with_friction) {
   model::Robot result = robot;
   for (std::size_t i = 0; i < 10; ++i) result.joints.back().link[i] += run.on_last_link[i];
   if (!with_friction) return result;
@@ -185,7 +186,7 @@ model::Robot loaded(const model::Robot& robot, const identify::PayloadRun& run, 
   return result;
 }
 
-Estimate shown(const identify::Estimated& estimated) {
+Estimate shown(const payload::Estimated& estimated) {
   return {estimated.value, estimated.std, estimated.identifiable, estimated.half_width};
 }
 
@@ -196,7 +197,7 @@ std::string frame_name(const model::Robot& robot) {
 }
 
 /// The mass is told; or all first moments are, where the rows asked for cannot show the mass.
-bool is_answered(const identify::PayloadRun& run) {
+bool is_answered(const payload::PayloadRun& run) {
   const auto& known = run.first_moment.identifiable;
   return run.mass.identifiable[0] ||
          (!run.mass_visible && std::all_of(known.begin(), known.end(), [](bool told) { return told; }));
@@ -204,10 +205,10 @@ bool is_answered(const identify::PayloadRun& run) {
 
 struct Shown {
   PayloadResult result;
-  std::vector<report::PlotSpec> residual_plots;
+  std::vector<page::PlotSpec> residual_plots;
 };
 
-Shown present(const Arm& arm, const Recording& recording, const identify::PayloadRun& run,
+Shown present(const Arm& arm, const Recording& recording, const payload::PayloadRun& run,
               const Options& options) {
   const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;
   const data::Log& log = recording.derived;
@@ -222,18 +223,18 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   result.com = shown(run.com);
   result.inertia = shown(run.inertia);
   result.torque_scale = shown(run.torque_scale);
-  result.judgement = identify::judge(run);
+  result.judgement = payload::judge(run);
   result.judgement.add(recording.torque);
-  result.contradicts_itself = !identify::contradiction(run).empty();
+  result.contradicts_itself = !payload::contradiction(run).empty();
   result.frame = frame_name(arm.robot);
   result.converged_at = run.converged_at;
-  for (const identify::LoadChange& change : run.changes) {
+  for (const payload::LoadChange& change : run.changes) {
     result.changes.push_back({change.time, change.mass, change.mass_before, change.std});
   }
   if (options.true_mass > 0) {
     result.true_mass = options.true_mass;
     if (run.mass.identifiable[0]) {
-      result.judgement.add(identify::judge_against_truth("the mass", run.mass.value[0],
+      result.judgement.add(validate::judge_against_truth("the mass", run.mass.value[0],
                                                          run.mass.half_width[0], options.true_mass));
     }
   }
@@ -261,7 +262,7 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   }
 
   const Eigen::MatrixXd before = predict(arm.robot, log, at_motor);
-  const identify::Score score_before = score_torque(log, before, options.log.band);
+  const validate::Score score_before = score_torque(log, before, options.log.band);
   result.rmse_before = score_before.rmse;
   result.rmse_in_band_before = score_before.rmse_in_band;
   result.band = score_before.band;
@@ -270,10 +271,10 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
   // A load of which the motion tells only a part must not be passed off as an improvement.
   if (is_answered(run)) {
     after = predict(loaded(arm.robot, run, false), log, at_motor);
-    const identify::Score score_after = score_torque(log, *after, score_before.band);
+    const validate::Score score_after = score_torque(log, *after, score_before.band);
     result.rmse_after = score_after.rmse;
     result.rmse_in_band_after = score_after.rmse_in_band;
-    const identify::Score score_friction =
+    const validate::Score score_friction =
         score_torque(log, predict(loaded(arm.robot, run, true), log, at_motor), score_before.band);
     result.rmse_after_friction = score_friction.rmse;
   }
@@ -283,15 +284,15 @@ Shown present(const Arm& arm, const Recording& recording, const identify::Payloa
                     run.first_joint));
   }
   for (Eigen::Index j = 0; j < before.cols(); ++j) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = "torque error [N·m]";
     spec.series.push_back(
-        report::line("without the load", log.time, log.tau.col(j) - before.col(j), report::Hue::kNeutral));
+        page::line("without the load", log.time, log.tau.col(j) - before.col(j), page::Hue::kNeutral));
     if (after)
       spec.series.push_back(
-          report::line("with the load found", log.time, log.tau.col(j) - after->col(j), report::Hue::kBlue));
+          page::line("with the load found", log.time, log.tau.col(j) - after->col(j), page::Hue::kBlue));
     shown_run.residual_plots.push_back(std::move(spec));
   }
   return shown_run;
@@ -303,7 +304,7 @@ std::vector<ZeroCheck> check_zero(const Arm& arm, const model::Robot& bare,
                                   const std::vector<Recording>& zeros, const Options& options) {
   std::vector<ZeroCheck> checks;
   const auto add = [&](const Arm& with, const data::Log& log) {
-    const identify::PayloadRun run = estimate(with, log, options, 0.0);
+    const payload::PayloadRun run = estimate(with, log, options, 0.0);
     if (!run.mass.identifiable[0]) {
       note(fmt::format("{}: no use as a zero check: {}", log.path, run.missing));
       return;
@@ -330,7 +331,7 @@ double excess_of(const std::vector<ZeroCheck>& checks) {
   return checks.empty() ? 0.0 : std::sqrt(std::max(0.0, sum / static_cast<double>(checks.size())));
 }
 
-std::string describe(const identify::RecursiveFit& fitted, const std::vector<data::Log>& logs) {
+std::string describe(const payload::RecursiveFit& fitted, const std::vector<data::Log>& logs) {
   std::string names;
   for (const data::Log& log : logs) names += fmt::format("{}{}", names.empty() ? "" : ", ", log.path);
   return fmt::format(
@@ -340,11 +341,11 @@ std::string describe(const identify::RecursiveFit& fitted, const std::vector<dat
       names, fitted.determined, fitted.determinable, fitted.residual.cutoff);
 }
 
-report::Table residual_table(const identify::ResidualStatistics& residual) {
-  report::Table table({"joint", "residual of the model, filtered [N·m]", "correlated over [s]"});
+page::Table residual_table(const statistics::ResidualStatistics& residual) {
+  page::Table table({"joint", "residual of the model, filtered [N·m]", "correlated over [s]"});
   for (Eigen::Index j = 0; j < residual.std.size(); ++j) {
-    table.add_row({fmt::format("{}", j + 1), report::number(residual.std[j]),
-                   report::number(residual.correlation_time[j], 2)});
+    table.add_row({fmt::format("{}", j + 1), page::number(residual.std[j]),
+                   page::number(residual.correlation_time[j], 2)});
   }
   return table;
 }
@@ -358,7 +359,7 @@ void run(const Options& options) {
   }
 
   Arm arm{robot, std::nullopt, std::nullopt};
-  std::optional<identify::RecursiveFit> fitted;
+  std::optional<payload::RecursiveFit> fitted;
   std::vector<data::Log> baselines;
   host::Judgement unloaded;  // what the torque of the logs without load is suspected of
   std::string model_text;
@@ -389,7 +390,7 @@ void run(const Options& options) {
   const std::vector<ZeroCheck> zero_checks = check_zero(arm, robot, baselines, zeros, options);
   const double zero_mass_std = excess_of(zero_checks);
 
-  report::Report page =
+  page::Page page =
       new_page(fmt::format("{}: the load at the flange", robot.name),
                fmt::format("{}, torque of joints {} and up", file_names_of(options.log.logs), options.rows));
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
@@ -398,7 +399,7 @@ void run(const Options& options) {
   std::string unanswered;
   bool contradicted = false;
   for (const Recording& recording : recordings) {
-    const identify::PayloadRun payload = estimate(arm, recording.causal, options, zero_mass_std);
+    const payload::PayloadRun payload = estimate(arm, recording.causal, options, zero_mass_std);
     Shown shown_run = present(arm, recording, payload, options);
     shown_run.result.judgement.add(unloaded);
     shown_run.result.zero_checks = zero_checks;
@@ -408,7 +409,7 @@ void run(const Options& options) {
     add_to(page, shown_run.result);
     page.plots("Torque error over time", shown_run.residual_plots);
     json.push_back(to_json(shown_run.result));
-    const std::string contradiction = identify::contradiction(payload);
+    const std::string contradiction = payload::contradiction(payload);
     if (!contradiction.empty() && unanswered.empty()) {
       unanswered = fmt::format("{}: {}", recording.causal.path, contradiction);
       contradicted = true;

@@ -12,7 +12,7 @@
 #include "heft/data/log.hpp"
 #include "heft/excite/motion.hpp"
 #include "heft/host/file.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 #include "options.hpp"
 #include "page.hpp"
 #include "scenario_input.hpp"
@@ -47,24 +47,23 @@ Eigen::VectorXd tracking_error(const data::Log& log) {
 }
 
 /// A plot a joint of one channel, with its reference where there is one and the payload events as marks.
-std::vector<report::PlotSpec> channel_plots(const sim::SimulationResult& result,
-                                            const Eigen::MatrixXd& channel, const Eigen::MatrixXd& reference,
-                                            const std::string& label) {
-  std::vector<report::PlotSpec> plots;
+std::vector<page::PlotSpec> channel_plots(const sim::SimulationResult& result, const Eigen::MatrixXd& channel,
+                                          const Eigen::MatrixXd& reference, const std::string& label) {
+  std::vector<page::PlotSpec> plots;
   const data::Log& log = result.log;
   for (Eigen::Index j = 0; j < channel.cols(); ++j) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = label;
     const bool has_reference = reference.cols() == channel.cols();
     if (has_reference)
-      spec.series.push_back(report::line("reference", log.time, reference.col(j), report::Hue::kNeutral));
+      spec.series.push_back(page::line("reference", log.time, reference.col(j), page::Hue::kNeutral));
     spec.series.push_back(
-        report::line(has_reference ? "measured" : "", log.time, channel.col(j), report::Hue::kBlue));
+        page::line(has_reference ? "measured" : "", log.time, channel.col(j), page::Hue::kBlue));
     for (const sim::SimulationEvent& event : result.events) {
       if (event.joint < 0)
-        spec.marks.push_back({report::Mark::Direction::kVertical, event.time, name_of(event.kind)});
+        spec.marks.push_back({page::Mark::Direction::kVertical, event.time, name_of(event.kind)});
     }
     plots.push_back(std::move(spec));
   }
@@ -128,15 +127,15 @@ void run(const Options& options) {
       "{} simulated for {:.6g} s: {} samples, {} payload events, {} times a joint came to stick\n{}",
       robot_name, duration, log.num_samples(), num_payload, num_stick, happened);
   const Eigen::VectorXd error = tracking_error(log);
-  report::Table table({"joint", "RMS tracking error [rad, m]", "largest torque [N·m, N]"});
+  page::Table table({"joint", "RMS tracking error [rad, m]", "largest torque [N·m, N]"});
   if (error.size() > 0) json["rms_tracking_error"] = json_array(error);
   for (int j = 0; j < log.num_joints(); ++j) {
-    table.add_row({fmt::format("{}", j + 1), error.size() > 0 ? report::number(error[j]) : "–",
-                   log.tau.cols() > 0 ? report::number(log.tau.col(j).cwiseAbs().maxCoeff()) : "–"});
+    table.add_row({fmt::format("{}", j + 1), error.size() > 0 ? page::number(error[j]) : "–",
+                   log.tau.cols() > 0 ? page::number(log.tau.col(j).cwiseAbs().maxCoeff()) : "–"});
   }
   text += table.to_text(2);
 
-  report::Report page = new_page(fmt::format("{}: simulation", robot_name), file_name_of(source));
+  page::Page page = new_page(fmt::format("{}: simulation", robot_name), file_name_of(source));
   page.verdict(fmt::format("{:.6g} s simulated, {} payload events.", duration, num_payload));
   page.table(table);
   page.plots("Position", channel_plots(result, log.q, log.qref, "position [rad, m]"));
@@ -166,7 +165,8 @@ Action set_up_simulate(CommandLine line) {
     if (options->example) return;
     if (options->scenario.empty() && options->replay.empty()) {
       throw UsageError(
-          "--scenario is required: what to simulate; heft simulate --example prints one to begin with; or give a motion "
+          "--scenario is required: what to simulate; heft simulate --example prints one to begin with; or "
+          "give a motion "
           "with --urdf ROBOT --replay MOTION.csv");
     }
     if (options->output.empty()) throw UsageError("--output is required: where the log goes");

@@ -15,9 +15,9 @@
 #include "example_scenario.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
-#include "heft/identify/judgement.hpp"
 #include "heft/model/model_file.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
+#include "heft/validate/judgement.hpp"
 #include "options.hpp"
 #include "page.hpp"
 #include "parallel.hpp"
@@ -166,14 +166,14 @@ void run(const Options& options) {
         [&](double done) { progress.update(done); });
   }
 
-  std::vector<report::Mark> marks;
+  std::vector<page::Mark> marks;
   double last_event = 0;
   double true_mass = 0;
   std::size_t next = 0;
   for (const sim::SimulationEvent& event : events) {
     if (event.joint >= 0) continue;
     const bool grasp = event.kind == sim::SimulationEvent::Kind::kGrasp;
-    marks.push_back({report::Mark::Direction::kVertical, event.time, grasp ? "grasp" : "release"});
+    marks.push_back({page::Mark::Direction::kVertical, event.time, grasp ? "grasp" : "release"});
     last_event = event.time;
     true_mass = grasp ? base.payload_events[next].body.mass : 0.0;
     ++next;
@@ -203,8 +203,8 @@ void run(const Options& options) {
   const std::vector<TrackingRun>& judged = after.empty() ? counted : after;
   host::Judgement judgement;
   if (std::isfinite(half))
-    judgement.add(identify::judge_against_truth("the estimated mass", mass, half, true_mass));
-  judgement.add(identify::judge_improvement("the tracking error with the estimated load", rms(judged[3]),
+    judgement.add(validate::judge_against_truth("the estimated mass", mass, half, true_mass));
+  judgement.add(validate::judge_improvement("the tracking error with the estimated load", rms(judged[3]),
                                             "that with nominal values", rms(judged[2])));
   put_verdict(json, judgement);
   json["load"] = {{"mass",
@@ -237,8 +237,7 @@ void run(const Options& options) {
   }
   console.print("{}\n{}", load_text, verdict_text(judgement));
 
-  report::Report page =
-      new_page(fmt::format("{}: tracking", base.robot.name), file_name_of(options.scenario));
+  page::Page page = new_page(fmt::format("{}: tracking", base.robot.name), file_name_of(options.scenario));
   page.verdict(fmt::format("Computed torque with the estimated load leaves {:.3g} mrad, with nominal values "
                            "{:.3g} mrad, PD {:.3g} mrad{}.",
                            1e3 * rms(judged[3]), 1e3 * rms(judged[2]), 1e3 * rms(judged[0]),
@@ -251,7 +250,7 @@ void run(const Options& options) {
                fmt::format("The same from {:.6g} s on, 1 s after the last payload event", settled));
   page.plot(tracking_bars(judged));
   if (!trace->time.empty()) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = "Estimated mass of the load with its 95 % interval";
     spec.x_label = "time [s]";
     spec.y_label = "mass [kg]";
@@ -259,7 +258,7 @@ void run(const Options& options) {
     for (const sim::PayloadEvent& event : base.payload_events)
       largest = std::max(largest, event.grasp ? event.body.mass : 0.0);
     spec.y_range = std::pair<double, double>(-0.6 * largest, 1.8 * largest);
-    report::Series interval{"95 % interval", trace->time, {}, {}, report::Style::kBand, report::Hue::kBlue};
+    page::Series interval{"95 % interval", trace->time, {}, {}, page::Style::kBand, page::Hue::kBlue};
     std::vector<double> shown;
     for (std::size_t k = 0; k < trace->mass.size(); ++k) {
       const auto clamped = [&](double v) { return std::clamp(v, spec.y_range->first, spec.y_range->second); };
@@ -267,12 +266,12 @@ void run(const Options& options) {
       interval.y_high.push_back(clamped(trace->mass[k] + trace->mass_half_width[k]));
       shown.push_back(clamped(trace->mass[k]));
     }
-    spec.series = {interval, {"estimate", trace->time, shown, {}, report::Style::kLine, report::Hue::kBlue}};
+    spec.series = {interval, {"estimate", trace->time, shown, {}, page::Style::kLine, page::Hue::kBlue}};
     spec.marks = marks;
     page.plot(spec);
   }
-  std::vector<report::PlotSpec> plots = tracking_plots(runs, marks);
-  for (report::PlotSpec& spec : plots) {
+  std::vector<page::PlotSpec> plots = tracking_plots(runs, marks);
+  for (page::PlotSpec& spec : plots) {
     spec.width = 460;
     spec.height = 200;
   }

@@ -16,11 +16,14 @@
 #include "console.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/output_folder.hpp"
-#include "heft/identify/judgement.hpp"
+#include "heft/identify/fit_record.hpp"
 #include "heft/identify/physical.hpp"
-#include "heft/identify/validation.hpp"
-#include "heft/report/report.hpp"
+#include "heft/model/physical_links.hpp"
+#include "heft/page/page.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "heft/validate/acceptance.hpp"
+#include "heft/validate/judgement.hpp"
+#include "heft/validate/score.hpp"
 #include "options.hpp"
 #include "page.hpp"
 #include "torque_score.hpp"
@@ -45,24 +48,24 @@ constexpr std::size_t kPrediction = 1;
 /// Poses in which the mass matrix is looked at.
 constexpr int kPoses = 2000;
 
-std::string lines_of(const std::vector<identify::Criterion>& criteria) {
+std::string lines_of(const std::vector<validate::Criterion>& criteria) {
   std::string text;
-  for (const identify::Criterion& criterion : criteria) {
+  for (const validate::Criterion& criterion : criteria) {
     for (const std::string& line : criterion.notes) text += fmt::format("  {}: {}\n", criterion.name, line);
   }
   return text;
 }
 
-void add_notes(report::Report& page, const std::vector<identify::Criterion>& criteria) {
-  for (const identify::Criterion& criterion : criteria) {
+void add_notes(page::Page& page, const std::vector<validate::Criterion>& criteria) {
+  for (const validate::Criterion& criterion : criteria) {
     for (const std::string& line : criterion.notes) page.note(fmt::format("{}: {}", criterion.name, line));
   }
 }
 
-void add_residual_words(report::Report& page, const identify::Score& score) {
-  report::Table table({"joint", "residual"});
+void add_residual_words(page::Page& page, const validate::Score& score) {
+  page::Table table({"joint", "residual"});
   for (int j = 0; j < score.num_joints(); ++j) {
-    table.add_row({fmt::format("{}", j + 1), identify::describe_residual(score, j)});
+    table.add_row({fmt::format("{}", j + 1), validate::describe_residual(score, j)});
   }
   page.table(table, "Residual: noise, or something that the model misses");
 }
@@ -79,7 +82,7 @@ std::string mean_percent(const Eigen::VectorXd& percent) {
   return count > 0 ? fmt::format("{:.2f} %", sum / count) : "not known (no joint has torque)";
 }
 
-std::string mean_in_band(const identify::Score& score) {
+std::string mean_in_band(const validate::Score& score) {
   if (!(score.band > 0.0)) return "in band not known (the log is too short or too slowly sampled for a band)";
   return fmt::format("{} in band ({:.3g} Hz)", mean_percent(score.in_band_percent_of_max), score.band);
 }
@@ -126,15 +129,15 @@ void judge_logs(const Options& options) {
     for (const std::string& text : streams.back().summary().notes) note(text);
     // One band for all logs, or their figures could not be put together.
     if (options.log.band == 0 && !as_fitted) {
-      band = std::max(band, identify::default_band(streams.back().summary().bandwidth));
+      band = std::max(band, validate::default_band(streams.back().summary().bandwidth));
     }
   }
 
-  std::vector<identify::Score> scores;
+  std::vector<validate::Score> scores;
   std::vector<TorqueTrace> traces;
   for (const data::MotionStream& stream : streams) {
     Progress progress(stream.summary().path);
-    identify::ScoreOptions scoring;
+    validate::ScoreOptions scoring;
     scoring.band = band;
     if (as_fitted && loaded.fit->sign_width > 0) scoring.sign_width = loaded.fit->sign_width;
     scoring.progress = [&](double done) { progress.update(done); };
@@ -143,15 +146,15 @@ void judge_logs(const Options& options) {
       scoring.rows = [&](const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
                          const Eigen::MatrixXd& predicted) { traces.back().add(time, measured, predicted); };
     }
-    scores.push_back(identify::score(robot, stream, scoring));
+    scores.push_back(validate::score(robot, stream, scoring));
   }
-  const identify::Score all = identify::pool(scores);
+  const validate::Score all = validate::pool(scores);
 
-  std::vector<identify::Criterion> criteria = identify::acceptance_criteria();
+  std::vector<validate::Criterion> criteria = validate::acceptance_criteria();
   Eigen::Index worst = 0;
   double worst_percent = 0.0;
   std::string worst_log;
-  for (const identify::Score& score : scores) {
+  for (const validate::Score& score : scores) {
     Eigen::Index joint = 0;
     // A log without a band is judged on its unfiltered error.
     const double percent =
@@ -162,18 +165,18 @@ void judge_logs(const Options& options) {
       worst_log = score.log;
     }
   }
-  identify::judge(criteria[kPrediction], worst_percent);
+  validate::judge(criteria[kPrediction], worst_percent);
   criteria[kPrediction].notes.push_back(fmt::format("worst: joint {}{}; mean of the joints {}, {} unfiltered",
                                                     worst + 1, scores.size() > 1 ? " of " + worst_log : "",
                                                     mean_in_band(all), mean_percent(all.percent_of_max)));
   // Of the five criteria logs alone show this one; heft validate --campaign judges the others.
-  const std::vector<identify::Criterion> shown{criteria[kPrediction]};
+  const std::vector<validate::Criterion> shown{criteria[kPrediction]};
 
   // The model itself.
   model::FitRecord fit = loaded.fit.value_or(model::FitRecord{});
   if (!loaded.fit) {
     fit.condition_number = std::numeric_limits<double>::quiet_NaN();
-    fit.physically_consistent = identify::has_physical_links(robot);
+    fit.physically_consistent = model::has_physical_links(robot);
   }
   std::string model_text = options.robot.model.empty()
                                ? fmt::format("Model: the parameters of {}.", options.robot.urdf)
@@ -183,22 +186,21 @@ void judge_logs(const Options& options) {
   } else if (loaded.fit) {
     const auto determined = std::count_if(fit.base_parameters.begin(), fit.base_parameters.end(),
                                           [](const model::BaseParameterRecord& p) { return p.determined; });
-    model_text +=
-        fmt::format(" ({}, {} of {} base parameters determined, condition number {}).", fit.method,
-                    determined, fit.base_parameters.size(), report::number(fit.condition_number, 3));
+    model_text += fmt::format(" ({}, {} of {} base parameters determined, condition number {}).", fit.method,
+                              determined, fit.base_parameters.size(), page::number(fit.condition_number, 3));
   }
   model_text += fit.physically_consistent ? " Every link is physically possible."
                                           : " At least one link is physically impossible.";
-  identify::ModelFacts facts;
+  validate::ModelFacts facts;
   facts.parameters = static_cast<int>(fit.base_parameters.size());
   facts.determined =
       static_cast<int>(std::count_if(fit.base_parameters.begin(), fit.base_parameters.end(),
                                      [](const model::BaseParameterRecord& p) { return p.determined; }));
   facts.physically_consistent = fit.physically_consistent;
-  facts.mass = identify::check_mass_matrix(robot, kPoses, 1);
-  host::Judgement judgement = identify::judge_prediction(scores);
+  facts.mass = model::check_mass_matrix(robot, kPoses, 1);
+  host::Judgement judgement = validate::judge_prediction(scores);
   judgement.add(torque);
-  judgement.add(identify::judge_model(facts));
+  judgement.add(validate::judge_model(facts));
   if (seen) {
     judgement.add(host::Verdict::kDoubtful,
                   "the model was fitted to the log that it is judged on: give one that the fit has not seen");
@@ -216,7 +218,7 @@ void judge_logs(const Options& options) {
   json.update(fit_json(fit));
   json["criteria"] = criteria_json(criteria);
   json["logs"] = nlohmann::ordered_json::array();
-  for (const identify::Score& score : scores) {
+  for (const validate::Score& score : scores) {
     nlohmann::ordered_json entry{{"log", score.log}};
     entry.update(validation_json(score));
     json["logs"].push_back(std::move(entry));
@@ -224,19 +226,18 @@ void judge_logs(const Options& options) {
 
   const std::string meaning = score_meaning(all) + validation_meaning();
   console.print("{}\n{}\n{}\n", answer, verdict_text(judgement), model_text);
-  for (const identify::Score& score : scores) {
+  for (const validate::Score& score : scores) {
     console.print("{}: {} samples\n{}", score.log, score.samples, validation_text(score));
   }
   if (scores.size() > 1) {
     console.print("All {} logs together, {} samples\n{}", scores.size(), all.samples, validation_text(all));
   }
   console.print("{}\nResidual:\n", meaning);
-  for (int j = 0; j < n; ++j) console.print("  joint {}: {}\n", j + 1, identify::describe_residual(all, j));
+  for (int j = 0; j < n; ++j) console.print("  joint {}: {}\n", j + 1, validate::describe_residual(all, j));
   console.print("Acceptance (the criterion that logs can show):\n{}{}", criteria_table(shown).to_text(2),
                 lines_of(shown));
 
-  report::Report page =
-      new_page(fmt::format("{}: model judged", robot.name), file_names_of(options.log.logs));
+  page::Page page = new_page(fmt::format("{}: model judged", robot.name), file_names_of(options.log.logs));
   for (const data::MotionStream& stream : streams) add_log_line(page, log_line(stream));
   page.verdict(answer, judgement);
   page.paragraph(model_text);
@@ -278,9 +279,9 @@ std::string campaign_text(const CampaignSettings& settings, const CampaignResult
       settings.seed + 1000, result.experiments.front().seed);
 }
 
-report::Table parameter_table(const CampaignResult& result) {
-  report::Table table({"base parameter", "true", "found", "± (95 %)", "unit", "error [%]", "scatter [%]",
-                       "torque share [%]", "counted"});
+page::Table parameter_table(const CampaignResult& result) {
+  page::Table table({"base parameter", "true", "found", "± (95 %)", "unit", "error [%]", "scatter [%]",
+                     "torque share [%]", "counted"});
   for (int i = 0; i < result.fit.base.count(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     // Beside a truth of 0 there is nothing to be relative to.
@@ -288,38 +289,38 @@ report::Table parameter_table(const CampaignResult& result) {
     const char* counted = result.counted.counted[at]  ? "yes"
                           : result.fit.determined[at] ? "no"
                                                       : "no: the log does not tell it";
-    table.add_row({result.fit.base.name(*result.fit.columns, i), report::number(result.beta_true[i]),
-                   report::number(result.fit.beta[i]), report::number(result.fit.half_width[i], 2),
+    table.add_row({result.fit.base.name(*result.fit.columns, i), page::number(result.beta_true[i]),
+                   page::number(result.fit.beta[i]), page::number(result.fit.half_width[i], 2),
                    (*result.fit.columns)[result.fit.base.kept[at]].unit,
-                   report::number(share * result.errors[i], 3), report::number(share * result.scatter[i], 3),
-                   report::number(100.0 * result.shares[i], 3), counted});
+                   page::number(share * result.errors[i], 3), page::number(share * result.scatter[i], 3),
+                   page::number(100.0 * result.shares[i], 3), counted});
   }
   return table;
 }
 
-report::Table tracking_table(const CampaignResult& result) {
+page::Table tracking_table(const CampaignResult& result) {
   std::vector<std::string> header{"computed torque with"};
   const Eigen::Index n = result.tracking.front().rms.size();
   for (Eigen::Index j = 0; j < n; ++j) header.push_back(fmt::format("joint {} [mrad]", j + 1));
   header.emplace_back("all [mrad]");
-  report::Table table(header);
+  page::Table table(header);
   for (const TrackingResult& tracking : result.tracking) {
     std::vector<std::string> row{tracking.name};
-    for (const double rms : tracking.rms) row.push_back(report::number(1e3 * rms, 3));
-    row.push_back(report::number(1e3 * tracking.total(), 3));
+    for (const double rms : tracking.rms) row.push_back(page::number(1e3 * rms, 3));
+    row.push_back(page::number(1e3 * tracking.total(), 3));
     table.add_row(row);
   }
   return table;
 }
 
-report::Table payload_table(const CampaignResult& result) {
-  report::Table table({"identified with [kg]", "judged with [kg]", "worst joint, RMSE [% of max]",
-                       "worst joint, in band [% of max]", "mean of the joints [% of max]"});
+page::Table payload_table(const CampaignResult& result) {
+  page::Table table({"identified with [kg]", "judged with [kg]", "worst joint, RMSE [% of max]",
+                     "worst joint, in band [% of max]", "mean of the joints [% of max]"});
   for (const PayloadScore& entry : result.payloads) {
     table.add_row({fmt::format("{:g}", entry.trained), fmt::format("{:g}", entry.judged),
-                   report::number(entry.score.percent_of_max.maxCoeff(), 3),
-                   report::number(entry.score.in_band_percent_of_max.maxCoeff(), 3),
-                   report::number(entry.score.percent_of_max.mean(), 3)});
+                   page::number(entry.score.percent_of_max.maxCoeff(), 3),
+                   page::number(entry.score.in_band_percent_of_max.maxCoeff(), 3),
+                   page::number(entry.score.percent_of_max.mean(), 3)});
   }
   return table;
 }
@@ -363,28 +364,28 @@ nlohmann::ordered_json campaign_json(const CampaignSettings& settings, const Cam
   return json;
 }
 
-void add_campaign_plots(report::Report& page, const CampaignResult& result) {
+void add_campaign_plots(page::Page& page, const CampaignResult& result) {
   const auto judged = std::find_if(result.experiments.begin(), result.experiments.end(),
                                    [](const Experiment& e) { return !e.exciting && e.payload == 0; });
   const data::MotionStream stream(judged->log);
   TorqueTrace trace(stream.summary().samples, result.holdout.num_joints());
-  identify::ScoreOptions scoring;
+  validate::ScoreOptions scoring;
   scoring.band = result.holdout.band;
   scoring.rows = [&](const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
                      const Eigen::MatrixXd& predicted) { trace.add(time, measured, predicted); };
-  (void)identify::score(result.fit.robot, stream, scoring);
+  (void)validate::score(result.fit.robot, stream, scoring);
   page.plots("Torque on the motion judged on", small(trace.torque_plots()));
   page.plots("Torque error", small(trace.residual_plots()));
-  std::vector<report::PlotSpec> plots;
+  std::vector<page::PlotSpec> plots;
   for (Eigen::Index j = 0; j < result.tracking.front().rms.size(); ++j) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = "error [mrad]";
     for (std::size_t k = 0; k < 2; ++k) {
       const TrackingResult& tracking = result.tracking[k];
-      spec.series.push_back(report::line(tracking.name, tracking.time, 1e3 * tracking.error.col(j),
-                                         k == 0 ? report::Hue::kNeutral : report::Hue::kBlue));
+      spec.series.push_back(page::line(tracking.name, tracking.time, 1e3 * tracking.error.col(j),
+                                       k == 0 ? page::Hue::kNeutral : page::Hue::kBlue));
     }
     plots.push_back(std::move(spec));
   }
@@ -419,7 +420,7 @@ void run_simulated(const Options& options) {
     Progress progress("campaign");
     result = run_campaign(settings, [&](double done, const std::string&) { progress.update(done); });
   }
-  const host::Judgement judgement = identify::judge(result.criteria);
+  const host::Judgement judgement = validate::judge(result.criteria);
   nlohmann::ordered_json json = campaign_json(settings, result);
   put_verdict(json, judgement);
 
@@ -444,8 +445,8 @@ void run_simulated(const Options& options) {
   console.print("Loads:\n{}", payload_table(result).to_text(2));
   console.print("{}\n{}", tracking, tracking_table(result).to_text(2));
 
-  report::Report page = new_page(fmt::format("{}: simulated campaign", settings.nominal.name),
-                                 fmt::format("seed {}", settings.seed));
+  page::Page page = new_page(fmt::format("{}: simulated campaign", settings.nominal.name),
+                             fmt::format("seed {}", settings.seed));
   page.verdict(criteria_summary(result.criteria) + ".", judgement);
   page.table(criteria_table(result.criteria), "Acceptance criteria");
   add_notes(page, result.criteria);

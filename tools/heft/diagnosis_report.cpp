@@ -23,10 +23,10 @@ using diagnose::Diagnosis;
 using diagnose::Finding;
 using diagnose::Traces;
 using Eigen::Index;
-using report::number;
+using page::number;
 
-constexpr report::Hue kBefore = report::Hue::kVermillion;
-constexpr report::Hue kAfter = report::Hue::kBlue;
+constexpr page::Hue kBefore = page::Hue::kVermillion;
+constexpr page::Hue kAfter = page::Hue::kBlue;
 
 bool usable(const Traces& traces, int joint) {
   return traces.time.size() > 1 && traces.before.rows() == traces.time.size() &&
@@ -69,14 +69,14 @@ Eigen::VectorXd sliding_mean(const Eigen::VectorXd& values, Index window) {
 /// Window of the residual over time [s].
 constexpr double kWindow = 0.02;
 
-report::PlotSpec over_time(const Traces& log, int joint, const std::string& unit) {
-  report::PlotSpec spec;
+page::PlotSpec over_time(const Traces& log, int joint, const std::string& unit) {
+  page::PlotSpec spec;
   spec.title = "Over time";
   spec.x_label = "time [s]";
   spec.y_label = fmt::format("residual [{}]", unit);
   // The ends, which count nowhere, stay out; a spike at a reversal may leave the drawing.
   const Index end =
-      std::min<Index>(log.time.size() / 4, static_cast<Index>(identify::kScoreEnd * rate_of(log)));
+      std::min<Index>(log.time.size() / 4, static_cast<Index>(validate::kScoreEnd * rate_of(log)));
   const Index rows = log.time.size() - 2 * end;
   const auto window = static_cast<Index>(kWindow * rate_of(log));
   const Eigen::VectorXd time = log.time.segment(end, rows);
@@ -84,7 +84,7 @@ report::PlotSpec over_time(const Traces& log, int joint, const std::string& unit
   for (const auto& [label, residual, hue] :
        {std::tuple{"before", &log.before, kBefore}, std::tuple{"after", &log.after, kAfter}}) {
     const Eigen::VectorXd mean = sliding_mean(residual->col(joint), window).segment(end, rows);
-    spec.series.push_back(report::line(label, time, mean, hue));
+    spec.series.push_back(page::line(label, time, mean, hue));
     Eigen::VectorXd size = mean.cwiseAbs();
     const auto high = size.begin() + static_cast<Index>(0.997 * static_cast<double>(rows));
     std::nth_element(size.begin(), high, size.end());
@@ -94,23 +94,23 @@ report::PlotSpec over_time(const Traces& log, int joint, const std::string& unit
   return spec;
 }
 
-report::PlotSpec over_bins(const std::string& title, const std::string& x_label, const Eigen::VectorXd& x,
-                           const Eigen::VectorXd& before, const Eigen::VectorXd& after,
-                           const std::string& unit) {
+page::PlotSpec over_bins(const std::string& title, const std::string& x_label, const Eigen::VectorXd& x,
+                         const Eigen::VectorXd& before, const Eigen::VectorXd& after,
+                         const std::string& unit) {
   Eigen::MatrixXd both(before.size(), 2);
   both << before, after;
   const BinnedMeans bins = binned_means(x, both);
-  report::PlotSpec spec;
+  page::PlotSpec spec;
   spec.title = title;
   spec.x_label = x_label;
   spec.y_label = fmt::format("mean residual [{}]", unit);
-  spec.series = {report::line("before", bins.x, bins.means.col(0), kBefore),
-                 report::line("after", bins.x, bins.means.col(1), kAfter)};
+  spec.series = {page::line("before", bins.x, bins.means.col(0), kBefore),
+                 page::line("after", bins.x, bins.means.col(1), kAfter)};
   return spec;
 }
 
-report::PlotSpec spectrum(const Traces& log, int joint, const std::string& unit) {
-  report::PlotSpec spec;
+page::PlotSpec spectrum(const Traces& log, int joint, const std::string& unit) {
+  page::PlotSpec spec;
   spec.title = "Spectrum";
   spec.x_label = "frequency [Hz]";
   spec.y_label = fmt::format("amplitude density [{}/√Hz]", unit);
@@ -118,22 +118,22 @@ report::PlotSpec spectrum(const Traces& log, int joint, const std::string& unit)
   const double rate = rate_of(log);
   const AmplitudeDensity before = amplitude_density(log.before.col(joint), rate),
                          after = amplitude_density(log.after.col(joint), rate);
-  spec.series = {report::line("before", before.frequency, before.density, kBefore),
-                 report::line("after", after.frequency, after.density, kAfter)};
+  spec.series = {page::line("before", before.frequency, before.density, kBefore),
+                 page::line("after", after.frequency, after.density, kAfter)};
   return spec;
 }
 
 /// Without an effect before and after are one: one curve, without a legend.
-void leave_one_curve(const Diagnosis& diagnosis, report::PlotSpec& spec) {
+void leave_one_curve(const Diagnosis& diagnosis, page::PlotSpec& spec) {
   if (!diagnosis.findings.empty() || spec.series.size() < 2) return;
   spec.series.erase(spec.series.begin());
   spec.series.front().label.clear();
 }
 
 /// Residual of a joint before and after: over time, against velocity and position, its spectrum.
-void add_joint(report::Report& page, const Diagnosis& diagnosis, const std::string& title,
+void add_joint(page::Page& page, const Diagnosis& diagnosis, const std::string& title,
                const std::vector<Traces>& traces, int joint, bool prismatic,
-               const std::vector<report::Mark>& marks) {
+               const std::vector<page::Mark>& marks) {
   std::vector<const Traces*> logs;
   for (const Traces& log : traces) {
     if (usable(log, joint)) logs.push_back(&log);
@@ -142,7 +142,7 @@ void add_joint(report::Report& page, const Diagnosis& diagnosis, const std::stri
   const std::string unit = prismatic ? "N" : "N·m", length = prismatic ? "m" : "rad";
   const Eigen::VectorXd before = joined(logs, &Traces::before, joint),
                         after = joined(logs, &Traces::after, joint);
-  std::vector<report::PlotSpec> plots{over_time(*logs.front(), joint, unit)};
+  std::vector<page::PlotSpec> plots{over_time(*logs.front(), joint, unit)};
   if (logs.size() > 1)
     plots.front().title += " (" + std::filesystem::path(logs.front()->log).filename().string() + ")";
   plots.front().marks = marks;
@@ -151,13 +151,13 @@ void add_joint(report::Report& page, const Diagnosis& diagnosis, const std::stri
   plots.push_back(over_bins("Against position", fmt::format("position [{}]", length),
                             joined(logs, &Traces::q, joint), before, after, unit));
   plots.push_back(spectrum(*logs.front(), joint, unit));
-  for (report::PlotSpec& plot : plots) leave_one_curve(diagnosis, plot);
+  for (page::PlotSpec& plot : plots) leave_one_curve(diagnosis, plot);
   page.plots(title, small(std::move(plots)));
 }
 
 /// Joint with the largest error that is left, as a share of its torque; -1: not known.
 int worst_joint(const Diagnosis& diagnosis) {
-  const identify::Score& score = diagnosis.validate_after;
+  const validate::Score& score = diagnosis.validate_after;
   const Eigen::VectorXd& percent = score.band > 0.0 ? score.in_band_percent_of_max : score.percent_of_max;
   if (percent.size() == 0) return -1;
   Index worst = 0;
@@ -165,19 +165,19 @@ int worst_joint(const Diagnosis& diagnosis) {
   return static_cast<int>(worst);
 }
 
-std::vector<report::Mark> marks_of(const Finding& finding) {
-  std::vector<report::Mark> marks;
+std::vector<page::Mark> marks_of(const Finding& finding) {
+  std::vector<page::Mark> marks;
   for (std::size_t k = 0; k < finding.events.size(); ++k) {
-    marks.push_back({report::Mark::Direction::kVertical, finding.events[k].first, k == 0 ? "contact" : ""});
+    marks.push_back({page::Mark::Direction::kVertical, finding.events[k].first, k == 0 ? "contact" : ""});
   }
   for (const auto& [name, value] : finding.parameters) {
     if (finding.kind == "payload_change" && name == "time")
-      marks.push_back({report::Mark::Direction::kVertical, value, "load changes"});
+      marks.push_back({page::Mark::Direction::kVertical, value, "load changes"});
   }
   return marks;
 }
 
-void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
+void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
   const model::Robot& robot = diagnosis.after;
   const auto prismatic = [&](int j) { return torque_unit(robot, j) == "N"; };
   const auto log_name = [](const std::vector<Traces>& traces, const char* what) {
@@ -186,11 +186,11 @@ void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
   struct Shown {
     std::string why;
     bool training;
-    std::vector<report::Mark> marks;
+    std::vector<page::Mark> marks;
   };
   std::map<int, Shown> shown;  // in the order of the joints
   const auto show = [&](int joint, const std::string& why, bool training,
-                        const std::vector<report::Mark>& marks) {
+                        const std::vector<page::Mark>& marks) {
     if (joint >= 0 && joint < robot.num_joints()) shown.try_emplace(joint, Shown{why, training, marks});
   };
   page.heading("Residuals");
@@ -223,7 +223,7 @@ void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
                           log_name(traces, what.training ? "training" : "validation")),
               traces, joint, prismatic(joint), what.marks);
   }
-  std::vector<report::PlotSpec> others;
+  std::vector<page::PlotSpec> others;
   for (int j = 0; j < robot.num_joints(); ++j) {
     if (shown.contains(j)) continue;
     if (diagnosis.validate.empty() || !usable(diagnosis.validate.front(), j)) continue;
@@ -235,25 +235,25 @@ void add_residuals(report::Report& page, const Diagnosis& diagnosis) {
 }
 
 /// Error on the validation logs as a share of each joint's torque.
-void add_bars(report::Report& page, const Diagnosis& diagnosis) {
-  const identify::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
+void add_bars(page::Page& page, const Diagnosis& diagnosis) {
+  const validate::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
   if (before.percent_of_max.size() == 0 || before.percent_of_max.size() != after.percent_of_max.size())
     return;
-  report::PlotSpec spec;
+  page::PlotSpec spec;
   spec.title = "Validation error of each joint, unfiltered";
   spec.y_label = "RMSE [% of the joint's largest torque]";
   spec.height = 210;
   for (Index j = 0; j < before.percent_of_max.size(); ++j)
     spec.categories.push_back(fmt::format("joint {}", j + 1));
   const auto heights = [](const Eigen::VectorXd& v) { return std::vector<double>(v.begin(), v.end()); };
-  spec.series = {report::bars("before", heights(before.percent_of_max), kBefore),
-                 report::bars("after", heights(after.percent_of_max), kAfter)};
+  spec.series = {page::bars("before", heights(before.percent_of_max), kBefore),
+                 page::bars("after", heights(after.percent_of_max), kAfter)};
   leave_one_curve(diagnosis, spec);
   page.plot(spec);
 }
 
-std::vector<report::Fact> facts_of(const Diagnosis& diagnosis) {
-  std::vector<report::Fact> facts;
+std::vector<page::Fact> facts_of(const Diagnosis& diagnosis) {
+  std::vector<page::Fact> facts;
   facts.push_back({"effects found", fmt::format("{}", diagnosis.findings.size()),
                    fmt::format("{} candidates tried", diagnosis.candidates)});
   const int best = most_improved_joint(diagnosis);
@@ -263,7 +263,7 @@ std::vector<report::Fact> facts_of(const Diagnosis& diagnosis) {
         {fmt::format("validation error, joint {}", best + 1), change_percent(from, to),
          fmt::format("{} → {} {}", number(from, 3), number(to, 3), torque_unit(diagnosis.after, best))});
   }
-  const identify::Score& after = diagnosis.validate_after;
+  const validate::Score& after = diagnosis.validate_after;
   if (after.percent_of_max.size() > 0) {
     facts.push_back({"error left, mean of the joints", number(after.percent_of_max.mean(), 2) + " %",
                      "of the joint's largest torque, unfiltered"});
@@ -353,12 +353,12 @@ BinnedMeans binned_means(const Eigen::VectorXd& x, const Eigen::MatrixXd& values
   return result;
 }
 
-report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+page::Page diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   constexpr std::size_t kMostRefusals = 20;
   const model::Robot& robot = diagnosis.after;
-  report::Report page = new_page(fmt::format("{}: diagnosis", robot.name),
-                                 fmt::format("trained on {}; judged on {}", file_names_of(context.train),
-                                             file_names_of(context.validate)));
+  page::Page page = new_page(fmt::format("{}: diagnosis", robot.name),
+                             fmt::format("trained on {}; judged on {}", file_names_of(context.train),
+                                         file_names_of(context.validate)));
   for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
     for (const Traces& log : *logs) {
       if (log.time.size() < 2) continue;
@@ -371,7 +371,7 @@ report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext
   add_bars(page, diagnosis);
   if (!diagnosis.findings.empty()) {
     page.heading("What is missing");
-    report::Table effects({"", "effect", "term", "parameters", "motion that shows it"});
+    page::Table effects({"", "effect", "term", "parameters", "motion that shows it"});
     int rank = 0;
     for (const Finding* effect : by_kind(diagnosis)) {
       const Finding& finding = *effect;
@@ -387,7 +387,7 @@ report::Report diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext
   }
   if (!diagnosis.unexplained.empty()) {
     page.heading("What heft does not know");
-    report::Table table({"joint", "what is left", "evidence"});
+    page::Table table({"joint", "what is left", "evidence"});
     for (const diagnose::Unexplained& u : diagnosis.unexplained) {
       table.add_row({u.joint < 0 ? "–" : fmt::format("{}", u.joint + 1), u.what, evidence_in_words(u)});
     }

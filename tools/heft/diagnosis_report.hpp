@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 
 #include "diagnosis_result.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 
 namespace heft::tools {
 
@@ -28,6 +28,6 @@ struct BinnedMeans {
 BinnedMeans binned_means(const Eigen::VectorXd& x, const Eigen::MatrixXd& values);
 
 /// Verdict, ranking, residuals of the joints that have something to tell, errors before and after, refusals.
-report::Report diagnosis_page(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
+page::Page diagnosis_page(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
 
 }  // namespace heft::tools

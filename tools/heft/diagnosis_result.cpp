@@ -20,7 +20,7 @@ namespace {
 
 using diagnose::Diagnosis;
 using diagnose::Finding;
-using report::number;
+using page::number;
 
 struct EffectWords {
   std::string_view kind;
@@ -235,7 +235,7 @@ std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
   return kinds;
 }
 
-bool has_scores(const identify::Score& before, const identify::Score& after) {
+bool has_scores(const validate::Score& before, const validate::Score& after) {
   return before.rmse.size() > 0 && before.rmse.size() == after.rmse.size();
 }
 
@@ -250,7 +250,7 @@ constexpr double kMuch = 0.2;
 /// All joints, the largest fall first.
 std::vector<Fall> falls(const Diagnosis& diagnosis) {
   std::vector<Fall> all;
-  const identify::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
+  const validate::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
   if (!has_scores(before, after)) return all;
   for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
     if (before.rmse[j] > 0.0) all.push_back({static_cast<int>(j), 1.0 - after.rmse[j] / before.rmse[j]});
@@ -274,7 +274,7 @@ nlohmann::ordered_json joint_or_null(int joint) {
   return joint < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(joint + 1);
 }
 
-nlohmann::ordered_json before_after_json(const identify::Score& before, const identify::Score& after) {
+nlohmann::ordered_json before_after_json(const validate::Score& before, const validate::Score& after) {
   nlohmann::ordered_json json;
   json["rmse_before"] = json_array(before.rmse);
   json["rmse_after"] = json_array(after.rmse);
@@ -299,7 +299,7 @@ struct RelativeErrors {
 };
 
 RelativeErrors relative_errors(const Diagnosis& d) {
-  const identify::Score &before = d.validate_before, &after = d.validate_after, &torque = d.validate_torque;
+  const validate::Score &before = d.validate_before, &after = d.validate_after, &torque = d.validate_torque;
   return {relative_error(before.rmse_in_band, torque.rmse_in_band),
           relative_error(after.rmse_in_band, torque.rmse_in_band),
           relative_error(before.rmse_in_band_moving, torque.rmse_in_band_moving),
@@ -307,7 +307,7 @@ RelativeErrors relative_errors(const Diagnosis& d) {
 }
 
 /// R² in band: 1 - mean square of the error / variance of the torque, all samples.
-Eigen::VectorXd r2_in_band(const identify::Score& score, const identify::Score& torque) {
+Eigen::VectorXd r2_in_band(const validate::Score& score, const validate::Score& torque) {
   const Eigen::VectorXd variance = torque.rmse_in_band.cwiseAbs2() - torque.bias.cwiseAbs2();
   return (1.0 - score.rmse_in_band.array().square() / variance.array()).matrix();
 }
@@ -594,7 +594,7 @@ std::vector<std::string> errors_that_rise(const Diagnosis& diagnosis) {
   const std::size_t logs =
       std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
   for (std::size_t k = 0; k < logs; ++k) {
-    const identify::Score &before = diagnosis.validate_each_before[k],
+    const validate::Score &before = diagnosis.validate_each_before[k],
                           &after = diagnosis.validate_each_after[k];
     if (!has_scores(before, after)) continue;
     for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
@@ -608,12 +608,11 @@ std::vector<std::string> errors_that_rise(const Diagnosis& diagnosis) {
   return lines;
 }
 
-report::Table before_after_table(const identify::Score& before, const identify::Score& after,
-                                 const model::Robot& robot) {
+page::Table before_after_table(const validate::Score& before, const validate::Score& after,
+                               const model::Robot& robot) {
   const std::string unit = torque_unit(robot);
-  report::Table table({"joint", fmt::format("RMSE before [{}]", unit), "after", "change [%]",
-                       fmt::format("in band before [{}]", unit), "after", "change [%]", "R² before",
-                       "after"});
+  page::Table table({"joint", fmt::format("RMSE before [{}]", unit), "after", "change [%]",
+                     fmt::format("in band before [{}]", unit), "after", "change [%]", "R² before", "after"});
   if (!has_scores(before, after)) return table;
   const auto r2 = [](double value) { return std::isfinite(value) ? fmt::format("{:.4f}", value) : "–"; };
   for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
@@ -626,8 +625,8 @@ report::Table before_after_table(const identify::Score& before, const identify::
   return table;
 }
 
-report::Table ranking_table(const Diagnosis& diagnosis, const model::Robot& robot) {
-  report::Table table(
+page::Table ranking_table(const Diagnosis& diagnosis, const model::Robot& robot) {
+  page::Table table(
       {"", "effect", "joint", "p", "ΔBIC", "blocks not fitted [%]", "validation RMSE", "change [%]"});
   const auto joint = [](int j) { return j < 0 ? std::string("–") : fmt::format("{}", j + 1); };
   int rank = 0;
@@ -653,8 +652,8 @@ report::Table ranking_table(const Diagnosis& diagnosis, const model::Robot& robo
   return table;
 }
 
-report::Table refusal_table(const Diagnosis& diagnosis, std::size_t most) {
-  report::Table table({"effect", "joint", "would explain", "refused because"});
+page::Table refusal_table(const Diagnosis& diagnosis, std::size_t most) {
+  page::Table table({"effect", "joint", "would explain", "refused because"});
   for (const diagnose::Refusal& refusal : strongest(diagnosis)) {
     if (table.rows().size() == most) break;
     table.add_row({refusal.kind, refusal.joint < 0 ? "–" : fmt::format("{}", refusal.joint + 1),
@@ -695,7 +694,7 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
     line("the same as", rivals_in_words(finding.equivalent, false));
     if (!finding.rivals.empty() || !finding.equivalent.empty()) line("told apart", "by " + shown_by(finding));
   }
-  const auto scores = [&](const char* title, const identify::Score& before, const identify::Score& after) {
+  const auto scores = [&](const char* title, const validate::Score& before, const validate::Score& after) {
     if (!has_scores(before, after)) return;
     text += fmt::format("\n{}\n{}", title, before_after_table(before, after, robot).to_text(2));
   };

@@ -9,7 +9,7 @@
 
 #include "heft/diagnose/diagnosis.hpp"
 #include "heft/host/verdict.hpp"
-#include "heft/report/table.hpp"
+#include "heft/page/table.hpp"
 
 namespace heft::tools {
 
@@ -62,12 +62,12 @@ std::string torque_unit(const model::Robot& robot);
 std::string torque_unit(const model::Robot& robot, int joint);
 
 /// Errors of each joint before and after; empty rows when the scores are.
-report::Table before_after_table(const identify::Score& before, const identify::Score& after,
-                                 const model::Robot& robot);
+page::Table before_after_table(const validate::Score& before, const validate::Score& after,
+                               const model::Robot& robot);
 /// Effects as by_kind() has them, with their evidence, and what else was tried: rivals.
-report::Table ranking_table(const diagnose::Diagnosis& diagnosis, const model::Robot& robot);
+page::Table ranking_table(const diagnose::Diagnosis& diagnosis, const model::Robot& robot);
 /// The refusals that explain most, strongest first.
-report::Table refusal_table(const diagnose::Diagnosis& diagnosis, std::size_t most);
+page::Table refusal_table(const diagnose::Diagnosis& diagnosis, std::size_t most);
 
 /// diagnose::judge() and what is known of the logs.
 host::Judgement judgement_of(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);

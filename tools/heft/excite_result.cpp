@@ -38,24 +38,24 @@ nlohmann::ordered_json scenario_reference(const excite::ExcitationTrajectory& mo
           {"phase", rows_of(phase)}};
 }
 
-report::Table parameter_table(const excite::ExcitationDesign& design, const excite::ExcitationScore& score) {
-  report::Table table({"parameter", "unit", "present value", "expected std", "% of value"});
+page::Table parameter_table(const excite::ExcitationDesign& design, const excite::ExcitationScore& score) {
+  page::Table table({"parameter", "unit", "present value", "expected std", "% of value"});
   const VectorXd values = design.values();
   for (Index i = 0; i < score.std.size(); ++i) {
     const auto k = static_cast<std::size_t>(i);
     const double share = score.std[i] / std::abs(values[i]);
-    table.add_row({design.names()[k], design.units()[k], report::number(values[i], 4),
-                   report::number(score.std[i], 3), share < 10.0 ? percent_text(share) : "–"});
+    table.add_row({design.names()[k], design.units()[k], page::number(values[i], 4),
+                   page::number(score.std[i], 3), share < 10.0 ? percent_text(share) : "–"});
   }
   return table;
 }
 
-report::PlotSpec history_plot(const excite::Excitation& design, const std::string& label) {
-  report::PlotSpec spec;
+page::PlotSpec history_plot(const excite::Excitation& design, const std::string& label) {
+  page::PlotSpec spec;
   spec.title = "Cost over the winner's search";
   spec.x_label = "iteration";
   spec.y_label = label;
-  report::Series series{"", {}, {}};
+  page::Series series{"", {}, {}};
   for (std::size_t i = 0; i < design.history.size(); ++i) {
     series.x.push_back(static_cast<double>(i));
     series.y.push_back(design.history[i]);
@@ -82,9 +82,9 @@ std::string random_text(const excite::ExcitingMotion& motion, const ExciteWordin
       "{} random motions inside the same limits{}: median condition number {}, standard deviation {}: this "
       "one has "
       "{} % less",
-      random.count, wording.given.empty() ? "" : ", with the given logs", report::number(random.condition, 3),
-      report::number(random.mean_std, 3),
-      report::number(less(motion.excitation.score.mean_std, random.mean_std), 3));
+      random.count, wording.given.empty() ? "" : ", with the given logs", page::number(random.condition, 3),
+      page::number(random.mean_std, 3),
+      page::number(less(motion.excitation.score.mean_std, random.mean_std), 3));
 }
 
 std::string about(const excite::ExcitationTrajectory& motion) {
@@ -112,13 +112,12 @@ std::string excite_text(const excite::ExcitingMotion& motion, const ExciteWordin
       wording.given.empty()
           ? ""
           : fmt::format("; {} log{} given", wording.given.size(), wording.given.size() == 1 ? "" : "s"),
-      report::number(score.condition, 3), scaling_text(wording), report::number(score.condition_unit_rows, 3),
-      report::number(score.log_det, 4), report::number(score.mean_std, 3), std_text(motion, wording));
+      page::number(score.condition, 3), scaling_text(wording), page::number(score.condition_unit_rows, 3),
+      page::number(score.log_det, 4), page::number(score.mean_std, 3), std_text(motion, wording));
   if (wording.before) {
-    text +=
-        fmt::format("The given logs alone: condition number {}, standard deviation {}: {} % less now\n",
-                    report::number(wording.before->condition, 3), report::number(wording.before->mean_std, 3),
-                    report::number(less(score.mean_std, wording.before->mean_std), 3));
+    text += fmt::format("The given logs alone: condition number {}, standard deviation {}: {} % less now\n",
+                        page::number(wording.before->condition, 3), page::number(wording.before->mean_std, 3),
+                        page::number(less(score.mean_std, wording.before->mean_std), 3));
   } else if (!wording.given.empty()) {
     text += "The given logs alone do not determine all of them\n";
   }
@@ -186,23 +185,22 @@ nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const E
   return json;
 }
 
-report::Report excite_page(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+page::Page excite_page(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
   const excite::ExcitationScore& score = motion.excitation.score;
-  report::Report page = new_page(fmt::format("{}: exciting motion", motion.robot.name),
-                      about(motion.excitation.trajectory));
+  page::Page page =
+      new_page(fmt::format("{}: exciting motion", motion.robot.name), about(motion.excitation.trajectory));
   page.verdict(fmt::format("{} parameters at a condition number of {}.", motion.design->num_parameters(),
-                           report::number(score.condition, 3)),
+                           page::number(score.condition, 3)),
                tone_of(motion));
   for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
   page.facts(
-      {{"condition number", report::number(score.condition, 3), scaling_text(wording)},
-       {"expected standard deviation", report::number(score.mean_std, 3),
-        "geometric mean over the parameters"},
+      {{"condition number", page::number(score.condition, 3), scaling_text(wording)},
+       {"expected standard deviation", page::number(score.mean_std, 3), "geometric mean over the parameters"},
        {"smallest distance between links",
-        std::isfinite(motion.use.link_distance) ? report::number(1e3 * motion.use.link_distance, 3) + " mm"
+        std::isfinite(motion.use.link_distance) ? page::number(1e3 * motion.use.link_distance, 3) + " mm"
                                                 : "–",
         motion.use.closest_links},
-       {"largest tool speed", report::number(motion.use.tool_speed, 3) + " m/s",
+       {"largest tool speed", page::number(motion.use.tool_speed, 3) + " m/s",
         std::isfinite(motion.limits.tool_speed) ? fmt::format("limit {:g} m/s", motion.limits.tool_speed)
                                                 : std::string("no limit")},
        {"margin", fmt::format("{:g} %", 100.0 * motion.limits.margin), "nearest: " + motion.use.worst}});
@@ -220,11 +218,11 @@ report::Report excite_page(const excite::ExcitingMotion& motion, const ExciteWor
 
 namespace {
 
-report::Table stroke_table(const excite::FrictionMotion& motion) {
-  report::Table table({"joint", "speed [rad/s, m/s]", "from [rad, m]", "to", "begin [s]", "end [s]"});
+page::Table stroke_table(const excite::FrictionMotion& motion) {
+  page::Table table({"joint", "speed [rad/s, m/s]", "from [rad, m]", "to", "begin [s]", "end [s]"});
   for (const excite::Stroke& stroke : motion.strokes) {
-    table.add_row({std::to_string(stroke.joint + 1), report::number(stroke.speed, 3),
-                   report::number(stroke.from, 3), report::number(stroke.to, 3),
+    table.add_row({std::to_string(stroke.joint + 1), page::number(stroke.speed, 3),
+                   page::number(stroke.from, 3), page::number(stroke.to, 3),
                    fmt::format("{:.2f}", stroke.begin), fmt::format("{:.2f}", stroke.end)});
   }
   return table;
@@ -263,9 +261,9 @@ nlohmann::ordered_json friction_json(const excite::FrictionMotion& motion) {
   return json;
 }
 
-report::Report friction_page(const excite::FrictionMotion& motion) {
-  report::Report page = new_page(fmt::format("{}: strokes for friction", motion.robot.name),
-                      fmt::format("{:.4g} s", motion.path.duration()));
+page::Page friction_page(const excite::FrictionMotion& motion) {
+  page::Page page = new_page(fmt::format("{}: strokes for friction", motion.robot.name),
+                             fmt::format("{:.4g} s", motion.path.duration()));
   page.verdict(strokes_in_words(motion) + ".", tone_of(motion));
   for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
   page.table(stroke_table(motion), "Stretches at constant speed");

@@ -8,7 +8,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "heft/excite/excite.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 
 namespace heft::tools {
 
@@ -31,10 +31,10 @@ struct ExciteWording {
 
 std::string excite_text(const excite::ExcitingMotion& motion, const ExciteWording& wording);
 nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const ExciteWording& wording);
-report::Report excite_page(const excite::ExcitingMotion& motion, const ExciteWording& wording);
+page::Page excite_page(const excite::ExcitingMotion& motion, const ExciteWording& wording);
 
 std::string friction_text(const excite::FrictionMotion& motion);
 nlohmann::ordered_json friction_json(const excite::FrictionMotion& motion);
-report::Report friction_page(const excite::FrictionMotion& motion);
+page::Page friction_page(const excite::FrictionMotion& motion);
 
 }  // namespace heft::tools

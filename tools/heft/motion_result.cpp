@@ -12,23 +12,23 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::string millimetres(double metres) { return report::number(1e3 * metres, 3) + " mm"; }
+std::string millimetres(double metres) { return page::number(1e3 * metres, 3) + " mm"; }
 
-std::vector<report::PlotSpec> joint_plots(const VectorXd& time, const MatrixXd& values, const VectorXd& lower,
-                                          const VectorXd& upper, const std::string& label) {
-  std::vector<report::PlotSpec> plots;
+std::vector<page::PlotSpec> joint_plots(const VectorXd& time, const MatrixXd& values, const VectorXd& lower,
+                                        const VectorXd& upper, const std::string& label) {
+  std::vector<page::PlotSpec> plots;
   for (Index j = 0; j < values.cols(); ++j) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = label;
-    spec.series.push_back(report::line("motion", time, values.col(j)));
+    spec.series.push_back(page::line("motion", time, values.col(j)));
     const Eigen::Vector2d ends(time[0], time[time.size() - 1]);
     for (const double limit : {lower[j], upper[j]}) {
       if (!std::isfinite(limit)) continue;
-      report::Series series =
-          report::line("limit", ends, Eigen::Vector2d::Constant(limit), report::Hue::kVermillion);
-      series.style = report::Style::kDashed;
+      page::Series series =
+          page::line("limit", ends, Eigen::Vector2d::Constant(limit), page::Hue::kVermillion);
+      series.style = page::Style::kDashed;
       if (spec.series.size() > 1) series.label.clear();  // one entry in the legend
       spec.series.push_back(series);
     }
@@ -40,26 +40,24 @@ std::vector<report::PlotSpec> joint_plots(const VectorXd& time, const MatrixXd& 
 /// One quantity over time with its limit, as designed and as simulated.
 void add_curve(const std::string& title, const std::string& label, const data::Log& log,
                const VectorXd& designed, const excite::Motion& motion, const VectorXd& simulated,
-               double limit, report::Report& page) {
+               double limit, page::Page& page) {
   if (designed.size() == 0 || !std::isfinite(designed[0])) return;
-  report::PlotSpec spec;
+  page::PlotSpec spec;
   spec.title = title;
   spec.x_label = "time [s]";
   spec.y_label = label;
-  spec.series.push_back(report::line("designed", log.time, designed));
+  spec.series.push_back(page::line("designed", log.time, designed));
   if (simulated.size() > 0) {
-    report::Series series =
-        report::line("simulated", motion.rehearsal->log.time, simulated, report::Hue::kOrange);
-    series.style = report::Style::kDashed;
+    page::Series series = page::line("simulated", motion.rehearsal->log.time, simulated, page::Hue::kOrange);
+    series.style = page::Style::kDashed;
     spec.series.push_back(series);
   }
   const double largest = std::max(designed.maxCoeff(), limit);
   spec.y_range = {{0.0, 1.1 * largest}};
   if (std::isfinite(limit)) {
     const Eigen::Vector2d ends(log.time[0], log.time[log.num_samples() - 1]);
-    report::Series series =
-        report::line("limit", ends, Eigen::Vector2d::Constant(limit), report::Hue::kVermillion);
-    series.style = report::Style::kDashed;
+    page::Series series = page::line("limit", ends, Eigen::Vector2d::Constant(limit), page::Hue::kVermillion);
+    series.style = page::Style::kDashed;
     spec.series.push_back(series);
   } else {
     spec.y_range.reset();
@@ -92,23 +90,21 @@ nlohmann::ordered_json rows_of(const MatrixXd& values) {
   return array;
 }
 
-std::string percent_text(double share) {
-  return std::isfinite(share) ? report::number(100.0 * share, 3) : "–";
-}
+std::string percent_text(double share) { return std::isfinite(share) ? page::number(100.0 * share, 3) : "–"; }
 
-report::Table limit_table(const excite::Motion& motion) {
+page::Table limit_table(const excite::Motion& motion) {
   const excite::MotionLimits& limits = motion.limits;
   const excite::LimitUse& use = motion.use;
-  report::Table table({"joint", "from [rad, m]", "to", "% of range", "velocity", "%", "acceleration", "%",
-                       "torque [N·m, N]", "%"});
+  page::Table table({"joint", "from [rad, m]", "to", "% of range", "velocity", "%", "acceleration", "%",
+                     "torque [N·m, N]", "%"});
   for (Index j = 0; j < use.velocity.size(); ++j) {
-    table.add_row({std::to_string(j + 1), report::number(use.lowest[j], 3), report::number(use.highest[j], 3),
-                   percent_text(use.position[j]), report::number(use.velocity[j], 3),
-                   percent_text(use.velocity[j] / limits.velocity[j]), report::number(use.acceleration[j], 3),
+    table.add_row({std::to_string(j + 1), page::number(use.lowest[j], 3), page::number(use.highest[j], 3),
+                   percent_text(use.position[j]), page::number(use.velocity[j], 3),
+                   percent_text(use.velocity[j] / limits.velocity[j]), page::number(use.acceleration[j], 3),
                    std::isfinite(limits.acceleration[j])
                        ? percent_text(use.acceleration[j] / limits.acceleration[j])
                        : "–",
-                   report::number(use.torque[j], 3),
+                   page::number(use.torque[j], 3),
                    std::isfinite(limits.torque[j]) ? percent_text(use.torque[j] / limits.torque[j]) : "–"});
   }
   return table;
@@ -124,8 +120,8 @@ std::string safety_text(const excite::Motion& motion) {
   }
   const std::string speed =
       std::isfinite(limits.tool_speed)
-          ? fmt::format("{:g} m/s (fastest: {} m/s)", limits.tool_speed, report::number(use.tool_speed, 3))
-          : fmt::format("no limit (fastest: {} m/s)", report::number(use.tool_speed, 3));
+          ? fmt::format("{:g} m/s (fastest: {} m/s)", limits.tool_speed, page::number(use.tool_speed, 3))
+          : fmt::format("no limit (fastest: {} m/s)", page::number(use.tool_speed, 3));
   text += fmt::format("Speed of tool and link origins: {}\n", speed);
   if (std::isfinite(use.link_distance)) {
     text += fmt::format(
@@ -142,7 +138,7 @@ std::string safety_text(const excite::Motion& motion) {
     const excite::Rehearsal& run = *motion.rehearsal;
     text += fmt::format(
         "Rehearsed on the simulated arm: all limits kept; {:.3g} rad (m) off the reference, {} m/s{}\n",
-        run.tracking_error, report::number(run.use.tool_speed, 3),
+        run.tracking_error, page::number(run.use.tool_speed, 3),
         std::isfinite(run.shape_distance) ? fmt::format(", {} between the collision shapes of {}",
                                                         millimetres(run.shape_distance), run.nearest_shapes)
                                           : std::string());
@@ -203,7 +199,7 @@ void add_safety(const excite::Motion& motion, nlohmann::ordered_json& json) {
   }
 }
 
-void add_safety(const excite::Motion& motion, report::Report& page) {
+void add_safety(const excite::Motion& motion, page::Page& page) {
   const excite::MotionLimits& limits = motion.limits;
   const data::Log& log = motion.log;
   page.heading("Limits and safety");
@@ -237,13 +233,13 @@ void add_safety(const excite::Motion& motion, report::Report& page) {
   page.plots("Torque", joint_plots(log.time, log.tau, -limits.torque, limits.torque, "torque [N·m, N]"));
 }
 
-report::Tone tone_of(const excite::Motion& motion) {
+page::Tone tone_of(const excite::Motion& motion) {
   switch (motion.judgement.verdict) {
-    case host::Verdict::kGood: return report::Tone::kGood;
-    case host::Verdict::kDoubtful: return report::Tone::kNeutral;
+    case host::Verdict::kGood: return page::Tone::kGood;
+    case host::Verdict::kDoubtful: return page::Tone::kNeutral;
     case host::Verdict::kBad: break;
   }
-  return report::Tone::kBad;
+  return page::Tone::kBad;
 }
 
 }  // namespace heft::tools

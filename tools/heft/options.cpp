@@ -10,10 +10,11 @@
 #include "console.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
-#include "heft/identify/validation.hpp"
+#include "heft/model/at_sensor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "heft/validate/score.hpp"
 
 namespace heft::tools {
 
@@ -108,7 +109,7 @@ bool goes_by_logged_displacement(const model::Robot& robot) {
 
 model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
   const bool fitted_at_joint = loaded.fit && loaded.fit->torque_at == "joint";
-  if (at == TorqueAt::kJoint && !fitted_at_joint) return identify::at_sensor(loaded.robot);
+  if (at == TorqueAt::kJoint && !fitted_at_joint) return model::at_sensor(loaded.robot);
   if (at == TorqueAt::kMotor && fitted_at_joint) {
     note("the model was fitted to torque behind the gears: rotor inertia and gear friction are not in it");
   }
@@ -260,7 +261,7 @@ void write_each(std::initializer_list<std::function<void()>> files) {
 }
 
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
-            const nlohmann::ordered_json& json, const report::Report& page,
+            const nlohmann::ordered_json& json, const page::Page& page,
             const std::function<void()>& write_output) {
   const auto told = [&](const char* what, const std::string& path, const std::function<void()>& write) {
     return [&console, what, path, write] {

@@ -18,7 +18,7 @@
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 
 namespace heft::tools {
 
@@ -104,7 +104,7 @@ void add_result_options(CommandLine line, ResultOptions& options);
 /// @param output  path that `write_output` writes; empty: none
 /// @throws InputError naming every file that could not be written
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
-            const nlohmann::ordered_json& json, const report::Report& page,
+            const nlohmann::ordered_json& json, const page::Page& page,
             const std::function<void()>& write_output = {});
 /// Calls all of them, then throws what the first that failed threw.
 void write_each(std::initializer_list<std::function<void()>> files);

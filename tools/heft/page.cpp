@@ -30,8 +30,8 @@ void remember_command(int argc, const char* const* argv) {
   for (int k = 1; k < argc; ++k) command_line() += " " + shell_word(argv[k]);
 }
 
-report::Report new_page(const std::string& title, const std::string& subtitle) {
-  report::Report page(title, subtitle);
+page::Page new_page(const std::string& title, const std::string& subtitle) {
+  page::Page page(title, subtitle);
   if (!command_line().empty()) page.footer(command_line());
   const std::time_t now = std::time(nullptr);
   std::tm utc{};
@@ -40,7 +40,7 @@ report::Report new_page(const std::string& title, const std::string& subtitle) {
   return page;
 }
 
-void add_log_line(report::Report& page, const LogLine& log) {
+void add_log_line(page::Page& page, const LogLine& log) {
   std::string line = fmt::format("{}: ", log.path);
   if (log.sample_rate > 0.0) line += fmt::format("{:.4g} samples a second, ", log.sample_rate);
   line += fmt::format("{:.4g} s", log.duration);

@@ -9,7 +9,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "heft/host/verdict.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 
 namespace heft::tools {
 
@@ -17,7 +17,7 @@ namespace heft::tools {
 void remember_command(int argc, const char* const* argv);
 
 /// An empty page whose end names the command, the date, and heft's version and commit.
-report::Report new_page(const std::string& title, const std::string& subtitle = {});
+page::Page new_page(const std::string& title, const std::string& subtitle = {});
 
 /// What was done to a log.
 struct LogLine {
@@ -26,7 +26,7 @@ struct LogLine {
   double duration{0.0};     ///< [s]
   double low_pass{0.0};     ///< [Hz]; 0: none
 };
-void add_log_line(report::Report& page, const LogLine& log);
+void add_log_line(page::Page& page, const LogLine& log);
 
 /// "run-a.csv" of "/data/run-a.csv"; a stretch keeps its times.
 std::string file_name_of(const std::string& path);

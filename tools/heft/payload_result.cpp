@@ -57,19 +57,19 @@ bool identifiable(const Estimate& estimate, Eigen::Index k) {
          estimate.identifiable[static_cast<std::size_t>(k)];
 }
 
-void add_rows(report::Table& table, const std::string& what, const char* unit, const Estimate& estimate,
+void add_rows(page::Table& table, const std::string& what, const char* unit, const Estimate& estimate,
               const char* const* names) {
   for (Eigen::Index k = 0; k < estimate.value.size(); ++k) {
     const bool known = identifiable(estimate, k);
     table.add_row({names ? fmt::format("{} {}", what, names[k]) : what,
-                   known ? report::number(estimate.value[k]) : "–",
-                   known ? report::number(half_width(estimate, k), 2) : "–", unit,
+                   known ? page::number(estimate.value[k]) : "–",
+                   known ? page::number(half_width(estimate, k), 2) : "–", unit,
                    known ? "" : "not identifiable from this motion"});
   }
 }
 
-report::Table estimate_table(const PayloadResult& result) {
-  report::Table table({"", "value", "± 95 %", "unit", ""});
+page::Table estimate_table(const PayloadResult& result) {
+  page::Table table({"", "value", "± 95 %", "unit", ""});
   add_rows(table, "mass", "kg", result.mass, nullptr);
   if (result.first_moment.value.size() > 0) {
     add_rows(table, "first moment", "kg·m", result.first_moment, kComNames.data());
@@ -80,12 +80,12 @@ report::Table estimate_table(const PayloadResult& result) {
 }
 
 /// What each joint feels of the load; empty where that says nothing.
-report::Table scale_table(const PayloadResult& result) {
-  report::Table table({"joint", "torque scale", "± 95 %"});
+page::Table scale_table(const PayloadResult& result) {
+  page::Table table({"joint", "torque scale", "± 95 %"});
   for (Eigen::Index j = 0; j < result.torque_scale.value.size(); ++j) {
     const bool known = identifiable(result.torque_scale, j);
-    table.add_row({fmt::format("{}", j + 1), known ? report::number(result.torque_scale.value[j], 3) : "–",
-                   known ? report::number(half_width(result.torque_scale, j), 2) : "–"});
+    table.add_row({fmt::format("{}", j + 1), known ? page::number(result.torque_scale.value[j], 3) : "–",
+                   known ? page::number(half_width(result.torque_scale, j), 2) : "–"});
   }
   return table;
 }
@@ -95,7 +95,7 @@ constexpr const char* kScaleMeaning =
     "the joints "
     "agree, – where a joint feels too little of it";
 
-report::Table torque_error_table(const PayloadResult& result) {
+page::Table torque_error_table(const PayloadResult& result) {
   std::vector<std::string> headers{"joint", "RMSE before [N·m]"};
   if (result.rmse_after.size() > 0) {
     headers.insert(headers.end(), {"after", "change [%]"});
@@ -103,16 +103,16 @@ report::Table torque_error_table(const PayloadResult& result) {
   }
   if (result.rmse_in_band_before.size() > 0) headers.push_back("in band before");
   if (result.rmse_in_band_after.size() > 0) headers.push_back("in band after");
-  report::Table table(headers);
+  page::Table table(headers);
   for (Eigen::Index j = 0; j < result.rmse_before.size(); ++j) {
-    std::vector<std::string> row{fmt::format("{}", j + 1), report::number(result.rmse_before[j])};
+    std::vector<std::string> row{fmt::format("{}", j + 1), page::number(result.rmse_before[j])};
     if (result.rmse_after.size() > 0) {
-      row.push_back(report::number(result.rmse_after[j]));
+      row.push_back(page::number(result.rmse_after[j]));
       row.push_back(fmt::format("{:+.0f}", 100.0 * (result.rmse_after[j] / result.rmse_before[j] - 1.0)));
-      if (result.rmse_after_friction.size() > 0) row.push_back(report::number(result.rmse_after_friction[j]));
+      if (result.rmse_after_friction.size() > 0) row.push_back(page::number(result.rmse_after_friction[j]));
     }
-    if (result.rmse_in_band_before.size() > 0) row.push_back(report::number(result.rmse_in_band_before[j]));
-    if (result.rmse_in_band_after.size() > 0) row.push_back(report::number(result.rmse_in_band_after[j]));
+    if (result.rmse_in_band_before.size() > 0) row.push_back(page::number(result.rmse_in_band_before[j]));
+    if (result.rmse_in_band_after.size() > 0) row.push_back(page::number(result.rmse_in_band_after[j]));
     table.add_row(row);
   }
   return table;
@@ -125,7 +125,7 @@ std::vector<std::string> remarks(const PayloadResult& result) {
   if (identifiable(result.mass, 0) && !result.mass_std_parts.empty()) {
     std::string parts;
     for (const StdPart& part : result.mass_std_parts) {
-      parts += fmt::format("{}{} {}", parts.empty() ? "" : ", ", part.source, report::number(part.std, 2));
+      parts += fmt::format("{}{} {}", parts.empty() ? "" : ", ", part.source, page::number(part.std, 2));
     }
     lines.push_back(fmt::format(
         "Standard deviation of the mass [kg]: {}; from {} blocks of {:.3g} s, since the residual is "
@@ -141,7 +141,7 @@ std::vector<std::string> remarks(const PayloadResult& result) {
   }
   for (const ZeroCheck& check : result.zero_checks) {
     lines.push_back(fmt::format("Zero check, {}: {} ± {} kg where there is no load.", check.log,
-                                report::number(check.mass, 2), report::number(check.half_width, 2)));
+                                page::number(check.mass, 2), page::number(check.half_width, 2)));
   }
   if (identifiable(result.mass, 0) && result.zero_checks.empty() && !result.mass_std_parts.empty()) {
     lines.push_back(
@@ -245,15 +245,15 @@ std::string verdict_of(const PayloadResult& result) {
   if (!identifiable(result.mass, 0)) return "The mass of the load cannot be determined from this motion.";
   if (result.contradicts_itself) {
     return fmt::format("No load can be what this log says: {} kg ± {} kg (95 %).",
-                       report::number(result.mass.value[0]), report::number(half_width(result.mass, 0), 2));
+                       page::number(result.mass.value[0]), page::number(half_width(result.mass, 0), 2));
   }
   if (std::abs(result.mass.value[0]) < half_width(result.mass, 0) && !result.true_mass) {
-    return fmt::format("No load to be seen: {} kg ± {} kg (95 %).", report::number(result.mass.value[0], 2),
-                       report::number(half_width(result.mass, 0), 2));
+    return fmt::format("No load to be seen: {} kg ± {} kg (95 %).", page::number(result.mass.value[0], 2),
+                       page::number(half_width(result.mass, 0), 2));
   }
-  std::string text = fmt::format("The load weighs {} kg ± {} kg (95 %)", report::number(result.mass.value[0]),
-                                 report::number(half_width(result.mass, 0), 2));
-  if (result.true_mass) text += fmt::format("; true {} kg", report::number(*result.true_mass));
+  std::string text = fmt::format("The load weighs {} kg ± {} kg (95 %)", page::number(result.mass.value[0]),
+                                 page::number(half_width(result.mass, 0), 2));
+  if (result.true_mass) text += fmt::format("; true {} kg", page::number(*result.true_mass));
   return text + ".";
 }
 
@@ -268,7 +268,7 @@ std::string to_text(const PayloadResult& result) {
   for (const std::string& line : remarks(result)) text += line + '\n';
   for (const MassChange& change : result.changes) {
     text += std::isfinite(change.mass)
-                ? fmt::format("Change at {:.3f} s: {} kg\n", change.time, report::number(change.mass))
+                ? fmt::format("Change at {:.3f} s: {} kg\n", change.time, page::number(change.mass))
                 : fmt::format("Change at {:.3f} s: new mass not told\n", change.time);
   }
   if (result.torque_scale.value.size() > 0) {
@@ -282,12 +282,12 @@ std::string to_text(const PayloadResult& result) {
   return text;
 }
 
-void add_to(report::Report& page, const PayloadResult& result) {
+void add_to(page::Page& page, const PayloadResult& result) {
   page.verdict(verdict_of(result), result.judgement);
-  std::vector<report::Fact> facts;
+  std::vector<page::Fact> facts;
   if (identifiable(result.mass, 0)) {
-    facts.push_back({"mass", report::number(result.mass.value[0]) + " kg",
-                     "± " + report::number(half_width(result.mass, 0), 2) + " kg (95 %)"});
+    facts.push_back({"mass", page::number(result.mass.value[0]) + " kg",
+                     "± " + page::number(half_width(result.mass, 0), 2) + " kg (95 %)"});
   }
   facts.push_back(
       {"converged at", result.converged_at ? fmt::format("{:.3g} s", *result.converged_at) : "–", ""});
@@ -295,22 +295,22 @@ void add_to(report::Report& page, const PayloadResult& result) {
       {"samples", fmt::format("{}", result.samples), fmt::format("torque of joints {} and up", result.rows)});
   page.facts(facts);
   if (result.time.size() > 0) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = "Mass of the load";
     spec.x_label = "time [s]";
     spec.y_label = "mass [kg]";
     if (result.mass_std_history.size() == result.time.size()) {
       const Eigen::VectorXd half = kInterval * result.mass_std_history;
-      spec.series.push_back(report::band("95 % interval", result.time, result.mass_history - half,
-                                         result.mass_history + half, report::Hue::kBlue));
+      spec.series.push_back(page::band("95 % interval", result.time, result.mass_history - half,
+                                       result.mass_history + half, page::Hue::kBlue));
     }
-    spec.series.push_back(report::line("estimate", result.time, result.mass_history, report::Hue::kBlue));
+    spec.series.push_back(page::line("estimate", result.time, result.mass_history, page::Hue::kBlue));
     for (const MassChange& change : result.changes) {
-      spec.marks.push_back({report::Mark::Direction::kVertical, change.time, "change"});
+      spec.marks.push_back({page::Mark::Direction::kVertical, change.time, "change"});
     }
     if (result.true_mass) {
-      spec.marks.push_back({report::Mark::Direction::kHorizontal, *result.true_mass,
-                            fmt::format("true {} kg", report::number(*result.true_mass))});
+      spec.marks.push_back({page::Mark::Direction::kHorizontal, *result.true_mass,
+                            fmt::format("true {} kg", page::number(*result.true_mass))});
     }
     spec.y_range = settled_range(result);
     page.plot(spec);
@@ -320,13 +320,13 @@ void add_to(report::Report& page, const PayloadResult& result) {
   for (const std::string& line : remarks(result)) page.note(line);
   if (result.torque_scale.value.size() > 0) page.table(scale_table(result), kScaleMeaning);
   if (result.rmse_before.size() > 0) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = "Torque error per joint";
     spec.y_label = "RMSE [N·m]";
-    spec.series = {report::bars("without the load", to_vector(result.rmse_before), report::Hue::kNeutral)};
+    spec.series = {page::bars("without the load", to_vector(result.rmse_before), page::Hue::kNeutral)};
     if (result.rmse_after.size() > 0) {
       spec.series.push_back(
-          report::bars("with the load found", to_vector(result.rmse_after), report::Hue::kBlue));
+          page::bars("with the load found", to_vector(result.rmse_after), page::Hue::kBlue));
     }
     spec.categories = joint_names(result.rmse_before.size());
     page.plot(spec);
@@ -334,17 +334,17 @@ void add_to(report::Report& page, const PayloadResult& result) {
   }
 }
 
-report::Table tracking_table(const std::vector<TrackingRun>& runs) {
+page::Table tracking_table(const std::vector<TrackingRun>& runs) {
   std::vector<std::string> headers{"controller"};
   const Eigen::Index n = runs.empty() ? 0 : runs.front().error.cols();
   for (Eigen::Index j = 0; j < n; ++j) headers.push_back(fmt::format("joint {} [mrad]", j + 1));
   headers.push_back("largest [mrad]");
-  report::Table table(headers);
+  page::Table table(headers);
   for (const TrackingRun& run : runs) {
     std::vector<std::string> row{run.name};
     const Eigen::VectorXd rms = root_mean_squares(run.error);
-    for (const double value : rms) row.push_back(report::number(1e3 * value, 3));
-    row.push_back(report::number(1e3 * run.error.cwiseAbs().maxCoeff(), 3));
+    for (const double value : rms) row.push_back(page::number(1e3 * value, 3));
+    row.push_back(page::number(1e3 * run.error.cwiseAbs().maxCoeff(), 3));
     table.add_row(row);
   }
   return table;
@@ -360,17 +360,17 @@ nlohmann::ordered_json tracking_json(const std::vector<TrackingRun>& runs) {
   return json;
 }
 
-std::vector<report::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
-                                             const std::vector<report::Mark>& marks) {
-  std::vector<report::PlotSpec> plots;
+std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
+                                           const std::vector<page::Mark>& marks) {
+  std::vector<page::PlotSpec> plots;
   const Eigen::Index n = runs.empty() ? 0 : runs.front().error.cols();
   for (Eigen::Index j = 0; j < n; ++j) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = "error [mrad]";
     for (const TrackingRun& run : runs) {
-      spec.series.push_back(report::line(run.name, run.time, 1e3 * run.error.col(j)));
+      spec.series.push_back(page::line(run.name, run.time, 1e3 * run.error.col(j)));
     }
     spec.marks = marks;
     plots.push_back(std::move(spec));
@@ -378,12 +378,12 @@ std::vector<report::PlotSpec> tracking_plots(const std::vector<TrackingRun>& run
   return plots;
 }
 
-report::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs) {
-  report::PlotSpec spec;
+page::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs) {
+  page::PlotSpec spec;
   spec.title = "Tracking error per joint";
   spec.y_label = "RMS error [mrad]";
   for (const TrackingRun& run : runs) {
-    spec.series.push_back(report::bars(run.name, to_vector(1e3 * root_mean_squares(run.error))));
+    spec.series.push_back(page::bars(run.name, to_vector(1e3 * root_mean_squares(run.error))));
   }
   spec.categories = joint_names(runs.empty() ? 0 : runs.front().error.cols());
   return spec;

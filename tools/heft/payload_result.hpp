@@ -11,7 +11,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "heft/host/verdict.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 
 namespace heft::tools {
 
@@ -87,7 +87,7 @@ std::string to_text(const PayloadResult& result);
 /// One sentence: the mass with its interval, or why there is none.
 std::string verdict_of(const PayloadResult& result);
 /// Adds verdict, facts, plots and tables to a page.
-void add_to(report::Report& page, const PayloadResult& result);
+void add_to(page::Page& page, const PayloadResult& result);
 
 /// One controller's run of a tracking comparison.
 struct TrackingRun {
@@ -98,12 +98,12 @@ struct TrackingRun {
 };
 
 /// Root mean square and largest tracking error per joint and controller.
-report::Table tracking_table(const std::vector<TrackingRun>& runs);
+page::Table tracking_table(const std::vector<TrackingRun>& runs);
 nlohmann::ordered_json tracking_json(const std::vector<TrackingRun>& runs);
 /// One plot a joint: every controller's error over time.
-std::vector<report::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
-                                             const std::vector<report::Mark>& marks = {});
+std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
+                                           const std::vector<page::Mark>& marks = {});
 /// Bars: root mean square error per joint, one bar a controller.
-report::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs);
+page::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs);
 
 }  // namespace heft::tools

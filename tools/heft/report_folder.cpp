@@ -22,7 +22,7 @@ std::string fixed(double value, int digits) {
   return text.find_first_of("123456789") == std::string::npos && text.front() == '-' ? text.substr(1) : text;
 }
 
-std::string to_csv(const report::Table& table) {
+std::string to_csv(const page::Table& table) {
   std::string text;
   const auto add = [&](const std::vector<std::string>& row) {
     for (std::size_t c = 0; c < row.size(); ++c) text += (c ? "," : "") + csv_cell(row[c]);
@@ -35,16 +35,16 @@ std::string to_csv(const report::Table& table) {
 
 ReportFolder::ReportFolder(const std::string& path) : folder_(path) {}
 
-void ReportFolder::csv(const std::string& name, const report::Table& table) const {
+void ReportFolder::csv(const std::string& name, const page::Table& table) const {
   host::write_file_atomically(file(name), to_csv(table));
 }
 
-void ReportFolder::figure(const std::string& name, const report::PlotSpec& spec) const {
-  warn_unless(report::write_svg(spec, file(name)));
+void ReportFolder::figure(const std::string& name, const page::PlotSpec& spec) const {
+  warn_unless(page::write_svg(spec, file(name)));
 }
 
-void ReportFolder::figure(const std::string& name, const report::MapSpec& spec) const {
-  warn_unless(report::write_svg(spec, file(name)));
+void ReportFolder::figure(const std::string& name, const page::MapSpec& spec) const {
+  warn_unless(page::write_svg(spec, file(name)));
 }
 
 void ReportFolder::warn_unless(bool written) const {

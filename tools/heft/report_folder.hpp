@@ -5,8 +5,8 @@
 #include <string>
 
 #include "heft/host/output_folder.hpp"
-#include "heft/report/plot.hpp"
-#include "heft/report/table.hpp"
+#include "heft/page/plot.hpp"
+#include "heft/page/table.hpp"
 
 namespace heft::tools {
 
@@ -14,7 +14,7 @@ namespace heft::tools {
 std::string fixed(double value, int digits);
 
 /// Headers and rows with commas between; quoted where a cell needs it.
-std::string to_csv(const report::Table& table);
+std::string to_csv(const page::Table& table);
 
 /// Names files in the folder and writes them, each whole or not at all.
 class ReportFolder {
@@ -23,10 +23,10 @@ class ReportFolder {
   /// @throws InputError when it cannot be made or is a file
   explicit ReportFolder(const std::string& path);
   std::string file(const std::string& name) const { return folder_.file(name); }
-  void csv(const std::string& name, const report::Table& table) const;
+  void csv(const std::string& name, const page::Table& table) const;
   /// Notes once on standard error when gnuplot is missing and no figure is written.
-  void figure(const std::string& name, const report::PlotSpec& spec) const;
-  void figure(const std::string& name, const report::MapSpec& spec) const;
+  void figure(const std::string& name, const page::PlotSpec& spec) const;
+  void figure(const std::string& name, const page::MapSpec& spec) const;
 
  private:
   void warn_unless(bool written) const;

@@ -13,7 +13,7 @@
 
 #include "command.hpp"
 #include "console.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 #include "page.hpp"
 #include "payload_result.hpp"
 #include "report_folder.hpp"
@@ -24,11 +24,11 @@
 namespace heft::tools {
 namespace {
 
-using report::Hue;
-using report::PlotSpec;
-using report::Series;
-using report::Style;
-using report::Table;
+using page::Hue;
+using page::PlotSpec;
+using page::Series;
+using page::Style;
+using page::Table;
 
 constexpr const char* kPublication =
     "H. Kawasaki, K. Nishimura, Terminal-link parameter estimation and trajectory control of robotic "
@@ -113,7 +113,7 @@ PlotSpec parameter_plot(const Study& study, bool b, double period, std::size_t p
     spec.series.push_back(std::move(c.range));
   }
   for (Curve& c : curves) spec.series.push_back(std::move(c.mean));
-  spec.marks = {{report::Mark::Direction::kHorizontal, truth, "true"}};
+  spec.marks = {{page::Mark::Direction::kHorizontal, truth, "true"}};
   return spec;
 }
 
@@ -199,7 +199,7 @@ Table startup_table(const Study& study, bool b, bool fast) {
     return v.empty() ? 0.0 : v[v.size() / 2];
   };
   const auto print = [](double v) {
-    return std::isfinite(v) ? report::number(v, 2) : std::string("no solution");
+    return std::isfinite(v) ? page::number(v, 2) : std::string("no solution");
   };
   for (std::size_t k = 0; k < seeds.front().size(); ++k) {
     std::array<int, 3> sources{};
@@ -317,7 +317,7 @@ constexpr std::array<Parameter, 4> kFigureParameters = {{{12, "g m²", "inertia6
                                                          {3, "g m²", "inertia5_22"},
                                                          {16, "mN m", "coulomb6"}}};
 
-void add_figures(const Study& study, const ReportFolder& folder, report::Report& page) {
+void add_figures(const Study& study, const ReportFolder& folder, page::Page& page) {
   page.heading("Estimates against the number of samples (the publication's figures 2 and 3)");
   page.paragraph(
       "Four of the eighteen base parameters, LSM against IVM with the joint model (35). The band holds all "
@@ -343,7 +343,7 @@ void add_figures(const Study& study, const ReportFolder& folder, report::Report&
   }
 }
 
-void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, report::Report& page) {
+void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, page::Page& page) {
   page.heading("Closed loop with 250 g at the wrist (the publication's figures 4 and 5)");
   const double pd = rms_of_all(loop.runs[0]), k5 = rms_of_all(loop.runs[3]),
                carried = rms_of_all(loop.runs[4]), whole = rms_of_all(loop.runs[5]);
@@ -412,7 +412,7 @@ void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, report:
       "three samples, or the desired acceleration.");
 }
 
-void add_contradictions(const Study& study, const ClosedLoop& loop, report::Report& page) {
+void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& page) {
   const auto find = [&](const char* id, const char* scenario) {
     for (const auto* list : {&study.table, &study.requirements}) {
       for (const Claim& c : *list) {
@@ -483,10 +483,10 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
   console.print("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
                 closed_loop_table(loop).to_text(2));
 
-  report::Report page = new_page("Terminal-link estimation, reproduced", kPublication);
+  page::Page page = new_page("Terminal-link estimation, reproduced", kPublication);
   page.verdict(fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.", sentence,
                            options.seeds),
-               report::tone_of(held == all ? host::Verdict::kGood : host::Verdict::kBad));
+               page::tone_of(held == all ? host::Verdict::kGood : host::Verdict::kBad));
   const auto e_of = [&](ProtocolMethod m) {
     return spread(
                values_of(study.runs, true, 0.005, m, 20000, [](const ProtocolPoint& p) { return p.error; }))

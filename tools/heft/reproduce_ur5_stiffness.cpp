@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "console.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 #include "page.hpp"
 #include "report_folder.hpp"
 #include "reproduce.hpp"
@@ -21,13 +21,13 @@
 namespace heft::tools {
 namespace {
 
-using report::Hue;
-using report::MapSpec;
-using report::number;
-using report::PlotSpec;
-using report::Series;
-using report::Style;
-using report::Table;
+using page::Hue;
+using page::MapSpec;
+using page::number;
+using page::PlotSpec;
+using page::Series;
+using page::Style;
+using page::Table;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegree = std::numbers::pi / 180.0;
@@ -39,7 +39,7 @@ std::string kilo(double value) {
   return fixed(1e-3 * value, std::abs(value) < 9950.0 ? 1 : 0);
 }
 
-std::string interval(const identify::StiffnessEstimate& e) {
+std::string interval(const stiffness::StiffnessEstimate& e) {
   return e.determined && !std::isnan(e.stiffness_low)
              ? fmt::format("{} [{}, {}]", kilo(e.stiffness), kilo(e.stiffness_low), kilo(e.stiffness_high))
              : "–";
@@ -71,7 +71,7 @@ struct Check {
 std::vector<Check> checks_of(const Ur5Study& study) {
   const ReachStudy& reach = study.reach;
   const DexterityStudy& dexterity = study.dexterity;
-  const std::size_t areas = identify::zones(dexterity.as_printed, 0.003).size();
+  const std::size_t areas = stiffness::zones(dexterity.as_printed, 0.003).size();
   std::vector<Check> checks{
       {"distance of the tip from the base at (0°, -90°, 0°, -90°, 0°, 0°)", "1019.2 mm",
        fmt::format("{:.1f} mm", 1e3 * reach.distance), std::abs(reach.distance - 1.0192) < 0.05e-3},
@@ -136,7 +136,7 @@ Table all_faults(const std::vector<Fault>& faults) {
 // Dexterity.
 
 MapSpec dexterity_map_plot(const Ur5Study& study, bool sound) {
-  const identify::DexterityMap& map = sound ? study.dexterity.sound : study.dexterity.as_printed;
+  const stiffness::DexterityMap& map = sound ? study.dexterity.sound : study.dexterity.as_printed;
   MapSpec spec;
   spec.title =
       sound ? fmt::format("1/k_F with a length of {:.3f} m", study.dexterity.length)
@@ -166,7 +166,7 @@ MapSpec dexterity_map_plot(const Ur5Study& study, bool sound) {
       spec.frames.push_back({m.found[0] + 360.0, 90.0, m.found[2], m.found[3], "", true});
     }
   }
-  for (const identify::LoadedPose& pose : study.stiffness.tool) {
+  for (const stiffness::LoadedPose& pose : study.stiffness.tool) {
     spec.places.push_back({pose.q[1] / kDegree, pose.q[2] / kDegree, pose.name});
   }
   return spec;
@@ -185,8 +185,8 @@ PlotSpec pose_dexterity_plot(const DexterityStudy& dexterity) {
     outside.push_back(p.measured ? kNaN : p.sound);
   }
   // One bar a pose: points of the other kind are left out.
-  Series a = report::bars("measured, \"in the zones\"", {}, Hue::kBlue),
-         b = report::bars("\"out of the zones\"", {}, Hue::kOrange);
+  Series a = page::bars("measured, \"in the zones\"", {}, Hue::kBlue),
+         b = page::bars("\"out of the zones\"", {}, Hue::kOrange);
   for (std::size_t k = 0; k < measured.size(); ++k) {
     Series& s = dexterity.poses[k].measured ? a : b;
     // Two series share the width of a place; half of it to either side brings each to the middle.
@@ -215,7 +215,7 @@ Table stiffness_table(const StiffnessStudy& s) {
 
 Table fit_table(const StiffnessStudy& s) {
   Table table({"fit", "readings", "unknowns", "residual [mm]", "pose left out [mm]"});
-  const auto add = [&](const char* name, const identify::StiffnessFit& fit, int unknowns) {
+  const auto add = [&](const char* name, const stiffness::StiffnessFit& fit, int unknowns) {
     table.add_row({name, fmt::format("{}", fit.readings), fmt::format("{}", unknowns),
                    millimetres(fit.fit_rms), millimetres(fit.left_out_rms)});
   };
@@ -226,7 +226,7 @@ Table fit_table(const StiffnessStudy& s) {
   return table;
 }
 
-Table direct_table(const identify::DirectStiffness& direct) {
+Table direct_table(const stiffness::DirectStiffness& direct) {
   Table table({"pose", "joint 1", "joint 2", "joint 3", "joint 4", "joint 5", "joint 6"});
   std::vector<std::vector<std::string>> rows;
   for (std::size_t p = 0; p < direct.poses.size(); ++p) {
@@ -271,7 +271,7 @@ PlotSpec least_squares_plot(const StiffnessStudy& s) {
     two.y_high.push_back(1e6 * s.two.joints[j].compliance_high);
   }
   spec.series = {whole, best, left, two};
-  spec.marks = {{report::Mark::Direction::kHorizontal, 0.0, "rigid"}};
+  spec.marks = {{page::Mark::Direction::kHorizontal, 0.0, "rigid"}};
   return spec;
 }
 
@@ -292,13 +292,13 @@ PlotSpec readings_plot(const StiffnessStudy& s) {
     left.push_back(1e3 * (value - sign * s.two.poses[k].left_out));
     spec.categories.push_back(s.tool[k].name);
   }
-  spec.series = {report::bars("read (mean of six)", read, Hue::kNeutral),
-                 report::bars("fitted", fitted, Hue::kBlue),
-                 report::bars("from the other five poses", left, Hue::kVermillion)};
+  spec.series = {page::bars("read (mean of six)", read, Hue::kNeutral),
+                 page::bars("fitted", fitted, Hue::kBlue),
+                 page::bars("from the other five poses", left, Hue::kVermillion)};
   return spec;
 }
 
-PlotSpec direct_plot(const identify::DirectStiffness& direct) {
+PlotSpec direct_plot(const stiffness::DirectStiffness& direct) {
   PlotSpec spec;
   spec.title = "τ_i / δθ_i at the four poses that have an inverse (figure 41 in kind; cut at ±110)";
   spec.y_label = "stiffness [kN m/rad]";
@@ -309,9 +309,9 @@ PlotSpec direct_plot(const identify::DirectStiffness& direct) {
     for (Eigen::Index j = 0; j < 6; ++j) {
       values.push_back(std::clamp(1e-3 * direct.stiffness(static_cast<Eigen::Index>(p), j), -110.0, 110.0));
     }
-    spec.series.push_back(report::bars("pose " + direct.poses[p], values));
+    spec.series.push_back(page::bars("pose " + direct.poses[p], values));
   }
-  spec.marks = {{report::Mark::Direction::kHorizontal, 0.0, ""}};
+  spec.marks = {{page::Mark::Direction::kHorizontal, 0.0, ""}};
   return spec;
 }
 
@@ -334,7 +334,7 @@ PlotSpec precision_plot(const SimulationStudy& simulation) {
     for (const double v : simulation.precisions[index].least_squares) {
       values.push_back(std::isfinite(v) ? std::min(100.0 * v, 100.0) : kNaN);
     }
-    spec.series.push_back(report::bars(name, values));
+    spec.series.push_back(page::bars(name, values));
   }
   return spec;
 }
@@ -381,13 +381,13 @@ std::vector<PlotSpec> ellipse_plots(const StiffnessStudy& s) {
     Eigen::Matrix<double, 3, 2> plane;
     plane.col(0) = Eigen::Vector3d::UnitX();
     plane.col(1) = from_above ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ();
-    const Eigen::MatrixXd outline = 1e6 * identify::ellipsoid_outline(C, plane, 97);
+    const Eigen::MatrixXd outline = 1e6 * stiffness::ellipsoid_outline(C, plane, 97);
     PlotSpec spec;
     spec.title = from_above ? "from above" : "from the side";
     spec.x_label = "x [µm/N]";
     spec.y_label = from_above ? "y [µm/N]" : "z [µm/N]";
     spec.equal_axes = true;
-    spec.series = {report::line("all forces of 1 N", outline.col(0), outline.col(1), Hue::kBlue)};
+    spec.series = {page::line("all forces of 1 N", outline.col(0), outline.col(1), Hue::kBlue)};
     const std::array<Hue, 3> hues{Hue::kVermillion, Hue::kGreen, Hue::kPurple};
     const std::array<const char*, 3> names{"softest", "middle", "stiffest"};
     for (Eigen::Index k = 0; k < 3; ++k) {
@@ -405,7 +405,7 @@ std::vector<PlotSpec> ellipse_plots(const StiffnessStudy& s) {
 // ---------------------------------------------------------------------------------------------------------------------
 // The loop closed.
 
-std::string parameter_of(const identify::StiffnessTrial& t) {
+std::string parameter_of(const stiffness::StiffnessTrial& t) {
   if (std::isnan(t.parameter)) return "";
   if (t.unit == "rad") return fmt::format("{:.0f}°", t.parameter / kDegree);
   if (t.unit == "m") return fmt::format("{:.3f} mm", 1e3 * t.parameter);
@@ -413,11 +413,11 @@ std::string parameter_of(const identify::StiffnessTrial& t) {
   return fmt::format("{} {}", number(t.parameter, 2), t.unit);
 }
 
-Table trial_table(const identify::StiffnessDiagnosis& d, const std::vector<std::string>& unseen) {
+Table trial_table(const stiffness::StiffnessDiagnosis& d, const std::vector<std::string>& unseen) {
   Table table({"effect", "meaning", "best value", "residual [mm]", "pose left out [mm]", "p"});
   table.add_row({"none", "two sizes of gear alone", "", millimetres(d.before.fit_rms),
                  millimetres(d.before.left_out_rms), ""});
-  for (const identify::StiffnessTrial& t : d.trials) {
+  for (const stiffness::StiffnessTrial& t : d.trials) {
     if (!t.possible) {
       const bool seen = std::find(unseen.begin(), unseen.end(), t.id) == unseen.end();
       table.add_row({effect_name(t.id), t.meaning,
@@ -431,7 +431,8 @@ Table trial_table(const identify::StiffnessDiagnosis& d, const std::vector<std::
   return table;
 }
 
-Table correlation_table(const identify::StiffnessDiagnosis& tool, const identify::StiffnessDiagnosis& both) {
+Table correlation_table(const stiffness::StiffnessDiagnosis& tool,
+                        const stiffness::StiffnessDiagnosis& both) {
   Table table({"residual against", "at the tool: r", "p", "both files: r", "p"});
   for (std::size_t k = 0; k < tool.correlations.size(); ++k) {
     const auto& a = tool.correlations[k];
@@ -470,11 +471,11 @@ nlohmann::ordered_json json_number(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }
 
-nlohmann::ordered_json json_fit(const identify::StiffnessFit& fit) {
+nlohmann::ordered_json json_fit(const stiffness::StiffnessFit& fit) {
   nlohmann::ordered_json json{{"residual_rms", json_number(fit.fit_rms)},
                               {"left_out_rms", json_number(fit.left_out_rms)},
                               {"joints", nlohmann::ordered_json::array()}};
-  for (const identify::StiffnessEstimate& e : fit.joints) {
+  for (const stiffness::StiffnessEstimate& e : fit.joints) {
     json["joints"].push_back(
         {{"determined", e.determined},
          {"compliance", json_number(e.compliance)},
@@ -485,7 +486,7 @@ nlohmann::ordered_json json_fit(const identify::StiffnessFit& fit) {
   return json;
 }
 
-nlohmann::ordered_json json_diagnosis(const identify::StiffnessDiagnosis& d) {
+nlohmann::ordered_json json_diagnosis(const stiffness::StiffnessDiagnosis& d) {
   nlohmann::ordered_json json{
       {"verdict", d.verdict},
       {"accepted", d.accepted >= 0 ? nlohmann::ordered_json(d.trials[static_cast<std::size_t>(d.accepted)].id)
@@ -563,11 +564,11 @@ nlohmann::ordered_json json_of(const Ur5Study& study, const std::vector<Check>& 
 void write_page(const Ur5Study& study, const std::vector<Check>& checks, const ReportFolder& folder) {
   const StiffnessStudy& s = study.stiffness;
   const SimulationStudy& simulation = study.simulation;
-  report::Report page = new_page(
+  page::Page page = new_page(
       "Joint stiffness of the UR5, reproduced",
       "the thesis \"Experimental identification of the joints stiffness of the UR5 robot arm\", from its "
       "own tables");
-  page.verdict(study.verdict, report::Tone::kNeutral);
+  page.verdict(study.verdict, page::Tone::kNeutral);
   const auto confirmed = static_cast<int>(
       std::count_if(study.faults.begin(), study.faults.end(), [](const Fault& f) { return f.confirmed; }));
   page.facts({{"joints 1 to 3 [kN m/rad]", kilo(s.two.joints[0].stiffness),

@@ -12,8 +12,8 @@
 #include "console.hpp"
 #include "heft/data/deflections.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/judgement.hpp"
-#include "heft/identify/stiffness_effects.hpp"
+#include "heft/stiffness/judgement.hpp"
+#include "heft/stiffness/stiffness_effects.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "page.hpp"
 #include "stiffness_forward.hpp"
@@ -24,9 +24,9 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
-using identify::StiffnessEstimate;
-using identify::StiffnessFit;
-using report::Table;
+using page::Table;
+using stiffness::StiffnessEstimate;
+using stiffness::StiffnessFit;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -68,7 +68,7 @@ bool slides(const model::Robot& robot, int j) {
 }
 
 std::string millimetres(double metres) {
-  return std::isfinite(metres) ? fmt::format("{} mm", report::number(1e3 * metres, 3)) : std::string("–");
+  return std::isfinite(metres) ? fmt::format("{} mm", page::number(1e3 * metres, 3)) : std::string("–");
 }
 
 Table joint_table(const StiffnessFit& fit, const model::Robot& robot) {
@@ -81,8 +81,8 @@ Table joint_table(const StiffnessFit& fit, const model::Robot& robot) {
     }
     table.add_row({fmt::format("{}", j + 1), stiffness_in_words(joint.stiffness, slides(robot, j)),
                    stiffness_interval_in_words(joint.stiffness_low, joint.stiffness_high, slides(robot, j)),
-                   joint.determined ? fmt::format("{} ± {}", report::number(1e6 * joint.compliance, 3),
-                                                  report::number(1e6 * joint.deviation, 2))
+                   joint.determined ? fmt::format("{} ± {}", page::number(1e6 * joint.compliance, 3),
+                                                  page::number(1e6 * joint.deviation, 2))
                                     : "–",
                    remark});
   }
@@ -91,32 +91,32 @@ Table joint_table(const StiffnessFit& fit, const model::Robot& robot) {
 
 Table pose_table(const StiffnessFit& fit) {
   Table table({"pose", "1/k_F", "residual [mm]", "error when left out [mm]", "shift [deviations]"});
-  for (const identify::PoseInfluence& pose : fit.poses) {
-    const auto number = [](double v) { return std::isfinite(v) ? report::number(v, 3) : std::string("–"); };
+  for (const stiffness::PoseInfluence& pose : fit.poses) {
+    const auto number = [](double v) { return std::isfinite(v) ? page::number(v, 3) : std::string("–"); };
     table.add_row({pose.name,
-                   pose.dexterity < identify::kSingularDexterity ? "0" : report::number(pose.dexterity, 2),
+                   pose.dexterity < stiffness::kSingularDexterity ? "0" : page::number(pose.dexterity, 2),
                    number(1e3 * pose.residual), number(1e3 * pose.left_out),
-                   std::isfinite(pose.shift) ? report::number(pose.shift, 2) : "needed"});
+                   std::isfinite(pose.shift) ? page::number(pose.shift, 2) : "needed"});
   }
   return table;
 }
 
-Table trial_table(const identify::StiffnessDiagnosis& diagnosis) {
+Table trial_table(const stiffness::StiffnessDiagnosis& diagnosis) {
   Table table({"what may stand between springs and readings", "parameter", "residual [mm]",
                "error on poses left out [mm]", "p"});
-  const auto number = [](double v) { return std::isfinite(v) ? report::number(v, 3) : std::string("–"); };
+  const auto number = [](double v) { return std::isfinite(v) ? page::number(v, 3) : std::string("–"); };
   table.add_row({"nothing (springs alone)", "", number(1e3 * diagnosis.before.fit_rms),
                  number(1e3 * diagnosis.before.left_out_rms), ""});
   table.add_row({"no springs: the mean of the other readings", "", "", number(1e3 * diagnosis.mean_rms), ""});
-  for (const identify::StiffnessTrial& trial : diagnosis.trials) {
+  for (const stiffness::StiffnessTrial& trial : diagnosis.trials) {
     if (!trial.possible) {
       table.add_row({trial.id + ": " + trial.meaning, "", "", trial.why, ""});
       continue;
     }
-    table.add_row(
-        {trial.id + ": " + trial.meaning,
-         std::isfinite(trial.parameter) ? report::number(trial.parameter, 3) + " " + trial.unit : "",
-         number(1e3 * trial.fit_rms), number(1e3 * trial.left_out_rms), report::number(trial.p_value, 2)});
+    table.add_row({trial.id + ": " + trial.meaning,
+                   std::isfinite(trial.parameter) ? page::number(trial.parameter, 3) + " " + trial.unit : "",
+                   number(1e3 * trial.fit_rms), number(1e3 * trial.left_out_rms),
+                   page::number(trial.p_value, 2)});
   }
   return table;
 }
@@ -144,7 +144,7 @@ nlohmann::ordered_json fit_json(const StiffnessFit& fit) {
   json["readings"] = fit.readings;
   json["unknowns"] = fit.unknowns;
   json["poses"] = nlohmann::ordered_json::array();
-  for (const identify::PoseInfluence& pose : fit.poses) {
+  for (const stiffness::PoseInfluence& pose : fit.poses) {
     json["poses"].push_back({{"pose", pose.name},
                              {"dexterity", pose.dexterity},
                              {"residual", pose.residual},
@@ -154,7 +154,7 @@ nlohmann::ordered_json fit_json(const StiffnessFit& fit) {
   return json;
 }
 
-nlohmann::ordered_json diagnosis_json(const identify::StiffnessDiagnosis& diagnosis) {
+nlohmann::ordered_json diagnosis_json(const stiffness::StiffnessDiagnosis& diagnosis) {
   nlohmann::ordered_json json{{"verdict", diagnosis.verdict},
                               {"rms_before", diagnosis.before.fit_rms},
                               {"rms_after", diagnosis.after.fit_rms},
@@ -166,7 +166,7 @@ nlohmann::ordered_json diagnosis_json(const identify::StiffnessDiagnosis& diagno
           ? nlohmann::ordered_json(diagnosis.trials[static_cast<std::size_t>(diagnosis.accepted)].id)
           : nlohmann::ordered_json(nullptr);
   json["trials"] = nlohmann::ordered_json::array();
-  for (const identify::StiffnessTrial& trial : diagnosis.trials) {
+  for (const stiffness::StiffnessTrial& trial : diagnosis.trials) {
     json["trials"].push_back({{"effect", trial.id},
                               {"possible", trial.possible},
                               {"parameter", trial.parameter},
@@ -175,15 +175,15 @@ nlohmann::ordered_json diagnosis_json(const identify::StiffnessDiagnosis& diagno
                               {"p_value", trial.p_value}});
   }
   json["correlations"] = nlohmann::ordered_json::array();
-  for (const identify::ResidualCorrelation& c : diagnosis.correlations) {
+  for (const stiffness::ResidualCorrelation& c : diagnosis.correlations) {
     json["correlations"].push_back({{"with", c.with}, {"r", c.coefficient}, {"p_value", c.p_value}});
   }
   return json;
 }
 
 /// Stiffnesses with their intervals; a joint that may be rigid has no upper end and is drawn to the top.
-report::PlotSpec stiffness_plot(const StiffnessFit& fit, const model::Robot& robot) {
-  report::PlotSpec spec;
+page::PlotSpec stiffness_plot(const StiffnessFit& fit, const model::Robot& robot) {
+  page::PlotSpec spec;
   spec.title = "Stiffness and 95 % interval";
   spec.y_label = "stiffness [kN·m/rad, kN/m]";
   spec.log_y = true;
@@ -193,10 +193,10 @@ report::PlotSpec stiffness_plot(const StiffnessFit& fit, const model::Robot& rob
       if (std::isfinite(k)) top = std::max(top, k);
     }
   }
-  report::Series points{"stiffness", {}, {}}, bars{"95 % interval (to the top: may be rigid)", {}, {}};
-  points.style = report::Style::kDots;
-  bars.style = report::Style::kIntervals;
-  bars.hue = report::Hue::kSky;
+  page::Series points{"stiffness", {}, {}}, bars{"95 % interval (to the top: may be rigid)", {}, {}};
+  points.style = page::Style::kDots;
+  bars.style = page::Style::kIntervals;
+  bars.hue = page::Hue::kSky;
   for (int j = 0; j < robot.num_joints(); ++j) {
     const StiffnessEstimate& joint = fit.joints[static_cast<std::size_t>(j)];
     spec.categories.push_back(fmt::format("joint {}", j + 1));
@@ -211,14 +211,14 @@ report::PlotSpec stiffness_plot(const StiffnessFit& fit, const model::Robot& rob
   return spec;
 }
 
-report::PlotSpec reading_plot(const std::vector<identify::LoadedPose>& poses, const StiffnessFit& fit) {
-  report::PlotSpec spec;
+page::PlotSpec reading_plot(const std::vector<stiffness::LoadedPose>& poses, const StiffnessFit& fit) {
+  page::PlotSpec spec;
   spec.title = "Read and predicted";
   spec.y_label = "deflection [mm, mrad]";
-  report::Series read{"read (mean of repeats)", {}, {}}, predicted{"predicted by the fit", {}, {}};
-  read.style = predicted.style = report::Style::kDots;
+  page::Series read{"read (mean of repeats)", {}, {}}, predicted{"predicted by the fit", {}, {}};
+  read.style = predicted.style = page::Style::kDots;
   Index row = 0;
-  for (const identify::LoadedPose& pose : poses) {
+  for (const stiffness::LoadedPose& pose : poses) {
     for (Index r = 0; r < pose.values.size(); ++r, ++row) {
       spec.categories.push_back(poses.size() <= 24 && pose.values.size() == 1 ? pose.name : "");
       read.x.push_back(static_cast<double>(row));
@@ -240,18 +240,18 @@ std::string pose_list(const std::vector<std::string>& names) {
   return fmt::format("{} {}", names.size() == 1 ? "pose" : "poses", fmt::join(names, ", "));
 }
 
-void refuse_singular(const std::vector<identify::LoadedPose>& poses, bool keep) {
+void refuse_singular(const std::vector<stiffness::LoadedPose>& poses, bool keep) {
   std::vector<std::string> singular, near;
-  for (const identify::LoadedPose& pose : poses) {
-    if (pose.dexterity >= identify::kLeastDexterity) continue;
-    auto& list = pose.dexterity < identify::kSingularDexterity ? singular : near;
+  for (const stiffness::LoadedPose& pose : poses) {
+    if (pose.dexterity >= stiffness::kLeastDexterity) continue;
+    auto& list = pose.dexterity < stiffness::kSingularDexterity ? singular : near;
     if (std::find(list.begin(), list.end(), pose.name) == list.end()) list.push_back(pose.name);
   }
   if (!near.empty()) {
     note(fmt::format(
         "{} close to a singular pose (1/k_F below {:g}): what is read there depends strongly on errors of "
         "the angles",
-        pose_list(near), identify::kLeastDexterity));
+        pose_list(near), stiffness::kLeastDexterity));
   }
   if (singular.empty()) return;
   if (!keep) {
@@ -261,7 +261,7 @@ void refuse_singular(const std::vector<identify::LoadedPose>& poses, bool keep) 
                     "expected poses with 1/k_F above {:g}; measure at others (--plan N names some), or fit "
                     "these all the same with "
                     "--keep-singular",
-                    pose_list(singular), identify::kLeastDexterity));
+                    pose_list(singular), stiffness::kLeastDexterity));
   }
   note(fmt::format("{} singular and kept; the direct method leaves them out", pose_list(singular)));
 }
@@ -303,25 +303,25 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
     for (const std::string& text : notes) note(text);
     rows.insert(rows.end(), read.begin(), read.end());
   }
-  const std::vector<identify::LoadedPose> poses = identify::loaded_poses(kinematics, rows);
-  const double length = identify::shared_length(poses);
+  const std::vector<stiffness::LoadedPose> poses = stiffness::loaded_poses(kinematics, rows);
+  const double length = stiffness::shared_length(poses);
   refuse_singular(poses, options.keep_singular);
 
-  identify::StiffnessOptions asked;
+  stiffness::StiffnessOptions asked;
   asked.groups = read_groups(options.groups, robot.num_joints());
-  const identify::StiffnessDiagnosis diagnosis = identify::diagnose_stiffness(
-      kinematics, poses, asked, identify::known_stiffness_effects(robot), length);
+  const stiffness::StiffnessDiagnosis diagnosis = stiffness::diagnose_stiffness(
+      kinematics, poses, asked, stiffness::known_stiffness_effects(robot), length);
   asked.complementary = options.complementary;
   const bool changed = diagnosis.accepted >= 0;
   const StiffnessFit fit = options.complementary && !changed
-                               ? identify::fit_stiffness(kinematics, poses, asked, length)
+                               ? stiffness::fit_stiffness(kinematics, poses, asked, length)
                                : diagnosis.after;
 
   std::string direct_text;
   Table direct_table({"joint", "mean of τ/δθ over the poses", "95 % interval"});
   nlohmann::ordered_json direct_json = nullptr;
   try {
-    const identify::DirectStiffness direct = identify::direct_stiffness(poses, options.missing_is_zero);
+    const stiffness::DirectStiffness direct = stiffness::direct_stiffness(poses, options.missing_is_zero);
     for (int j = 0; j < robot.num_joints(); ++j) {
       direct_table.add_row({fmt::format("{}", j + 1), stiffness_in_words(direct.mean[j], slides(robot, j)),
                             std::isfinite(direct.low[j])
@@ -353,7 +353,7 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   }
 
   const std::string verdict = verdict_of(fit, robot);
-  const host::Judgement judgement = identify::judge(fit, diagnosis);
+  const host::Judgement judgement = stiffness::judge(fit, diagnosis);
   const bool none = std::none_of(fit.joints.begin(), fit.joints.end(),
                                  [](const StiffnessEstimate& joint) { return joint.has_stiffness(); });
   int readings = 0;
@@ -366,12 +366,12 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   text += direct_text;
   text += fmt::format("\nWhat is left: {}\n{}", diagnosis.verdict, trial_table(diagnosis).to_text(2));
 
-  report::Report page = new_page("Joint stiffness", robot.name);
+  page::Page page = new_page("Joint stiffness", robot.name);
   page.verdict(verdict, judgement);
   page.facts({{"residual", millimetres(fit.fit_rms), "rms"},
               {"pose left out", millimetres(fit.left_out_rms), "rms error of its readings"},
               {"repeats", millimetres(fit.repeatability), "scatter of their mean"},
-              {"condition", report::number(fit.condition, 3), "of the equations"}});
+              {"condition", page::number(fit.condition, 3), "of the equations"}});
   page.table(joint_table(fit, robot), "Stiffness of the joints");
   page.plot(stiffness_plot(fit, robot));
   page.plot(reading_plot(poses, fit));
@@ -389,8 +389,8 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
              "Effects tried together with the springs; p: how often the best of all does as well on shuffled "
              "residuals");
   Table correlations({"the residual against", "correlation", "p"});
-  for (const identify::ResidualCorrelation& c : diagnosis.correlations) {
-    correlations.add_row({c.with, fmt::format("{:.2f}", c.coefficient), report::number(c.p_value, 2)});
+  for (const stiffness::ResidualCorrelation& c : diagnosis.correlations) {
+    correlations.add_row({c.with, fmt::format("{:.2f}", c.coefficient), page::number(c.p_value, 2)});
   }
   page.table(correlations, "Each p for itself, by permutation of the poses");
 
@@ -400,7 +400,7 @@ void stiffness_from_deflections(const StiffnessCommandOptions& options) {
   json["direct"] = direct_json;
   json["residual"] = diagnosis_json(diagnosis);
   std::vector<NamedPose> named;
-  for (const identify::PoseInfluence& influence : fit.poses) {
+  for (const stiffness::PoseInfluence& influence : fit.poses) {
     const auto pose =
         std::find_if(poses.begin(), poses.end(), [&](const auto& p) { return p.name == influence.name; });
     named.push_back({influence.name, pose->q});

@@ -15,9 +15,9 @@
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
-#include "heft/identify/cartesian_stiffness.hpp"
-#include "heft/identify/dexterity.hpp"
 #include "heft/model/model_file.hpp"
+#include "heft/stiffness/cartesian_stiffness.hpp"
+#include "heft/stiffness/dexterity.hpp"
 #include "page.hpp"
 
 namespace heft::tools {
@@ -26,16 +26,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using report::Table;
+using page::Table;
 
 namespace {
 
 /// A force at `point` of the tool frame as a wrench about the tip, base axes.
-identify::Vector6d wrench_of(const Vector3d& force, const std::vector<double>& point,
-                             const model::ToolPlacement& tip) {
+stiffness::Vector6d wrench_of(const Vector3d& force, const std::vector<double>& point,
+                              const model::ToolPlacement& tip) {
   const Vector3d lever =
       point.empty() ? Vector3d(Vector3d::Zero()) : Vector3d(tip.rotation * Vector3d(point.data()));
-  identify::Vector6d wrench;
+  stiffness::Vector6d wrench;
   wrench << force, lever.cross(force);
   return wrench;
 }
@@ -43,19 +43,19 @@ identify::Vector6d wrench_of(const Vector3d& force, const std::vector<double>& p
 std::vector<double> numbers(const VectorXd& v) { return {v.data(), v.data() + v.size()}; }
 
 /// Outlines of the deflection ellipsoid in the three planes of the base.
-void add_ellipsoid(const Eigen::Matrix3d& compliance, const std::string& pose, report::Report& page) {
+void add_ellipsoid(const Eigen::Matrix3d& compliance, const std::string& pose, page::Page& page) {
   const char* axes = "xyz";
-  std::vector<report::PlotSpec> specs;
+  std::vector<page::PlotSpec> specs;
   for (int first = 0; first < 3; ++first) {
     const int a = first == 2 ? 0 : first, b = first == 0 ? 1 : 2;  // xy, yz, xz
     Eigen::Matrix<double, 3, 2> plane;
     plane << Vector3d::Unit(a), Vector3d::Unit(b);
-    const MatrixXd outline = 1e6 * identify::ellipsoid_outline(compliance, plane);
-    report::PlotSpec spec;
+    const MatrixXd outline = 1e6 * stiffness::ellipsoid_outline(compliance, plane);
+    page::PlotSpec spec;
     spec.title = fmt::format("{}{} plane", axes[a], axes[b]);
     spec.x_label = fmt::format("{} [µm/N]", axes[a]);
     spec.y_label = fmt::format("{} [µm/N]", axes[b]);
-    spec.series = {report::line("deflection under 1 N in every direction", outline.col(0), outline.col(1))};
+    spec.series = {page::line("deflection under 1 N in every direction", outline.col(0), outline.col(1))};
     spec.equal_axes = true;
     spec.width = 300;
     spec.height = 300;
@@ -92,7 +92,7 @@ std::string stiffness_in_words(double stiffness, bool prismatic) {
   if (std::isnan(stiffness)) return "–";
   if (std::isinf(stiffness)) return "∞";
   const auto [scale, letter] = prefix_of(stiffness);
-  return fmt::format("{} {}{}", report::number(stiffness / scale, 3), letter, unit_of(prismatic));
+  return fmt::format("{} {}{}", page::number(stiffness / scale, 3), letter, unit_of(prismatic));
 }
 
 std::string stiffness_interval_in_words(double low, double high, bool prismatic) {
@@ -100,7 +100,7 @@ std::string stiffness_interval_in_words(double low, double high, bool prismatic)
   if (!std::isfinite(high))
     return low > 0.0 ? "at least " + stiffness_in_words(low, prismatic) : std::string("–");
   const auto [scale, letter] = prefix_of(low);
-  return fmt::format("{} to {} {}{}", report::number(low / scale, 3), report::number(high / scale, 3), letter,
+  return fmt::format("{} to {} {}{}", page::number(low / scale, 3), page::number(high / scale, 3), letter,
                      unit_of(prismatic));
 }
 
@@ -132,7 +132,7 @@ data::Log read_path(const StiffnessCommandOptions& options, const model::Robot& 
 ToolDescription describe_tool(const model::Kinematics& kinematics, const VectorXd& stiffness,
                               const std::vector<NamedPose>& poses, const data::Log& path,
                               const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
-                              report::Report& page) {
+                              page::Page& page) {
   std::string text;
   const model::Robot& robot = kinematics.robot();
   const bool loaded = options.payload.mass > 0.0;
@@ -146,15 +146,15 @@ ToolDescription describe_tool(const model::Kinematics& kinematics, const VectorX
     return fmt::format("{:.2f}, {:.2f}, {:.2f}", v[0], v[1], v[2]);
   };
   for (const NamedPose& pose : poses) {
-    const identify::CartesianStiffness c = identify::cartesian_stiffness(kinematics, pose.q, stiffness);
+    const stiffness::CartesianStiffness c = stiffness::cartesian_stiffness(kinematics, pose.q, stiffness);
     const Eigen::Matrix3d block = c.compliance.topLeftCorner<3, 3>();
-    const identify::PrincipalDeflections p = identify::principal_deflections(block);
+    const stiffness::PrincipalDeflections p = stiffness::principal_deflections(block);
     std::vector<std::string> row{pose.name,
-                                 report::number(1e6 * p.magnitudes[0], 3),
+                                 page::number(1e6 * p.magnitudes[0], 3),
                                  direction(p.directions.col(0)),
-                                 report::number(1e6 * p.magnitudes[2], 3),
+                                 page::number(1e6 * p.magnitudes[2], 3),
                                  direction(p.directions.col(2)),
-                                 report::number(3e-3 / block.trace(), 3)};
+                                 page::number(3e-3 / block.trace(), 3)};
     nlohmann::ordered_json entry{{"pose", pose.name},
                                  {"compliance", nlohmann::ordered_json::array()},
                                  {"largest_deflection", p.magnitudes[0]},
@@ -164,11 +164,11 @@ ToolDescription describe_tool(const model::Kinematics& kinematics, const VectorX
                                  {"has_stiffness", c.has_stiffness}};
     for (int r = 0; r < 6; ++r) entry["compliance"].push_back(numbers(c.compliance.row(r)));
     if (loaded) {
-      const identify::ToolDeflection sag =
-          identify::exact_deflection(kinematics, pose.q, stiffness,
-                                     wrench_of(options.payload.mass * Vector3d(robot.gravity.data()),
-                                               options.payload.com, kinematics.tip(pose.q)));
-      row.push_back(report::number(1e3 * sag.tool.head<3>().norm(), 3));
+      const stiffness::ToolDeflection sag =
+          stiffness::exact_deflection(kinematics, pose.q, stiffness,
+                                      wrench_of(options.payload.mass * Vector3d(robot.gravity.data()),
+                                                options.payload.com, kinematics.tip(pose.q)));
+      row.push_back(page::number(1e3 * sag.tool.head<3>().norm(), 3));
       entry["sag"] = numbers(sag.tool);
     }
     table.add_row(row);
@@ -182,17 +182,17 @@ ToolDescription describe_tool(const model::Kinematics& kinematics, const VectorX
         "principal direction "
         "moves the tool along itself; all others move it sideways as well.");
     page.table(table, "Extreme deflections of the tool point, base axes");
-    const identify::CartesianStiffness c =
-        identify::cartesian_stiffness(kinematics, poses.front().q, stiffness);
+    const stiffness::CartesianStiffness c =
+        stiffness::cartesian_stiffness(kinematics, poses.front().q, stiffness);
     add_ellipsoid(c.compliance.topLeftCorner<3, 3>(), poses.front().name, page);
     json["tool"] = at_poses;
   }
   if (path.num_samples() == 0) return {text, {}};
 
-  identify::SagLoad load;
+  stiffness::SagLoad load;
   load.payload_mass = options.payload.mass;
   if (!options.payload.com.empty()) load.payload_com = Vector3d(options.payload.com.data());
-  const identify::PathSag sag = identify::sag_along_path(kinematics, path.q, stiffness, load);
+  const stiffness::PathSag sag = stiffness::sag_along_path(kinematics, path.q, stiffness, load);
   const VectorXd distance = 1e3 * sag.tool.leftCols(3).rowwise().norm();
   const double largest = distance.maxCoeff(),
                rms = std::sqrt(distance.squaredNorm() / static_cast<double>(distance.size()));
@@ -200,30 +200,29 @@ ToolDescription describe_tool(const model::Kinematics& kinematics, const VectorX
       "\nAlong {}: {:g} kg on the tool make it sag by up to {} mm ({} mm rms); with the compensated "
       "positions {} mm are "
       "left.\n",
-      options.path, options.payload.mass, report::number(largest, 3), report::number(rms, 3),
-      report::number(1e3 * sag.left, 2));
+      options.path, options.payload.mass, page::number(largest, 3), page::number(rms, 3),
+      page::number(1e3 * sag.left, 2));
   json["path"] = {{"log", options.path},
                   {"payload", options.payload.mass},
                   {"sag_max", 1e-3 * largest},
                   {"sag_rms", 1e-3 * rms},
                   {"left", sag.left}};
   page.heading("Along the path");
-  report::PlotSpec spec;
+  page::PlotSpec spec;
   spec.title = "Sag of the tool";
   spec.x_label = "time [s]";
   spec.y_label = "displacement [mm]";
   const VectorXd x = 1e3 * sag.tool.col(0), y = 1e3 * sag.tool.col(1), z = 1e3 * sag.tool.col(2);
-  spec.series = {report::line("x", path.time, x), report::line("y", path.time, y),
-                 report::line("z", path.time, z)};
+  spec.series = {page::line("x", path.time, x), page::line("y", path.time, y), page::line("z", path.time, z)};
   page.plot(spec);
   page.note(fmt::format("Largest distance {} mm; with the compensated positions {} mm are left.",
-                        report::number(largest, 3), report::number(1e3 * sag.left, 2)));
+                        page::number(largest, 3), page::number(1e3 * sag.left, 2)));
   if (options.compensated.empty()) return {text, {}};
   return {text, with_positions(path, sag.compensated)};
 }
 
 void finish_with_path(const Console& console, const StiffnessCommandOptions& options,
-                      const nlohmann::ordered_json& json, const report::Report& page,
+                      const nlohmann::ordered_json& json, const page::Page& page,
                       const data::Log& compensated, const std::function<void()>& write_model) {
   const auto write_path = [&] {
     if (compensated.num_samples() == 0) return;
@@ -254,7 +253,7 @@ void stiffness_forward(const StiffnessCommandOptions& options) {
   const model::Robot robot = load_robot(options.robot);
   const model::Kinematics kinematics(robot);
   const VectorXd stiffness = known_stiffness(options, robot);
-  report::Report page = new_page("Joint stiffness", robot.name);
+  page::Page page = new_page("Joint stiffness", robot.name);
   nlohmann::ordered_json json{{"source", "given"}, {"stiffness", options.stiffness}};
   const data::Log path = read_path(options, robot);
   std::vector<NamedPose> poses;
@@ -280,10 +279,10 @@ namespace {
 
 /// Dexterity over two joints through a pose, and its zones.
 std::string describe_map(const model::Kinematics& kinematics, const VectorXd& q, double length,
-                         const std::vector<int>& joints, nlohmann::ordered_json& json, report::Report& page) {
+                         const std::vector<int>& joints, nlohmann::ordered_json& json, page::Page& page) {
   const model::Robot& robot = kinematics.robot();
   constexpr int kSteps = 121;
-  std::vector<identify::MapAxis> axes;
+  std::vector<stiffness::MapAxis> axes;
   std::vector<double> units;
   std::vector<std::string> names;
   for (const int joint : joints) {
@@ -301,8 +300,8 @@ std::string describe_map(const model::Kinematics& kinematics, const VectorXd& q,
     units.push_back(slides ? 1.0 : 180.0 / std::numbers::pi);
     names.push_back(fmt::format("q{} [{}]", joint, slides ? "m" : "°"));
   }
-  const identify::DexterityMap map = identify::dexterity_map(kinematics, q, axes[0], axes[1], length);
-  report::MapSpec spec;
+  const stiffness::DexterityMap map = stiffness::dexterity_map(kinematics, q, axes[0], axes[1], length);
+  page::MapSpec spec;
   spec.title = "1/k_F through pose 1";
   spec.x_label = names[0];
   spec.y_label = names[1];
@@ -317,11 +316,11 @@ std::string describe_map(const model::Kinematics& kinematics, const VectorXd& q,
   Table table({names[0], names[1], "largest 1/k_F", "share of the map [%]"});
   json["zones"] = nlohmann::ordered_json::array();
   constexpr std::size_t kMost = 6;
-  for (const identify::DexterityZone& zone : identify::zones(map, threshold)) {
+  for (const stiffness::DexterityZone& zone : stiffness::zones(map, threshold)) {
     if (json["zones"].size() == kMost) break;
     table.add_row({fmt::format("{:.4g} to {:.4g}", units[0] * zone.first_low, units[0] * zone.first_high),
                    fmt::format("{:.4g} to {:.4g}", units[1] * zone.second_low, units[1] * zone.second_high),
-                   report::number(zone.best, 2), report::number(100.0 * zone.share, 2)});
+                   page::number(zone.best, 2), page::number(100.0 * zone.share, 2)});
     json["zones"].push_back({{"first", {zone.first_low, zone.first_high}},
                              {"second", {zone.second_low, zone.second_high}},
                              {"largest", zone.best}});
@@ -350,7 +349,7 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
     robot.joints[static_cast<std::size_t>(j)].upper = limits.upper[j];
   }
   const model::Kinematics kinematics(robot);
-  const auto length_at = identify::characteristic_length(kinematics);
+  const auto length_at = stiffness::characteristic_length(kinematics);
   const double length = std::isfinite(length_at.length) ? length_at.length : 1.0;
 
   const Vector3d pull(options.pull.data());
@@ -360,17 +359,18 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   directions.bottomRows(3) *= length;
   constexpr int kCandidates = 3000;
   std::string missed;
-  const auto candidates = identify::pose_candidates(kinematics, length, kCandidates, [&](const VectorXd& q) {
+  const auto candidates = stiffness::pose_candidates(kinematics, length, kCandidates, [&](const VectorXd& q) {
     if (!(safe.slack(q, &missed) > 0.0)) return MatrixXd();
     MatrixXd J;
     const model::ToolPlacement tip = kinematics.tip_and_jacobian(q, J);
-    return identify::compliance_rows(J, wrench_of(pull, options.payload.com, tip), directions);
+    return stiffness::compliance_rows(J, wrench_of(pull, options.payload.com, tip), directions);
   });
   if (candidates.size() < 2 * static_cast<std::size_t>(options.plan)) {
-    throw NotIdentifiableError(fmt::format(
-        "robot \"{}\": {} poses are to be chosen and only {} of {} tried are safe; the limit missed last: {}; widen it or "
-        "ask for fewer",
-        robot.name, options.plan, candidates.size(), kCandidates, missed));
+    throw NotIdentifiableError(
+        fmt::format("robot \"{}\": {} poses are to be chosen and only {} of {} tried are safe; the limit "
+                    "missed last: {}; widen it or "
+                    "ask for fewer",
+                    robot.name, options.plan, candidates.size(), kCandidates, missed));
   }
   // Well away from singular poses: the better half.
   std::vector<double> sorted;
@@ -378,7 +378,7 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
                    sorted.end());
   const double least = sorted[sorted.size() / 2];
-  const identify::PoseChoice choice = identify::choose_poses(candidates, options.plan, least);
+  const stiffness::PoseChoice choice = stiffness::choose_poses(candidates, options.plan, least);
 
   std::string csv = "pose";
   for (int j = 1; j <= n; ++j) csv += fmt::format(",q{}", j);
@@ -392,8 +392,8 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   Table table(headers);
   int number = 0;
   for (const int index : choice.chosen) {
-    const identify::PoseCandidate& candidate = candidates[static_cast<std::size_t>(index)];
-    const identify::Vector6d wrench = wrench_of(pull, options.payload.com, kinematics.tip(candidate.q));
+    const stiffness::PoseCandidate& candidate = candidates[static_cast<std::size_t>(index)];
+    const stiffness::Vector6d wrench = wrench_of(pull, options.payload.com, kinematics.tip(candidate.q));
     csv += fmt::format("{},{:.6f},base,{:.6f},,,,,,\n", ++number, fmt::join(numbers(candidate.q), ","),
                        fmt::join(numbers(wrench), ","));
     std::vector<std::string> row{fmt::format("{}", number)};
@@ -402,7 +402,7 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
       row.push_back(slides ? fmt::format("{:.3f}", candidate.q[j])
                            : fmt::format("{:.1f}", candidate.q[j] * 180.0 / std::numbers::pi));
     }
-    row.push_back(report::number(candidate.dexterity, 2));
+    row.push_back(page::number(candidate.dexterity, 2));
     table.add_row(row);
   }
   const MatrixXd covariance = solve_symmetric(choice.information, MatrixXd::Identity(n, n));
@@ -410,9 +410,9 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   Table expected({"joint", "deviation of its compliance per µm of reading noise [rad/(N·m), m/N]"});
   for (int j = 0; j < n; ++j) {
     deviation.push_back(1e-6 * std::sqrt(covariance(j, j)));
-    expected.add_row({fmt::format("{}", j + 1), report::number(deviation.back(), 2)});
+    expected.add_row({fmt::format("{}", j + 1), page::number(deviation.back(), 2)});
   }
-  report::Report page = new_page("Poses to measure stiffness at", robot.name);
+  page::Page page = new_page("Poses to measure stiffness at", robot.name);
   page.verdict(
       fmt::format("{} of {} safe poses: each joint's compliance known as well as so many poses allow.",
                   options.plan, candidates.size()));
@@ -422,9 +422,11 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   const VectorXd& first = candidates[static_cast<std::size_t>(choice.chosen.front())].q;
   const std::string zones = describe_map(kinematics, first, length, options.map, json, page);
   console.print(
-      "{} of {} safe poses (links clear of one another, of floor and obstacles; at most one turn a joint), chosen for the "
+      "{} of {} safe poses (links clear of one another, of floor and obstacles; at most one turn a joint), "
+      "chosen for the "
       "smallest volume of uncertainty (D-optimal) among the half with the best "
-      "dexterity, {:.3g} N on the tool. The way from one to the next is not checked.\n{}\nExpected of a tracker:\n{}{}",
+      "dexterity, {:.3g} N on the tool. The way from one to the next is not checked.\n{}\nExpected of a "
+      "tracker:\n{}{}",
       options.plan, candidates.size(), pull.norm(), table.to_text(2), expected.to_text(2), zones);
   finish(console, options.model, options.result, json, page,
          [&] { host::write_file_atomically(options.model, csv); });

@@ -12,7 +12,7 @@
 
 #include "heft/data/log.hpp"
 #include "heft/model/kinematics.hpp"
-#include "heft/report/report.hpp"
+#include "heft/page/page.hpp"
 #include "stiffness_jobs.hpp"
 
 namespace heft::tools {
@@ -39,11 +39,11 @@ struct ToolDescription {
 ToolDescription describe_tool(const model::Kinematics& kinematics, const Eigen::VectorXd& stiffness,
                               const std::vector<NamedPose>& poses, const data::Log& path,
                               const StiffnessCommandOptions& options, nlohmann::ordered_json& json,
-                              report::Report& page);
+                              page::Page& page);
 
 /// finish(), and writes the compensated path with it.
 void finish_with_path(const Console& console, const StiffnessCommandOptions& options,
-                      const nlohmann::ordered_json& json, const report::Report& page,
+                      const nlohmann::ordered_json& json, const page::Page& page,
                       const data::Log& compensated, const std::function<void()>& write_model);
 
 /// "9.12 kN·m/rad", "∞"; the unit of a prismatic joint is N/m.

@@ -13,8 +13,8 @@
 #include "heft/diagnose/diagnosis.hpp"
 #include "heft/diagnose/judgement.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/joint_encoders.hpp"
-#include "heft/identify/judgement.hpp"
+#include "heft/stiffness/joint_encoders.hpp"
+#include "heft/stiffness/judgement.hpp"
 #include "page.hpp"
 #include "stiffness_forward.hpp"
 #include "stiffness_jobs.hpp"
@@ -25,10 +25,10 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
-using identify::JointEncoderFit;
-using identify::JointStiffness;
-using identify::Uncertain;
-using report::Table;
+using page::Table;
+using stiffness::JointEncoderFit;
+using stiffness::JointStiffness;
+using stiffness::Uncertain;
 
 nlohmann::ordered_json to_json(const Uncertain& u) {
   return {{"value", u.value}, {"std", u.std}, {"lower", u.lower}, {"upper", u.upper}};
@@ -36,7 +36,7 @@ nlohmann::ordered_json to_json(const Uncertain& u) {
 
 /// A loop's width in µrad with its deviation.
 std::string microradians(const Uncertain& u) {
-  return fmt::format("{} ± {}", report::number(1e6 * u.value, 3), report::number(1e6 * u.std, 2));
+  return fmt::format("{} ± {}", page::number(1e6 * u.value, 3), page::number(1e6 * u.std, 2));
 }
 
 std::vector<std::string> row_of(const std::string& log, const JointStiffness& joint) {
@@ -45,9 +45,9 @@ std::vector<std::string> row_of(const std::string& log, const JointStiffness& jo
           joint.identifiable ? stiffness_in_words(joint.stiffness, false) : "–",
           stiffness_interval_in_words(joint.stiffness_lower, joint.stiffness_upper, false),
           microradians(joint.direction.loop),
-          joint.time_shift_known ? report::number(1e3 * joint.time_shift.value, 3) : "–",
-          report::number(1e6 * joint.rms_rigid, 3),
-          report::number(1e6 * joint.rms, 3)};
+          joint.time_shift_known ? page::number(1e3 * joint.time_shift.value, 3) : "–",
+          page::number(1e6 * joint.rms_rigid, 3),
+          page::number(1e6 * joint.rms, 3)};
 }
 
 Table joint_table(const JointEncoderFit& fit, const std::vector<std::string>& logs) {
@@ -87,10 +87,11 @@ nlohmann::ordered_json joint_json(const JointStiffness& joint) {
   json["gear_hysteresis"] =
       joint.gear_hysteresis ? to_json(*joint.gear_hysteresis) : nlohmann::ordered_json(nullptr);
   json["terms"] = nlohmann::ordered_json::array();
-  for (const identify::DeflectionTerm term : joint.terms) json["terms"].push_back(identify::to_string(term));
+  for (const stiffness::DeflectionTerm term : joint.terms)
+    json["terms"].push_back(stiffness::to_string(term));
   json["evidence"] = nlohmann::ordered_json::array();
-  for (const identify::TermEvidence& term : joint.evidence) {
-    json["evidence"].push_back({{"term", identify::to_string(term.term)},
+  for (const stiffness::TermEvidence& term : joint.evidence) {
+    json["evidence"].push_back({{"term", stiffness::to_string(term.term)},
                                 {"used", term.used},
                                 {"rms_without", term.rms_without},
                                 {"rms_with", term.rms_with},
@@ -113,11 +114,11 @@ VectorXd velocity_of(const data::Log& log, int joint) {
 
 /// Deflection over torque, one plot a joint: the loop, and the spring that was found. What the link's channel comes late
 /// by is taken off: it is larger than the spring, and goes with velocity.
-std::vector<report::PlotSpec> loop_plots(const std::vector<data::Log>& logs, const JointEncoderFit& fit) {
-  std::vector<report::PlotSpec> specs;
+std::vector<page::PlotSpec> loop_plots(const std::vector<data::Log>& logs, const JointEncoderFit& fit) {
+  std::vector<page::PlotSpec> specs;
   for (std::size_t k = 0; k < fit.joints.size(); ++k) {
     const int j = fit.joints[k];
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("joint {}", j + 1);
     spec.x_label = "torque [kN·m]";
     spec.y_label = "motor minus link [mrad]";
@@ -135,13 +136,13 @@ std::vector<report::PlotSpec> loop_plots(const std::vector<data::Log>& logs, con
       sum += tau.mean();
       low = std::min(low, tau.minCoeff());
       high = std::max(high, tau.maxCoeff());
-      spec.series.push_back(report::line(file_name_of(log.path), tau, VectorXd(phi.array() - phi.mean())));
+      spec.series.push_back(page::line(file_name_of(log.path), tau, VectorXd(phi.array() - phi.mean())));
     }
     if (fit.pooled[k].identifiable) {
       const double c = 1e6 * fit.pooled[k].compliance.value, middle = sum / static_cast<double>(logs.size());
-      report::Series spring{"the spring found", {low, high}, {c * (low - middle), c * (high - middle)}};
-      spring.style = report::Style::kDashed;
-      spring.hue = report::Hue::kNeutral;
+      page::Series spring{"the spring found", {low, high}, {c * (low - middle), c * (high - middle)}};
+      spring.style = page::Style::kDashed;
+      spring.hue = page::Hue::kNeutral;
       spec.series.push_back(spring);
     }
     specs.push_back(spec);
@@ -153,7 +154,7 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
                         const std::vector<data::Log>& logs, const host::Judgement& torque) {
   const Console console{options.result.json, options.model};
   const model::Robot& robot = loaded.robot;
-  identify::JointEncoderOptions asked;
+  stiffness::JointEncoderOptions asked;
   if (!options.rotor_inertia.empty() &&
       static_cast<int>(options.rotor_inertia.size()) != robot.num_joints()) {
     throw InputError(
@@ -175,7 +176,7 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
   {
     Progress progress("fitting deflections");
     progress.update(0.0);
-    fit = identify::fit_joint_encoders(logs, asked);
+    fit = stiffness::fit_joint_encoders(logs, asked);
   }
   VectorXd stiffness = VectorXd::Constant(robot.num_joints(), std::numeric_limits<double>::infinity());
   std::vector<std::string> known, missing;
@@ -193,7 +194,7 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
         fmt::format("no stiffness can be told from these logs; {}", fmt::join(missing, "; ")));
   }
   const std::string verdict = fmt::format("Stiffness of the gears: {}.", fmt::join(known, ", "));
-  host::Judgement judgement = identify::judge(fit, rotors_known);
+  host::Judgement judgement = stiffness::judge(fit, rotors_known);
   judgement.add(torque);
   std::string text = verdict + "\n" + verdict_text(judgement);
   for (const std::string& line : missing) text += fmt::format("Not known: {}\n", line);
@@ -205,14 +206,14 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
     for (const std::string& remark : joint.notes)
       readings.push_back(fmt::format("joint {}: {}", joint.joint + 1, remark));
   }
-  for (const identify::StiffnessAgreement& agreement : fit.agreement) {
+  for (const stiffness::StiffnessAgreement& agreement : fit.agreement) {
     readings.push_back(fmt::format("joint {}: {}", agreement.joint + 1, agreement.text));
   }
   text += "\n";
   for (const std::string& line : readings) text += "  " + line + "\n";
 
-  report::Report page = new_page("Joint stiffness from encoders",
-                                 fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));
+  page::Page page = new_page("Joint stiffness from encoders",
+                             fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));
   for (const data::Log& log : logs) add_log_line(page, log_line(log));
   page.verdict(verdict, judgement);
   for (const std::string& line : missing) page.note("Not known: " + line);
@@ -221,10 +222,10 @@ void from_link_encoders(const StiffnessCommandOptions& options, const LoadedRobo
   for (const std::string& line : readings) page.paragraph(line);
   Table terms({"joint", "term", "taken", "error without [µrad]", "with [µrad]", "p", "why"});
   for (const JointStiffness& joint : fit.pooled) {
-    for (const identify::TermEvidence& term : joint.evidence) {
-      terms.add_row({fmt::format("{}", joint.joint + 1), identify::to_string(term.term),
-                     term.used ? "yes" : "no", report::number(1e6 * term.rms_without, 3),
-                     report::number(1e6 * term.rms_with, 3), report::number(term.p_value, 2), term.verdict});
+    for (const stiffness::TermEvidence& term : joint.evidence) {
+      terms.add_row({fmt::format("{}", joint.joint + 1), stiffness::to_string(term.term),
+                     term.used ? "yes" : "no", page::number(1e6 * term.rms_without, 3),
+                     page::number(1e6 * term.rms_with, 3), page::number(term.p_value, 2), term.verdict});
     }
   }
   page.table(terms, "What else was looked for in the deflection");
@@ -297,8 +298,8 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   const std::string verdict = fmt::format("Elastic, as the motor's side shows: {}.", fmt::join(known, ", "));
   host::Judgement judgement = diagnose::judge(diagnosis);
   judgement.add(torque);
-  report::Report page = new_page("Joint stiffness from the motor's side",
-                                 fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));
+  page::Page page = new_page("Joint stiffness from the motor's side",
+                             fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));
   for (const data::Log& log : logs) add_log_line(page, log_line(log));
   page.verdict(verdict, judgement);
   page.table(table, "Elastic joints among the effects of a diagnosis");
@@ -337,7 +338,7 @@ void stiffness_from_motion(const StiffnessCommandOptions& options) {
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   host::Judgement torque;
   const std::vector<data::Log> logs = read_all(options.log.logs, options, loaded.robot, torque);
-  if (!identify::link_encoder_joints(logs.front()).empty())
+  if (!stiffness::link_encoder_joints(logs.front()).empty())
     return from_link_encoders(options, loaded, logs, torque);
   if (options.validate.empty()) {
     throw UsageError(

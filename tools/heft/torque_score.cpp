@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/data/differentiate.hpp"
+#include "heft/validate/acceptance.hpp"
 
 namespace heft::tools {
 namespace {
@@ -17,9 +18,9 @@ constexpr long kTraceSteps = 1500;
 
 }  // namespace
 
-identify::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band) {
+validate::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band) {
   const Eigen::Index rows = log.time.size();
-  identify::TorqueScorer::Setup setup;
+  validate::TorqueScorer::Setup setup;
   setup.log = log.path;
   setup.begin = log.time[0];
   setup.end = log.time[rows - 1];
@@ -27,7 +28,7 @@ identify::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predic
   setup.max_torque = log.tau.cwiseAbs().colwise().maxCoeff();
   constexpr Eigen::Index kFewestForAGrid = 16;
   if (rows < kFewestForAGrid) {
-    identify::TorqueScorer scorer(setup);
+    validate::TorqueScorer scorer(setup);
     scorer.add_rows(log.time, log.tau, predicted);
     return scorer.finish();
   }
@@ -38,9 +39,9 @@ identify::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predic
   even.tau = log.tau - predicted;
   even = data::resample_uniform(even);
   setup.sample_rate = data::median_sample_rate(even.time);
-  setup.band = band > 0 ? band : identify::default_band(data::motion_bandwidth(even.q, setup.sample_rate));
+  setup.band = band > 0 ? band : validate::default_band(data::motion_bandwidth(even.q, setup.sample_rate));
   setup.gaps = data::find_gaps(log.time);
-  identify::TorqueScorer scorer(setup);
+  validate::TorqueScorer scorer(setup);
   scorer.add_rows(log.time, log.tau, predicted);
   scorer.add_grid(even.time, even.tau);
   return scorer.finish();
@@ -57,7 +58,7 @@ LogLine log_line(const data::Log& log, double low_pass) {
   return {log.path, seconds > 0.0 ? static_cast<double>(rows - 1) / seconds : 0.0, seconds, low_pass};
 }
 
-std::string score_meaning(const identify::Score& score) {
+std::string score_meaning(const validate::Score& score) {
   std::string text = "RMSE: measured torque as logged, unfiltered, minus the prediction; ";
   text += score.ends_left_out ? "all samples but the first and last 0.5 s."
                               : "all samples (the log is too short to leave out its ends).";
@@ -69,11 +70,11 @@ std::string score_meaning(const identify::Score& score) {
   return text;
 }
 
-report::Table score_table(const identify::Score& score) {
-  report::Table table({"joint", "RMSE [N·m]", "in band [N·m]", "RMSE [% of max]", "R²"});
+page::Table score_table(const validate::Score& score) {
+  page::Table table({"joint", "RMSE [N·m]", "in band [N·m]", "RMSE [% of max]", "R²"});
   for (Eigen::Index j = 0; j < score.rmse.size(); ++j) {
-    table.add_row({fmt::format("{}", j + 1), report::number(score.rmse[j]),
-                   report::number(score.rmse_in_band[j]), report::number(score.percent_of_max[j], 3),
+    table.add_row({fmt::format("{}", j + 1), page::number(score.rmse[j]), page::number(score.rmse_in_band[j]),
+                   page::number(score.percent_of_max[j], 3),
                    std::isfinite(score.r2[j]) ? fmt::format("{:.3f}", score.r2[j]) : "–"});
   }
   return table;
@@ -87,7 +88,7 @@ nlohmann::ordered_json json_array(const Eigen::VectorXd& values) {
   return array;
 }
 
-nlohmann::ordered_json score_json(const identify::Score& score) {
+nlohmann::ordered_json score_json(const validate::Score& score) {
   nlohmann::ordered_json json;
   json["rmse"] = json_array(score.rmse);
   json["rmse_in_band"] = json_array(score.rmse_in_band);
@@ -97,16 +98,16 @@ nlohmann::ordered_json score_json(const identify::Score& score) {
   return json;
 }
 
-report::Table validation_table(const identify::Score& score) {
-  report::Table table({"joint", "RMSE [N·m]", "in band [N·m]", "RMSE [% of max]", "in band [% of max]", "R²",
-                       "99.9 % below [N·m]", "bias [N·m]", "not noise [%]", "below [Hz]"});
+page::Table validation_table(const validate::Score& score) {
+  page::Table table({"joint", "RMSE [N·m]", "in band [N·m]", "RMSE [% of max]", "in band [% of max]", "R²",
+                     "99.9 % below [N·m]", "bias [N·m]", "not noise [%]", "below [Hz]"});
   for (Eigen::Index j = 0; j < score.rmse.size(); ++j) {
     table.add_row(
-        {fmt::format("{}", j + 1), report::number(score.rmse[j], 3), report::number(score.rmse_in_band[j], 3),
-         report::number(score.percent_of_max[j], 3), report::number(score.in_band_percent_of_max[j], 3),
+        {fmt::format("{}", j + 1), page::number(score.rmse[j], 3), page::number(score.rmse_in_band[j], 3),
+         page::number(score.percent_of_max[j], 3), page::number(score.in_band_percent_of_max[j], 3),
          std::isfinite(score.r2[j]) ? fmt::format("{:.4f}", score.r2[j]) : "–",
-         report::number(score.quantile_999[j], 3), report::number(score.bias[j], 2),
-         report::number(100.0 * score.correlated_share[j], 2), report::number(score.correlated_below[j], 2)});
+         page::number(score.quantile_999[j], 3), page::number(score.bias[j], 2),
+         page::number(100.0 * score.correlated_share[j], 2), page::number(score.correlated_below[j], 2)});
   }
   return table;
 }
@@ -117,7 +118,7 @@ std::string validation_meaning() {
          "time, nine tenths of it below the frequency given.";
 }
 
-std::string moving_line(const identify::Score& score) {
+std::string moving_line(const validate::Score& score) {
   const auto differs = [](const Eigen::VectorXd& moving, const Eigen::VectorXd& all) {
     constexpr double kWorthALine = 0.02;
     return ((moving - all).cwiseAbs().array() > (kWorthALine * all).array()).any();
@@ -126,7 +127,7 @@ std::string moving_line(const identify::Score& score) {
     return "";
   const auto list = [](const Eigen::VectorXd& values) {
     std::string text;
-    for (const double value : values) text += (text.empty() ? "" : ", ") + report::number(value, 3);
+    for (const double value : values) text += (text.empty() ? "" : ", ") + page::number(value, 3);
     return text;
   };
   std::string text = " Over the motion alone, standstill at the ends cut: RMSE " + list(score.rmse_moving);
@@ -134,12 +135,12 @@ std::string moving_line(const identify::Score& score) {
   return text + " N·m.";
 }
 
-std::string validation_text(const identify::Score& score) {
+std::string validation_text(const validate::Score& score) {
   const std::string line = moving_line(score);
   return validation_table(score).to_text(2) + (line.empty() ? "" : " " + line + "\n");
 }
 
-nlohmann::ordered_json validation_json(const identify::Score& score) {
+nlohmann::ordered_json validation_json(const validate::Score& score) {
   nlohmann::ordered_json json = score_json(score);
   json["rmse_moving"] = json_array(score.rmse_moving);
   json["rmse_in_band_moving"] = json_array(score.rmse_in_band_moving);
@@ -153,24 +154,24 @@ nlohmann::ordered_json validation_json(const identify::Score& score) {
                        {"correlation_time", json_array(score.correlation_time)}};
   json["whiteness"]["verdict"] = nlohmann::ordered_json::array();
   for (int j = 0; j < score.num_joints(); ++j) {
-    json["whiteness"]["verdict"].push_back(identify::describe_residual(score, j));
+    json["whiteness"]["verdict"].push_back(validate::describe_residual(score, j));
   }
   return json;
 }
 
-report::Table criteria_table(const std::vector<identify::Criterion>& criteria) {
-  report::Table table({"criterion", "value [%]", "limit [%]", "verdict", "what the value is"});
-  for (const identify::Criterion& criterion : criteria) {
-    table.add_row({criterion.name, report::number(criterion.value, 3),
+page::Table criteria_table(const std::vector<validate::Criterion>& criteria) {
+  page::Table table({"criterion", "value [%]", "limit [%]", "verdict", "what the value is"});
+  for (const validate::Criterion& criterion : criteria) {
+    table.add_row({criterion.name, page::number(criterion.value, 3),
                    fmt::format("{} {:g}", criterion.at_least ? ">" : "<", criterion.limit),
                    to_string(criterion.verdict), criterion.meaning});
   }
   return table;
 }
 
-nlohmann::ordered_json criteria_json(const std::vector<identify::Criterion>& criteria) {
+nlohmann::ordered_json criteria_json(const std::vector<validate::Criterion>& criteria) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  for (const identify::Criterion& criterion : criteria) {
+  for (const validate::Criterion& criterion : criteria) {
     json.push_back({{"id", criterion.id},
                     {"name", criterion.name},
                     {"value_percent", std::isfinite(criterion.value) ? nlohmann::ordered_json(criterion.value)
@@ -184,13 +185,13 @@ nlohmann::ordered_json criteria_json(const std::vector<identify::Criterion>& cri
   return json;
 }
 
-std::string criteria_summary(const std::vector<identify::Criterion>& criteria) {
-  const auto count = [&](identify::Verdict verdict) {
+std::string criteria_summary(const std::vector<validate::Criterion>& criteria) {
+  const auto count = [&](validate::Verdict verdict) {
     return std::count_if(criteria.begin(), criteria.end(),
-                         [verdict](const identify::Criterion& c) { return c.verdict == verdict; });
+                         [verdict](const validate::Criterion& c) { return c.verdict == verdict; });
   };
-  const auto missed = count(identify::Verdict::kMissed), open = count(identify::Verdict::kNotJudged);
-  std::string text = fmt::format("{} of {} criteria met", count(identify::Verdict::kMet), criteria.size());
+  const auto missed = count(validate::Verdict::kMissed), open = count(validate::Verdict::kNotJudged);
+  std::string text = fmt::format("{} of {} criteria met", count(validate::Verdict::kMet), criteria.size());
   if (missed > 0) text += fmt::format(", {} missed", missed);
   if (open > 0) text += fmt::format(", {} not judged", open);
   return text;
@@ -218,10 +219,10 @@ nlohmann::ordered_json fit_json(const model::FitRecord& fit) {
   return json;
 }
 
-report::Table base_parameter_table(const model::FitRecord& fit) {
-  report::Table table({"base parameter", "value", "± (95 %)", "unit", "", "stands for"});
+page::Table base_parameter_table(const model::FitRecord& fit) {
+  page::Table table({"base parameter", "value", "± (95 %)", "unit", "", "stands for"});
   for (const model::BaseParameterRecord& parameter : fit.base_parameters) {
-    table.add_row({parameter.name, report::number(parameter.value), report::number(parameter.half_width, 2),
+    table.add_row({parameter.name, page::number(parameter.value), page::number(parameter.half_width, 2),
                    parameter.unit, parameter.determined ? "" : "not determined", parameter.expression});
   }
   return table;
@@ -253,19 +254,19 @@ void TorqueTrace::add(const Eigen::VectorXd& time, const Eigen::MatrixXd& measur
   }
 }
 
-std::vector<report::PlotSpec> TorqueTrace::plots(std::size_t first, std::size_t count,
-                                                 const std::string& y_label) const {
+std::vector<page::PlotSpec> TorqueTrace::plots(std::size_t first, std::size_t count,
+                                               const std::string& y_label) const {
   static constexpr std::array<const char*, 3> kLabels{"measured", "model", "measured − model"};
-  static constexpr std::array<report::Hue, 3> kHues{report::Hue::kNeutral, report::Hue::kVermillion,
-                                                    report::Hue::kBlue};
-  std::vector<report::PlotSpec> specs;
+  static constexpr std::array<page::Hue, 3> kHues{page::Hue::kNeutral, page::Hue::kVermillion,
+                                                  page::Hue::kBlue};
+  std::vector<page::PlotSpec> specs;
   for (std::size_t j = 0; j < static_cast<std::size_t>(joints_); ++j) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = y_label;
     for (std::size_t which = first; which < first + count; ++which) {
-      report::Series series;
+      page::Series series;
       series.label = kLabels[which];
       series.hue = kHues[which];
       for (std::size_t k = 0; k < time_.size(); ++k) {
@@ -283,30 +284,28 @@ std::vector<report::PlotSpec> TorqueTrace::plots(std::size_t first, std::size_t 
   return specs;
 }
 
-std::vector<report::PlotSpec> TorqueTrace::torque_plots() const { return plots(0, 2, "torque [N·m]"); }
-std::vector<report::PlotSpec> TorqueTrace::residual_plots() const {
-  return plots(2, 1, "torque error [N·m]");
-}
+std::vector<page::PlotSpec> TorqueTrace::torque_plots() const { return plots(0, 2, "torque [N·m]"); }
+std::vector<page::PlotSpec> TorqueTrace::residual_plots() const { return plots(2, 1, "torque error [N·m]"); }
 
-std::vector<report::PlotSpec> small(std::vector<report::PlotSpec> plots) {
-  for (report::PlotSpec& plot : plots) {
+std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots) {
+  for (page::PlotSpec& plot : plots) {
     plot.width = 460;
     plot.height = 220;
   }
   return plots;
 }
 
-std::vector<report::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted) {
-  std::vector<report::PlotSpec> plots;
+std::vector<page::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted) {
+  std::vector<page::PlotSpec> plots;
   for (Eigen::Index j = 0; j < predicted.cols(); ++j) {
-    report::PlotSpec spec;
+    page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = "torque [N·m]";
     if (log.tau.cols() == predicted.cols()) {
-      spec.series.push_back(report::line("measured", log.time, log.tau.col(j), report::Hue::kNeutral));
+      spec.series.push_back(page::line("measured", log.time, log.tau.col(j), page::Hue::kNeutral));
     }
-    spec.series.push_back(report::line("model", log.time, predicted.col(j), report::Hue::kVermillion));
+    spec.series.push_back(page::line("model", log.time, predicted.col(j), page::Hue::kVermillion));
     plots.push_back(std::move(spec));
   }
   return plots;

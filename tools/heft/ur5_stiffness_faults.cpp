@@ -141,7 +141,7 @@ void add_transform(std::vector<Fault>& faults, const StiffnessStudy& stiffness) 
   // (129.c) as printed: T3 turns by θ3 but shifts by -392 (cos θ2, sin θ2).
   double literal = 0.0;
   const double rounded = 0.39225 - 0.392;
-  for (const identify::LoadedPose& pose : stiffness.tool) {
+  for (const stiffness::LoadedPose& pose : stiffness.tool) {
     const VectorXd& q = pose.q;
     const Eigen::Matrix3d R2 = (Eigen::AngleAxisd(q[0], Vector3d::UnitZ()) *
                                 Eigen::AngleAxisd(0.5 * std::numbers::pi, Vector3d::UnitX()) *
@@ -192,7 +192,7 @@ void add_notation(std::vector<Fault>& faults, const StiffnessStudy& stiffness) {
                                 std::sqrt(square), std::sqrt(plain), std::sqrt(1e3 * plain)),
                     {std::sqrt(square), std::sqrt(plain)},
                     std::abs(std::sqrt(square) - std::sqrt(plain)) > 0.01});
-  const identify::DirectStiffness& direct = stiffness.direct;
+  const stiffness::DirectStiffness& direct = stiffness.direct;
   const double with_first = direct.torque(0, 1) / direct.deflection(0, 0), with_own = direct.stiffness(0, 1);
   faults.push_back(
       {"index",
@@ -213,9 +213,9 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
                const Ur5Measurements& measurements, const StiffnessStudy& stiffness) {
   std::vector<std::string> singular;
   std::vector<double> values;
-  for (const identify::LoadedPose& pose : stiffness.tool) {
+  for (const stiffness::LoadedPose& pose : stiffness.tool) {
     values.push_back(pose.dexterity);
-    if (pose.dexterity < identify::kSingularDexterity) singular.push_back(pose.name);
+    if (pose.dexterity < stiffness::kSingularDexterity) singular.push_back(pose.name);
   }
   faults.push_back(
       {"singular-poses", "result", "table 6, figure 41",
@@ -229,8 +229,8 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
        values, singular == std::vector<std::string>{"1", "5"}});
 
   double last = 0.0, most = 0.0;
-  for (const identify::LoadedPose& pose : stiffness.tool) {
-    const MatrixXd A = identify::compliance_rows(pose.J, pose.wrench, pose.rows);
+  for (const stiffness::LoadedPose& pose : stiffness.tool) {
+    const MatrixXd A = stiffness::compliance_rows(pose.J, pose.wrench, pose.rows);
     last = std::max(last, A.cwiseAbs()(0, 5));
     most = std::max(most, A.cwiseAbs().maxCoeff());
   }
@@ -254,24 +254,24 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
 
   // Load (135) at the poses of figure 40: the wrist at 45°.
   double fifth = 0.0, largest = 0.0, complementary = 0.0, at_outside = 0.0;
-  const auto share_of_kc = [&](const identify::LoadedPose& pose) {
+  const auto share_of_kc = [&](const stiffness::LoadedPose& pose) {
     const MatrixXd K = kinematics.complementary_stiffness(pose.q, pose.wrench, WrenchFrame::kBase);
     return K.norm() * stiffness.truth.maxCoeff();
   };
   std::vector<VectorXd> wrists, outside = measurements.outside;
-  for (const identify::LoadedPose& pose : stiffness.tool) {
+  for (const stiffness::LoadedPose& pose : stiffness.tool) {
     VectorXd q = pose.q;
     q.tail<3>().setConstant(45.0 * kDegree);
     wrists.push_back(q);
     complementary = std::max(complementary, share_of_kc(pose));
   }
-  for (const identify::LoadedPose& pose :
+  for (const stiffness::LoadedPose& pose :
        loaded_with(kinematics, wrists, Instrument::kWhole, 1e-6, 1e-6, stiffness.length)) {
     const VectorXd torque = pose.J.transpose() * pose.wrench;
     fifth = std::max(fifth, std::abs(torque[4]));
     largest = std::max(largest, torque.cwiseAbs().maxCoeff());
   }
-  for (const identify::LoadedPose& pose :
+  for (const stiffness::LoadedPose& pose :
        loaded_with(kinematics, outside, Instrument::kWhole, 1e-6, 1e-6, stiffness.length)) {
     at_outside = std::max(at_outside, share_of_kc(pose));
   }
@@ -309,7 +309,7 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
   // The two-size stiffnesses tell what the components are that were taken as zero.
   double along = 0.0, across = 0.0, upright = 0.0, turned = 0.0,
          tilt = 0.0;  // sums of squares over the poses
-  for (const identify::LoadedPose& pose : stiffness.tool) {
+  for (const stiffness::LoadedPose& pose : stiffness.tool) {
     const VectorXd d = pose.J * stiffness.truth.asDiagonal() * pose.J.transpose() * pose.wrench;
     const Vector3d move = pose.tool.rotation.transpose() * d.head<3>(),
                    turn = pose.tool.rotation.transpose() * d.tail<3>();
@@ -342,7 +342,7 @@ void add_load(std::vector<Fault>& faults, const model::Kinematics& kinematics,
   const Vector3d down(0.0, 0.0, -1.0), along = Vector3d(1.0, 1.0, 0.0).normalized();
   std::vector<double> angles, rolls, tilts;
   std::string list, roll_list;
-  for (const identify::LoadedPose& pose : stiffness.tool) {
+  for (const stiffness::LoadedPose& pose : stiffness.tool) {
     const Vector3d g = pose.tool.rotation.transpose() * down;
     angles.push_back(std::acos(std::clamp(g.dot(along), -1.0, 1.0)) / kDegree);
     tilts.push_back(std::asin(g.z()) / kDegree);

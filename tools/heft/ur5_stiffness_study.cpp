@@ -103,7 +103,7 @@ double check_planar_arm() {
   double worst = 0.0;
   for (const double q2 : {0.3, 1.1, -2.0}) {
     const VectorXd q = Eigen::Vector2d(0.7, q2), k = Eigen::Vector2d(k1, k2);
-    const Eigen::Matrix2d C = identify::cartesian_stiffness(arm, q, k).compliance.topLeftCorner<2, 2>();
+    const Eigen::Matrix2d C = stiffness::cartesian_stiffness(arm, q, k).compliance.topLeftCorner<2, 2>();
     const double x = l1 * std::cos(q[0]) + l2 * std::cos(q[0] + q2),
                  y = l1 * std::sin(q[0]) + l2 * std::sin(q[0] + q2);
     const double s = l2 * std::sin(q[0] + q2), c = l2 * std::cos(q[0] + q2);
@@ -113,7 +113,7 @@ double check_planar_arm() {
     worst = std::max(worst, (C - closed).cwiseAbs().maxCoeff() / closed.cwiseAbs().maxCoeff());
     const Eigen::Matrix2d square = closed * closed;
     const double root = std::sqrt(std::pow(square(0, 0) - square(1, 1), 2) + 4 * square(0, 1) * square(0, 1));
-    const identify::PrincipalDeflections p = identify::principal_deflections(C);
+    const stiffness::PrincipalDeflections p = stiffness::principal_deflections(C);
     worst = std::max(worst,
                      std::abs(p.magnitudes[0] / std::sqrt(0.5 * (square(0, 0) + square(1, 1) + root)) - 1.0));
   }
@@ -193,24 +193,24 @@ std::vector<VectorXd> poses_between(const model::Kinematics& kinematics, double 
   while (static_cast<int>(poses.size()) < count) {
     VectorXd q(6);
     for (double& v : q) v = turn(random);
-    const double dexterity = identify::dexterity(kinematics.jacobian(q), length);
+    const double dexterity = stiffness::dexterity(kinematics.jacobian(q), length);
     if (dexterity >= low && dexterity < high) poses.push_back(q);
   }
   return poses;
 }
 
-void add_noise(std::vector<identify::LoadedPose>& poses, std::mt19937_64& random) {
+void add_noise(std::vector<stiffness::LoadedPose>& poses, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
-  for (identify::LoadedPose& pose : poses) {
+  for (stiffness::LoadedPose& pose : poses) {
     for (Index r = 0; r < pose.values.size(); ++r) pose.values[r] += pose.sigmas[r] * normal(random);
   }
 }
 
 /// Joints that move a reading at all.
-bool is_seen(const std::vector<identify::LoadedPose>& poses, Index joint) {
+bool is_seen(const std::vector<stiffness::LoadedPose>& poses, Index joint) {
   double most = 0.0, of_this = 0.0;
-  for (const identify::LoadedPose& pose : poses) {
-    const MatrixXd A = identify::compliance_rows(pose.J, pose.wrench, pose.rows);
+  for (const stiffness::LoadedPose& pose : poses) {
+    const MatrixXd A = stiffness::compliance_rows(pose.J, pose.wrench, pose.rows);
     most = std::max(most, A.cwiseAbs().maxCoeff());
     of_this = std::max(of_this, A.col(joint).cwiseAbs().maxCoeff());
   }
@@ -220,7 +220,7 @@ bool is_seen(const std::vector<identify::LoadedPose>& poses, Index joint) {
 Precision precision_of(const model::Kinematics& kinematics, const std::string& name,
                        const std::string& instrument, const std::vector<VectorXd>& where, Instrument kind,
                        double sigma, double sigma_rotation, const VectorXd& truth, double length, int draws) {
-  std::vector<identify::LoadedPose> exact =
+  std::vector<stiffness::LoadedPose> exact =
       loaded_with(kinematics, where, kind, sigma, sigma_rotation, length);
   set_values(exact, truth);
   Precision precision;
@@ -228,11 +228,11 @@ Precision precision_of(const model::Kinematics& kinematics, const std::string& n
   precision.instrument = instrument;
   precision.count = static_cast<int>(where.size());
   precision.least_dexterity = kInfinity;
-  for (const identify::LoadedPose& pose : exact) {
+  for (const stiffness::LoadedPose& pose : exact) {
     precision.least_dexterity = std::min(precision.least_dexterity, pose.dexterity);
     precision.most_dexterity = std::max(precision.most_dexterity, pose.dexterity);
   }
-  identify::StiffnessOptions options;
+  stiffness::StiffnessOptions options;
   std::vector<bool> seen;
   for (Index j = 0; j < 6; ++j) {
     seen.push_back(is_seen(exact, j));
@@ -241,16 +241,16 @@ Precision precision_of(const model::Kinematics& kinematics, const std::string& n
   std::array<std::vector<double>, 6> compliance, stiffness;
   std::mt19937_64 random(1);
   for (int draw = 0; draw < draws; ++draw) {
-    std::vector<identify::LoadedPose> poses = exact;
+    std::vector<stiffness::LoadedPose> poses = exact;
     add_noise(poses, random);
-    const identify::StiffnessFit fit = identify::fit_stiffness(kinematics, poses, options, length);
+    const stiffness::StiffnessFit fit = stiffness::fit_stiffness(kinematics, poses, options, length);
     for (std::size_t j = 0; j < 6; ++j) {
       if (fit.joints[j].determined) {
         compliance[j].push_back(fit.joints[j].compliance / truth[static_cast<Index>(j)]);
       }
     }
     if (kind != Instrument::kWhole) continue;
-    const identify::DirectStiffness direct = identify::direct_stiffness(poses, false);
+    const stiffness::DirectStiffness direct = stiffness::direct_stiffness(poses, false);
     for (std::size_t j = 0; j < 6; ++j) {
       stiffness[j].push_back(direct.mean[static_cast<Index>(j)] * truth[static_cast<Index>(j)]);
     }
@@ -268,11 +268,11 @@ std::vector<SinglePose> single_poses(const model::Kinematics& kinematics, const 
   const std::vector<VectorXd> anywhere = poses_between(kinematics, length, 0.002, 1.0, 450, 6);
   where.insert(where.end(), anywhere.begin(), anywhere.end());
   std::vector<SinglePose> singles;
-  for (const identify::LoadedPose& pose :
+  for (const stiffness::LoadedPose& pose :
        loaded_with(kinematics, where, Instrument::kWhole, simulation.tracker_noise,
                    simulation.tracker_rotation, length)) {
     // x = A⁻¹ δd: with one pose both methods are the same.
-    const MatrixXd A = identify::compliance_rows(pose.J, pose.wrench, pose.rows);
+    const MatrixXd A = stiffness::compliance_rows(pose.J, pose.wrench, pose.rows);
     const Eigen::PartialPivLU<MatrixXd> lu(A);
     const MatrixXd inverse = lu.inverse() * pose.sigmas.asDiagonal();
     std::vector<double> relative;
@@ -310,18 +310,18 @@ std::vector<Plan> plans_of(const model::Kinematics& kinematics, const Simulation
                {6, 10, 20}}}) {
     const bool sees_last = choice.instrument != Instrument::kWire;
     const Index p = sees_last ? 6 : 5;
-    const std::vector<identify::PoseCandidate> candidates = identify::pose_candidates(
+    const std::vector<stiffness::PoseCandidate> candidates = stiffness::pose_candidates(
         kinematics, length, 400,
         [&](const VectorXd& q) -> MatrixXd {
-          const identify::LoadedPose pose =
+          const stiffness::LoadedPose pose =
               loaded_with(kinematics, {q}, choice.instrument, choice.sigma, choice.sigma_rotation, length)
                   .front();
-          const MatrixXd A = identify::compliance_rows(pose.J, pose.wrench, pose.rows);
+          const MatrixXd A = stiffness::compliance_rows(pose.J, pose.wrench, pose.rows);
           return (pose.sigmas.cwiseInverse().asDiagonal() * A).leftCols(p);
         },
         3);
     for (const int count : choice.counts) {
-      const identify::PoseChoice chosen = identify::choose_poses(candidates, count, kLeast);
+      const stiffness::PoseChoice chosen = stiffness::choose_poses(candidates, count, kLeast);
       const MatrixXd covariance = chosen.information.ldlt().solve(MatrixXd::Identity(p, p));
       Plan plan;
       plan.instrument = choice.name;
@@ -353,31 +353,31 @@ const std::vector<Cause>& causes() {
 }
 
 /// Share of the draws in which a cause is accepted under its own name.
-double share_named(const model::Kinematics& kinematics, const std::vector<identify::LoadedPose>& nominal,
-                   const std::vector<identify::StiffnessEffect>& effects, const Cause& cause,
+double share_named(const model::Kinematics& kinematics, const std::vector<stiffness::LoadedPose>& nominal,
+                   const std::vector<stiffness::StiffnessEffect>& effects, const Cause& cause,
                    const VectorXd& truth, double length, int draws) {
   const auto effect =
       std::find_if(effects.begin(), effects.end(), [&](const auto& e) { return e.id == cause.id; });
-  std::vector<identify::LoadedPose> exact =
+  std::vector<stiffness::LoadedPose> exact =
       effect->change ? effect->change(nominal, cause.parameter) : nominal;
   set_values(exact, truth);
   if (effect->column) {
     const VectorXd column = effect->column(nominal);
     Index row = 0;
-    for (identify::LoadedPose& pose : exact) {
+    for (stiffness::LoadedPose& pose : exact) {
       for (double& v : pose.values) v += cause.parameter * column[row++];
     }
   }
-  identify::StiffnessOptions options;
+  stiffness::StiffnessOptions options;
   options.groups = {{0, 1, 2}, {3, 4, 5}};
   std::mt19937_64 random(11);
   int named = 0;
   for (int draw = 0; draw < draws; ++draw) {
-    std::vector<identify::LoadedPose> poses = nominal;
+    std::vector<stiffness::LoadedPose> poses = nominal;
     for (std::size_t k = 0; k < poses.size(); ++k) poses[k].values = exact[k].values;
     add_noise(poses, random);
-    const identify::StiffnessDiagnosis d =
-        identify::diagnose_stiffness(kinematics, poses, options, effects, length);
+    const stiffness::StiffnessDiagnosis d =
+        stiffness::diagnose_stiffness(kinematics, poses, options, effects, length);
     named += d.accepted >= 0 && d.trials[static_cast<std::size_t>(d.accepted)].id == cause.id ? 1 : 0;
   }
   return static_cast<double>(named) / draws;
@@ -386,7 +386,7 @@ double share_named(const model::Kinematics& kinematics, const std::vector<identi
 std::string verdict_of(const Ur5Study& study) {
   const StiffnessStudy& s = study.stiffness;
   const auto size = [&](std::size_t joint) {
-    const identify::StiffnessEstimate& e = s.two.joints[joint];
+    const stiffness::StiffnessEstimate& e = s.two.joints[joint];
     return fmt::format("{:.1f} kN m/rad [{:.1f}, {:.1f}]", 1e-3 * e.stiffness, 1e-3 * e.stiffness_low,
                        1e-3 * e.stiffness_high);
   };
@@ -433,9 +433,9 @@ Ur5Measurements read_ur5_measurements() {
   return m;
 }
 
-std::vector<identify::LoadedPose> loaded_with(const model::Kinematics& kinematics,
-                                              const std::vector<VectorXd>& poses, Instrument instrument,
-                                              double sigma, double sigma_rotation, double length) {
+std::vector<stiffness::LoadedPose> loaded_with(const model::Kinematics& kinematics,
+                                               const std::vector<VectorXd>& poses, Instrument instrument,
+                                               double sigma, double sigma_rotation, double length) {
   std::vector<data::Deflection> rows;
   for (const VectorXd& q : poses) {
     data::Deflection row;
@@ -457,12 +457,12 @@ std::vector<identify::LoadedPose> loaded_with(const model::Kinematics& kinematic
     }
     rows.push_back(std::move(row));
   }
-  return identify::loaded_poses(kinematics, rows, length);
+  return stiffness::loaded_poses(kinematics, rows, length);
 }
 
-void set_values(std::vector<identify::LoadedPose>& poses, const VectorXd& compliance) {
-  for (identify::LoadedPose& pose : poses) {
-    pose.values = identify::compliance_rows(pose.J, pose.wrench, pose.rows) * compliance;
+void set_values(std::vector<stiffness::LoadedPose>& poses, const VectorXd& compliance) {
+  for (stiffness::LoadedPose& pose : poses) {
+    pose.values = stiffness::compliance_rows(pose.J, pose.wrench, pose.rows) * compliance;
   }
 }
 
@@ -473,7 +473,7 @@ ReachStudy study_reach(const model::Kinematics& kinematics) {
   reach.distance = tip.norm();
   reach.height = tip.z();
   std::tie(reach.slope, reach.curvature) = shape_of_distance(kinematics, reach.pose);
-  reach.maximum = identify::maximum_reach(kinematics);
+  reach.maximum = stiffness::maximum_reach(kinematics);
   reach.turned_wrist = distance_at(kinematics, degrees({0, -90, 0, -90, 180, 0}));
   reach.ratio = kStatedReach / reach.distance;
   reach.turned_ratio = kStatedReach / reach.turned_wrist;
@@ -494,20 +494,20 @@ DexterityStudy study_dexterity(const model::Kinematics& kinematics, const Ur5Mea
   DexterityStudy study;
   const VectorXd wrist = degrees({0, 0, 0, 45, 45, 45});
   // Three degrees apart; whole turns.
-  const identify::MapAxis theta2{1, -270 * kDegree, 90 * kDegree, 120}, theta3{2, 0.0, 360 * kDegree, 120};
+  const stiffness::MapAxis theta2{1, -270 * kDegree, 90 * kDegree, 120}, theta3{2, 0.0, 360 * kDegree, 120};
   const double printed_length = 0.8488e-3;  // lengths of J in mm over 0.8488
-  study.as_printed = identify::dexterity_map(kinematics, wrist, theta2, theta3, printed_length);
-  study.zones = identify::zones(study.as_printed, study.threshold);
+  study.as_printed = stiffness::dexterity_map(kinematics, wrist, theta2, theta3, printed_length);
+  study.zones = stiffness::zones(study.as_printed, study.threshold);
   // The threshold with which the regions of the map are most like table 5.
   const auto match_at = [&](double threshold, std::vector<ZoneMatch>& matches) {
     matches.clear();
     double sum = 0.0;
-    const std::vector<identify::DexterityZone> zones = identify::zones(study.as_printed, threshold);
+    const std::vector<stiffness::DexterityZone> zones = stiffness::zones(study.as_printed, threshold);
     for (const auto& [name, printed] : printed_zones()) {
       ZoneMatch match;
       match.name = name;
       match.printed = printed;
-      for (const identify::DexterityZone& zone : zones) {
+      for (const stiffness::DexterityZone& zone : zones) {
         std::array<double, 4> found{zone.first_low / kDegree, zone.first_high / kDegree,
                                     zone.second_low / kDegree, zone.second_high / kDegree};
         // The same turn as the printed one.
@@ -535,16 +535,16 @@ DexterityStudy study_dexterity(const model::Kinematics& kinematics, const Ur5Mea
       study.matching_threshold = threshold;
     }
   }
-  study.in_metres = identify::dexterity_map(kinematics, wrist, theta2, theta3, 0.8488).dexterity.maxCoeff();
+  study.in_metres = stiffness::dexterity_map(kinematics, wrist, theta2, theta3, 0.8488).dexterity.maxCoeff();
 
   const std::vector<VectorXd> measured = poses_of(measurements.tool);
   double square = 0.0;
   for (const VectorXd& q : measured) {
-    square += std::pow(identify::rms_axis_distance(kinematics.jacobian(q)), 2);
+    square += std::pow(stiffness::rms_axis_distance(kinematics.jacobian(q)), 2);
   }
   study.length = std::sqrt(square / static_cast<double>(measured.size()));
-  study.least = identify::characteristic_length(kinematics);
-  study.sound = identify::dexterity_map(kinematics, wrist, theta2, theta3, study.length);
+  study.least = stiffness::characteristic_length(kinematics);
+  study.sound = stiffness::dexterity_map(kinematics, wrist, theta2, theta3, study.length);
 
   const MatrixXd& D = study.as_printed.dexterity;
   const auto count = static_cast<double>(D.size());
@@ -555,7 +555,7 @@ DexterityStudy study_dexterity(const model::Kinematics& kinematics, const Ur5Mea
     q[1] = study.as_printed.first_values[i];
     for (const auto& [angle, value] : {std::pair{0.0, &study.straight}, std::pair{180.0, &study.folded}}) {
       q[2] = angle * kDegree;
-      *value = std::max(*value, identify::dexterity(kinematics.jacobian(q), study.length));
+      *value = std::max(*value, stiffness::dexterity(kinematics.jacobian(q), study.length));
     }
   }
 
@@ -588,8 +588,8 @@ DexterityStudy study_dexterity(const model::Kinematics& kinematics, const Ur5Mea
 
   const auto add = [&](const std::string& name, const VectorXd& q, bool is_measured) {
     const MatrixXd J = kinematics.jacobian(q);
-    study.poses.push_back({name, identify::dexterity(J, printed_length), identify::dexterity(J, study.length),
-                           is_measured, in_a_zone(q)});
+    study.poses.push_back({name, stiffness::dexterity(J, printed_length),
+                           stiffness::dexterity(J, study.length), is_measured, in_a_zone(q)});
   };
   for (std::size_t k = 0; k < measured.size(); ++k) add(fmt::format("{}", k + 1), measured[k], true);
   for (std::size_t k = 0; k < measurements.outside.size(); ++k) {
@@ -602,25 +602,25 @@ StiffnessStudy study_stiffness(const model::Kinematics& kinematics, const Ur5Mea
   StiffnessStudy study;
   std::vector<data::Deflection> rows = measurements.tool;
   rows.insert(rows.end(), measurements.cantilever.begin(), measurements.cantilever.end());
-  study.tool = identify::loaded_poses(kinematics, measurements.tool);
-  study.both = identify::loaded_poses(kinematics, rows);
+  study.tool = stiffness::loaded_poses(kinematics, measurements.tool);
+  study.both = stiffness::loaded_poses(kinematics, rows);
   double square = 0.0;
-  for (const identify::LoadedPose& pose : study.tool)
-    square += std::pow(identify::rms_axis_distance(pose.J), 2);
+  for (const stiffness::LoadedPose& pose : study.tool)
+    square += std::pow(stiffness::rms_axis_distance(pose.J), 2);
   study.length = std::sqrt(square / static_cast<double>(study.tool.size()));
 
-  identify::StiffnessOptions own, two;
+  stiffness::StiffnessOptions own, two;
   own.groups = {{0}, {1}, {2}, {3}, {4}, {5}};
   two.groups = {{0, 1, 2}, {3, 4, 5}};
-  study.own = identify::fit_stiffness(kinematics, study.tool, own, study.length);
-  study.two = identify::fit_stiffness(kinematics, study.tool, two, study.length);
-  study.two_both = identify::fit_stiffness(kinematics, study.both, two, study.length);
+  study.own = stiffness::fit_stiffness(kinematics, study.tool, own, study.length);
+  study.two = stiffness::fit_stiffness(kinematics, study.tool, two, study.length);
+  study.two_both = stiffness::fit_stiffness(kinematics, study.both, two, study.length);
   study.truth.resize(6);
   for (std::size_t j = 0; j < 6; ++j) study.truth[static_cast<Index>(j)] = study.two.joints[j].compliance;
 
   // A (110) has six rows a pose: displacement along u as read, all else zero.
-  std::vector<identify::LoadedPose> zeros = study.tool;
-  for (identify::LoadedPose& pose : zeros) {
+  std::vector<stiffness::LoadedPose> zeros = study.tool;
+  for (stiffness::LoadedPose& pose : zeros) {
     const Vector3d along = pose.rows.row(0).head<3>().transpose();
     const double value = pose.values[0];
     pose.rows = MatrixXd::Identity(6, 6);
@@ -629,20 +629,20 @@ StiffnessStudy study_stiffness(const model::Kinematics& kinematics, const Ur5Mea
     pose.sigmas = VectorXd::Zero(6);
     pose.scatter = VectorXd::Constant(6, kNaN);
   }
-  study.zeros = identify::fit_stiffness(kinematics, zeros, own, study.length);
+  study.zeros = stiffness::fit_stiffness(kinematics, zeros, own, study.length);
 
-  identify::StiffnessOptions without_last;
+  stiffness::StiffnessOptions without_last;
   without_last.groups = {{0}, {1}, {2}, {3}, {4}};
   for (std::size_t left = 0; left < study.tool.size(); ++left) {
-    std::vector<identify::LoadedPose> others = study.tool;
+    std::vector<stiffness::LoadedPose> others = study.tool;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(left));
     StiffnessStudy::LeftOut out;
     out.pose = study.tool[left].name;
     out.own.fill(kNaN);
-    const identify::StiffnessFit five =
-        identify::fit_stiffness(kinematics, others, without_last, study.length);
+    const stiffness::StiffnessFit five =
+        stiffness::fit_stiffness(kinematics, others, without_last, study.length);
     for (std::size_t j = 0; j < 5; ++j) out.own[j] = five.joints[j].compliance;
-    const identify::StiffnessFit sizes = identify::fit_stiffness(kinematics, others, two, study.length);
+    const stiffness::StiffnessFit sizes = stiffness::fit_stiffness(kinematics, others, two, study.length);
     out.two = {sizes.joints[0].compliance, sizes.joints[3].compliance};
     study.left_out.push_back(out);
   }
@@ -655,24 +655,24 @@ StiffnessStudy study_stiffness(const model::Kinematics& kinematics, const Ur5Mea
         (measurements.cantilever[k].readings.front().value - combined[k].readings.front().value) / 0.5;
     combined[k].readings.push_back({true, Vector3d::UnitZ(), rotation, 0.0});
   }
-  study.direct = identify::direct_stiffness(identify::loaded_poses(kinematics, combined), true);
+  study.direct = stiffness::direct_stiffness(stiffness::loaded_poses(kinematics, combined), true);
   study.direct_negative = static_cast<int>((study.direct.stiffness.array() < 0.0).count());
 
-  const std::vector<identify::StiffnessEffect> effects =
-      identify::known_stiffness_effects(kinematics.robot());
-  for (const identify::StiffnessEffect& effect : effects) {
+  const std::vector<stiffness::StiffnessEffect> effects =
+      stiffness::known_stiffness_effects(kinematics.robot());
+  for (const stiffness::StiffnessEffect& effect : effects) {
     if (!effect.column) continue;
     for (const auto& [poses, unseen] :
          {std::pair{&study.tool, &study.unseen_at_tool}, std::pair{&study.both, &study.unseen_in_both}}) {
       if (effect.column(*poses).cwiseAbs().maxCoeff() < 1e-12) unseen->push_back(effect.id);
     }
   }
-  study.of_own = identify::diagnose_stiffness(kinematics, study.tool, without_last, effects, study.length);
-  study.of_tool = identify::diagnose_stiffness(kinematics, study.tool, two, effects, study.length);
-  study.of_both = identify::diagnose_stiffness(kinematics, study.both, two, effects, study.length);
+  study.of_own = stiffness::diagnose_stiffness(kinematics, study.tool, without_last, effects, study.length);
+  study.of_tool = stiffness::diagnose_stiffness(kinematics, study.tool, two, effects, study.length);
+  study.of_both = stiffness::diagnose_stiffness(kinematics, study.both, two, effects, study.length);
 
-  study.cartesian = identify::cartesian_stiffness(kinematics, study.tool[2].q, study.truth.cwiseInverse());
-  study.principal = identify::principal_deflections(study.cartesian.compliance.topLeftCorner<3, 3>());
+  study.cartesian = stiffness::cartesian_stiffness(kinematics, study.tool[2].q, study.truth.cwiseInverse());
+  study.principal = stiffness::principal_deflections(study.cartesian.compliance.topLeftCorner<3, 3>());
   return study;
 }
 
@@ -709,10 +709,10 @@ SimulationStudy study_simulation(const model::Kinematics& kinematics, const Ur5M
       {"ten with 1/k_F below 0.02", "tracker", poses_between(kinematics, length, 0.002, 0.02, 10, 3),
        Instrument::kWhole, study.tracker_noise, study.tracker_rotation}};
 
-  const std::vector<identify::StiffnessEffect> effects =
-      identify::known_stiffness_effects(kinematics.robot());
+  const std::vector<stiffness::StiffnessEffect> effects =
+      stiffness::known_stiffness_effects(kinematics.robot());
   struct Readings {
-    std::vector<identify::LoadedPose> poses;
+    std::vector<stiffness::LoadedPose> poses;
     double Power::*share;
     int draws;
   };

@@ -12,11 +12,11 @@
 #include <Eigen/Core>
 
 #include "heft/data/deflections.hpp"
-#include "heft/identify/cartesian_stiffness.hpp"
-#include "heft/identify/dexterity.hpp"
-#include "heft/identify/stiffness.hpp"
-#include "heft/identify/stiffness_effects.hpp"
 #include "heft/model/kinematics.hpp"
+#include "heft/stiffness/cartesian_stiffness.hpp"
+#include "heft/stiffness/dexterity.hpp"
+#include "heft/stiffness/stiffness.hpp"
+#include "heft/stiffness/stiffness_effects.hpp"
 
 namespace heft::tools {
 
@@ -47,9 +47,9 @@ struct ReachStudy {
   Eigen::VectorXd pose;               ///< of the thesis
   double distance{0.0}, height{0.0};  ///< of the tip there, from the base's origin [m]
   double slope{0.0};                  ///< largest derivative of the distance there [m/rad]
-  double curvature{0.0};        ///< largest second derivative there [m/rad²]: above zero, so no maximum
-  identify::PoseValue maximum;  ///< [m]
-  double turned_wrist{0.0};     ///< distance with the fifth joint at 180° [m]
+  double curvature{0.0};         ///< largest second derivative there [m/rad²]: above zero, so no maximum
+  stiffness::PoseValue maximum;  ///< [m]
+  double turned_wrist{0.0};      ///< distance with the fifth joint at 180° [m]
   double ratio{0.0}, printed_ratio{0.8488}, turned_ratio{0.0};  ///< 850 mm over these distances
   double urdf_distance{
       0.0};  ///< largest difference of the distance from the base to heft's own ur5, over poses [m]
@@ -76,43 +76,43 @@ struct PoseDexterity {
 };
 
 struct DexterityStudy {
-  identify::DexterityMap as_printed, sound;
+  stiffness::DexterityMap as_printed, sound;
   double threshold{0.0035};  ///< from where the thesis calls values high
-  std::vector<identify::DexterityZone> zones;
+  std::vector<stiffness::DexterityZone> zones;
   double matching_threshold{0.0};  ///< with which the zones are most like table 5
   std::vector<ZoneMatch> matches;
   double zones_that_stay{
       0.0};            ///< share of the high places of `as_printed` that are among as many highest of `sound`
   double length{0.0};  ///< root mean square distance of the axes over the measured poses [m]
-  identify::CharacteristicLength least;  ///< with the least condition number over all poses
-  double in_metres{0.0};                 ///< largest 1/k_F of the map with L = 0.8488 m
-  double straight{0.0}, folded{0.0};     ///< largest 1/k_F of the map where θ3 is 0° and 180°
-  double share_called_bad{0.0};          ///< of the map with 1/k_F in 0.001 to 0.005, "low" by the text
-  double share_called_good{0.0};         ///< in 0.0035 to 0.005, "high" by the text
-  std::vector<PoseDexterity> poses;      ///< six of table 6, nine of table 13
+  stiffness::CharacteristicLength least;  ///< with the least condition number over all poses
+  double in_metres{0.0};                  ///< largest 1/k_F of the map with L = 0.8488 m
+  double straight{0.0}, folded{0.0};      ///< largest 1/k_F of the map where θ3 is 0° and 180°
+  double share_called_bad{0.0};           ///< of the map with 1/k_F in 0.001 to 0.005, "low" by the text
+  double share_called_good{0.0};          ///< in 0.0035 to 0.005, "high" by the text
+  std::vector<PoseDexterity> poses;       ///< six of table 6, nine of table 13
 };
 
 struct StiffnessStudy {
-  std::vector<identify::LoadedPose> tool, both;
-  double length{0.0};          ///< that a radian counts as [m]
-  identify::StiffnessFit own;  ///< every joint its own, readings at the tool
-  identify::StiffnessFit two;  ///< joints 1 to 3 and 4 to 6 have gears of one size each
-  identify::StiffnessFit two_both;
-  identify::StiffnessFit zeros;  ///< every joint its own, what was not read counted as read and zero
+  std::vector<stiffness::LoadedPose> tool, both;
+  double length{0.0};           ///< that a radian counts as [m]
+  stiffness::StiffnessFit own;  ///< every joint its own, readings at the tool
+  stiffness::StiffnessFit two;  ///< joints 1 to 3 and 4 to 6 have gears of one size each
+  stiffness::StiffnessFit two_both;
+  stiffness::StiffnessFit zeros;  ///< every joint its own, what was not read counted as read and zero
   struct LeftOut {
     std::string pose;
     std::array<double, 6> own{};  ///< compliance of each joint [rad/(N m)], NaN: not determined
     std::array<double, 2> two{};
   };
   std::vector<LeftOut> left_out;
-  identify::DirectStiffness direct;
+  stiffness::DirectStiffness direct;
   int direct_negative{0};  ///< of its values
-  identify::StiffnessDiagnosis of_own, of_tool, of_both;
+  stiffness::StiffnessDiagnosis of_own, of_tool, of_both;
   std::vector<std::string> unseen_at_tool, unseen_in_both;  ///< effects that move none of the readings
   /// Compliances of the two sizes, the truth of all simulations.
   Eigen::VectorXd truth;
-  identify::CartesianStiffness cartesian;  ///< at pose 3 with that truth
-  identify::PrincipalDeflections principal;
+  stiffness::CartesianStiffness cartesian;  ///< at pose 3 with that truth
+  stiffness::PrincipalDeflections principal;
 };
 
 /// How well a set of poses and an instrument tell the joints. Spreads are half the width that holds the middle 68 % of
@@ -196,11 +196,11 @@ Ur5Study run_ur5_study(int seeds, const std::function<void(double)>& progress = 
 
 /// Readings of a whole deflection or of a wire along (1, 1, 0)/√2, in axes of the tool, at poses under the load (135).
 enum class Instrument { kWire, kWireAtCantilever, kWhole };
-std::vector<identify::LoadedPose> loaded_with(const model::Kinematics& kinematics,
-                                              const std::vector<Eigen::VectorXd>& poses,
-                                              Instrument instrument, double sigma, double sigma_rotation,
-                                              double length);
+std::vector<stiffness::LoadedPose> loaded_with(const model::Kinematics& kinematics,
+                                               const std::vector<Eigen::VectorXd>& poses,
+                                               Instrument instrument, double sigma, double sigma_rotation,
+                                               double length);
 /// Values of all readings from compliances: δd = J diag(x) Jᵀ w (106).
-void set_values(std::vector<identify::LoadedPose>& poses, const Eigen::VectorXd& compliance);
+void set_values(std::vector<stiffness::LoadedPose>& poses, const Eigen::VectorXd& compliance);
 
 }  // namespace heft::tools

@@ -11,8 +11,8 @@
 #include <Eigen/Core>
 
 #include "heft/data/log.hpp"
-#include "heft/identify/validation.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/validate/score.hpp"
 
 namespace heft::diagnose {
 
@@ -77,7 +77,7 @@ struct Traces {
 
 struct DiagnoseOptions {
   double cutoff{0.0};  ///< of the low-pass on q [Hz]; 0: the one that leaves the smallest residual
-  double band{0.0};    ///< of the figures in band [Hz]; 0: identify::default_band
+  double band{0.0};    ///< of the figures in band [Hz]; 0: validate::default_band
   int most_effects{20};
   bool joint_sensor{false};  ///< torque was measured behind the gear: no rotor inertia is looked for
   std::function<void(const std::string& what, double done)> progress{};  ///< done within 0..1; may be empty
@@ -88,10 +88,10 @@ struct DiagnoseOptions {
 /// Result of a diagnosis.
 struct Diagnosis {
   model::Robot before, after;  ///< the fitted models; `after` has the effects
-  identify::Score train_before, train_after, validate_before, validate_after;  ///< pooled over logs
-  identify::Score
+  validate::Score train_before, train_after, validate_before, validate_after;  ///< pooled over logs
+  validate::Score
       validate_torque;  ///< the same of the measured torque itself: errors of a model that predicts nothing
-  std::vector<identify::Score> validate_each_before, validate_each_after;
+  std::vector<validate::Score> validate_each_before, validate_each_after;
   std::vector<Finding> findings;  ///< strongest first
   std::vector<Refusal> refusals;
   std::vector<Unexplained> unexplained;

@@ -13,13 +13,13 @@
 
 #include "heft/excite/fourier_motion.hpp"
 #include "heft/excite/motion_limits.hpp"
-#include "heft/identify/regression_columns.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/regression/regression_columns.hpp"
 
 namespace heft::excite {
 
-using identify::ModelStructure;
-using identify::RegressionColumns;
+using regression::ModelStructure;
+using regression::RegressionColumns;
 
 /// What is to become small.
 enum class ExcitationCost {

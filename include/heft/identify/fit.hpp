@@ -12,13 +12,13 @@
 #include <Eigen/Core>
 
 #include "heft/data/motion_stream.hpp"
-#include "heft/identify/base_parameters.hpp"
-#include "heft/identify/observations.hpp"
 #include "heft/identify/physical.hpp"
-#include "heft/identify/regression_columns.hpp"
-#include "heft/identify/triangular_factor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/observations.hpp"
+#include "heft/regression/regression_columns.hpp"
+#include "heft/regression/triangular_factor.hpp"
 
 namespace heft::identify {
 
@@ -41,8 +41,8 @@ enum class Instruments {
 
 struct FitOptions {
   Method method{Method::kWls};
-  ModelStructure structure{};
-  ObservationOptions observation{0.0, 4.0, 0.0};
+  regression::ModelStructure structure{};
+  regression::ObservationOptions observation{0.0, 4.0, 0.0};
   Instruments instruments{Instruments::kSimulated};
   /// kReference: place of the commanded positions among MotionChunk::extra (StreamOptions::extra "qref").
   int reference{0};
@@ -69,8 +69,8 @@ struct BiasTest {
 /// A fitted model and how far to trust it.
 struct Fit {
   Method method{Method::kWls};
-  std::shared_ptr<const RegressionColumns> columns;
-  BaseParameters base;
+  std::shared_ptr<const regression::RegressionColumns> columns;
+  regression::BaseParameters base;
 
   Eigen::VectorXd beta;          ///< b base parameters
   Eigen::VectorXd std;           ///< b standard deviations, for residuals correlated in time

@@ -12,11 +12,11 @@
 
 #include <Eigen/Core>
 
-#include "heft/identify/base_parameters.hpp"
 #include "heft/identify/fit.hpp"
-#include "heft/identify/observations.hpp"
-#include "heft/identify/regression_columns.hpp"
-#include "heft/identify/triangular_factor.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/observations.hpp"
+#include "heft/regression/regression_columns.hpp"
+#include "heft/regression/triangular_factor.hpp"
 
 namespace heft::identify {
 
@@ -59,7 +59,7 @@ class InstrumentSums {
   int num_joints() const { return plain_.num_joints(); }
   int num_columns() const { return plain_.num_columns(); }
   /// The same rows as for plain least squares; blocks of equal number are the same stretch of time.
-  const BlockFactors& plain() const { return plain_; }
+  const regression::BlockFactors& plain() const { return plain_; }
   int num_blocks() const { return static_cast<int>(blocks_.size()); }
 
   /// Zᵀ W (b × b) and Zᵀ y (b).
@@ -75,7 +75,7 @@ class InstrumentSums {
  private:
   void merge();
 
-  BlockFactors plain_;
+  regression::BlockFactors plain_;
   double length_;
   std::map<std::pair<int, long>, std::vector<Moments>> blocks_;  ///< by log and number, per joint
 };
@@ -124,10 +124,12 @@ struct InstrumentalFit {
 /// @param start_noise  n
 /// @param progress     called with 0..1; may be empty
 /// Cost: one pass over the logs for each iteration, and 0.02 ms for every RK4 step of a six-joint arm.
-InstrumentalFit fit_instrumental(const RegressionColumns& columns, const BaseParameters& base,
+InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
+                                 const regression::BaseParameters& base,
                                  const std::vector<const data::MotionStream*>& logs,
-                                 const ObservationOptions& observation, const Eigen::VectorXd& start_beta,
-                                 const Eigen::VectorXd& start_noise, const InstrumentOptions& options = {},
+                                 const regression::ObservationOptions& observation,
+                                 const Eigen::VectorXd& start_beta, const Eigen::VectorXd& start_noise,
+                                 const InstrumentOptions& options = {},
                                  const std::function<void(double)>& progress = {});
 
 /// What became of simulated motion.
@@ -140,16 +142,18 @@ struct SimulationReport {
 /// Instruments from simulation: the arm with parameters β under control along the smoothed measured position
 /// (or the log's reference), by RK4 over each piece with its margins. See instrumental.md for the control.
 /// @param report  counts up while the motion is used; may be null
-InstrumentMotion simulated_motion(const RegressionColumns& columns, const BaseParameters& base,
-                                  const Eigen::VectorXd& beta,
-                                  const std::vector<const data::MotionStream*>& logs,
-                                  const InstrumentOptions& options = {},
-                                  std::shared_ptr<SimulationReport> report = nullptr);
+regression::InstrumentMotion simulated_motion(const regression::RegressionColumns& columns,
+                                              const regression::BaseParameters& base,
+                                              const Eigen::VectorXd& beta,
+                                              const std::vector<const data::MotionStream*>& logs,
+                                              const InstrumentOptions& options = {},
+                                              std::shared_ptr<SimulationReport> report = nullptr);
 
 /// Instruments from the past: the motion `delay` earlier (whole samples). Before the log's first row: its
 /// first row.
-InstrumentMotion delayed_motion(const std::vector<const data::MotionStream*>& logs,
-                                const ObservationOptions& observation, const InstrumentOptions& options = {});
+regression::InstrumentMotion delayed_motion(const std::vector<const data::MotionStream*>& logs,
+                                            const regression::ObservationOptions& observation,
+                                            const InstrumentOptions& options = {});
 
 /// Durbin-Wu-Hausman: whether plain least squares and instruments disagree by more than chance.
 ///
@@ -164,8 +168,5 @@ InstrumentMotion delayed_motion(const std::vector<const data::MotionStream*>& lo
 /// @param sums, weights, length, edge_factor  as for solve_instrumental
 BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, const Eigen::VectorXd& start,
                    double condition_limit = 1000.0, double length = 0.0, double edge_factor = 1.0);
-
-/// P(F > value) of Fisher's F with these degrees of freedom.
-double fisher_tail(double value, double numerator, double denominator);
 
 }  // namespace heft::identify

@@ -9,8 +9,8 @@
 
 #include <Eigen/Core>
 
-#include "heft/identify/base_parameters.hpp"
-#include "heft/identify/triangular_factor.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/triangular_factor.hpp"
 
 namespace heft::identify {
 
@@ -73,32 +73,8 @@ struct PhysicalFit {
 ///               Friction or rotor inertia of 0 counts as unknown.
 /// @throws ModelError when sizes differ or a number is not finite.
 /// Cost: below 0.1 s for seven joints.
-PhysicalFit fit_physical(const RegressionColumns& columns, const BaseParameters& base,
-                         const TriangularFactor& data, const Eigen::VectorXd& prior,
+PhysicalFit fit_physical(const regression::RegressionColumns& columns, const regression::BaseParameters& base,
+                         const regression::TriangularFactor& data, const Eigen::VectorXd& prior,
                          const PhysicalOptions& options = {});
-
-/// Whether a body can have these parameters: pseudo-inertia positive definite, with room for rounding.
-bool is_physical(const InertialParameters<double>& link);
-/// The same of every link.
-bool has_physical_links(const model::Robot& robot);
-
-/// Nearest parameters that a body can have: eigenvalues of the pseudo-inertia below margin · max(trace, 1) are
-/// lifted to there. Parameters that are physical with that margin come back unchanged.
-InertialParameters<double> nearest_physical(const InertialParameters<double>& link, double margin = 1e-6);
-
-/// What a mass matrix is like over many poses.
-struct MassMatrixCheck {
-  int poses{0};
-  int not_positive{0};              ///< poses in which the mass matrix of the links is not positive definite
-  int not_positive_with_rotors{0};  ///< the same with rotor inertia (gear couplings too) added
-  double smallest_eigenvalue{0.0};  ///< of the links' mass matrix over all poses [kg·m², kg]
-  Eigen::VectorXd worst_pose;       ///< where that was
-};
-
-/// Looks at the mass matrix in random poses: revolute joints over a full turn, prismatic ones within their limits
-/// (±1 m without limits).
-/// @throws ModelError as model::Dynamics does.
-/// Cost: 10 000 poses of seven joints take a quarter of a second.
-MassMatrixCheck check_mass_matrix(const model::Robot& robot, int poses, std::uint64_t seed);
 
 }  // namespace heft::identify

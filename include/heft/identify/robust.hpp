@@ -8,15 +8,15 @@
 
 #include <Eigen/Core>
 
-#include "heft/identify/base_parameters.hpp"
-#include "heft/identify/observations.hpp"
-#include "heft/identify/regression_columns.hpp"
-#include "heft/identify/triangular_factor.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/observations.hpp"
+#include "heft/regression/regression_columns.hpp"
+#include "heft/regression/triangular_factor.hpp"
 
 namespace heft::identify {
 
 /// One pass over all rows, in the same order every time: calls its argument for every piece.
-using ObservationPass = std::function<void(const std::function<void(const ObservationRows&)>&)>;
+using ObservationPass = std::function<void(const std::function<void(const regression::ObservationRows&)>&)>;
 
 struct RobustOptions {
   // Residuals in scales; both are 95 % efficient for normal noise.
@@ -34,7 +34,7 @@ struct RobustOptions {
   std::size_t row_memory{std::size_t{64} << 20U};
   /// Solves the weighted problem; empty: least squares, directions that the rows do not determine stay at the
   /// start.
-  std::function<Eigen::VectorXd(const TriangularFactor&)> solve{};
+  std::function<Eigen::VectorXd(const regression::TriangularFactor&)> solve{};
 };
 
 struct RobustFit {
@@ -44,7 +44,7 @@ struct RobustFit {
   /// Reweighted rows, not yet weighted by joint. Their weighted least squares solution (weights 1/noise_std²)
   /// is beta, and their jackknife over blocks gives its covariance to first order; see robust.md,
   /// "covariance". The squared error of these factors is not that of the rows.
-  BlockFactors factors;
+  regression::BlockFactors factors;
   /// n: part of the rows whose weight is below one half (1.1 % for normal noise).
   Eigen::VectorXd downweighted_share;
   int iterations{0};
@@ -71,9 +71,9 @@ RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_b
 
 /// The same with rows from logs.
 /// @param progress  called with 0..1; may be empty
-RobustFit fit_robust(const RegressionColumns& columns, const BaseParameters& base,
+RobustFit fit_robust(const regression::RegressionColumns& columns, const regression::BaseParameters& base,
                      const std::vector<const data::MotionStream*>& logs,
-                     const ObservationOptions& observation, const Eigen::VectorXd& start_beta,
+                     const regression::ObservationOptions& observation, const Eigen::VectorXd& start_beta,
                      const Eigen::VectorXd& start_noise, const RobustOptions& options = {},
                      const std::function<void(double)>& progress = {});
 

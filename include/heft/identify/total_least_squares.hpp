@@ -6,9 +6,9 @@
 
 #include <Eigen/Core>
 
-#include "heft/identify/base_parameters.hpp"
-#include "heft/identify/regression_columns.hpp"
-#include "heft/identify/triangular_factor.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/regression_columns.hpp"
+#include "heft/regression/triangular_factor.hpp"
 
 namespace heft::identify {
 
@@ -56,7 +56,7 @@ struct TotalLeastSquaresFit {
 /// @param data  rows already weighted, such that the errors of all rows are alike
 /// @throws DataError when sizes differ or a noise is not positive.
 /// Cost: O(b³).
-TotalLeastSquaresFit total_least_squares(const TriangularFactor& data,
+TotalLeastSquaresFit total_least_squares(const regression::TriangularFactor& data,
                                          const TotalLeastSquaresOptions& options = {});
 
 /// Total least squares over blocks of rows, with its covariance.
@@ -74,11 +74,13 @@ struct TotalLeastSquaresSpread {
 /// @param edge_factor  on the covariance, for what neighbouring groups share
 /// (ResidualStatistics::edge_factor)
 /// Cost: O(B b³); half a second for 60 columns and 60 groups.
-TotalLeastSquaresSpread total_least_squares(const BlockFactors& factors, const Eigen::VectorXd& weights,
+TotalLeastSquaresSpread total_least_squares(const regression::BlockFactors& factors,
+                                            const Eigen::VectorXd& weights,
                                             const TotalLeastSquaresOptions& options = {}, double length = 0.0,
                                             double edge_factor = 1.0);
 
 /// Columns that motion noise does not reach: the offsets. b.
-std::vector<bool> exact_columns(const RegressionColumns& columns, const BaseParameters& base);
+std::vector<bool> exact_columns(const regression::RegressionColumns& columns,
+                                const regression::BaseParameters& base);
 
 }  // namespace heft::identify

@@ -1,0 +1,52 @@
+/// @file
+/// From logs to rows of a regression: regressor and torque through the same filter.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/data/motion_stream.hpp"
+#include "heft/regression/regression_columns.hpp"
+
+namespace heft::regression {
+
+struct ObservationOptions {
+  /// Low-pass on torque and on every column [Hz]; 0: the cut-off that the motion stream uses.
+  double cutoff{0.0};
+  /// Rows kept a second, in cut-offs: behind the low-pass, rows that follow faster say nothing new.
+  double rows_per_cutoff{4.0};
+  /// Rows in which the joint was slower than this within the filter's reach are left out: at rest friction
+  /// takes up any torque below its level. [rad/s, m/s]. 0 keeps all.
+  double standstill_speed{0.0};
+};
+
+/// Rows of one joint from one piece of a log.
+struct ObservationRows {
+  int log{0};
+  int joint{0};
+  Eigen::VectorXd time;  ///< m [s]
+  Eigen::MatrixXd W;     ///< m × selected columns
+  Eigen::VectorXd tau;   ///< m [N·m, N]
+  Eigen::MatrixXd Z;     ///< instruments, like W, where a motion for them was given; else 0 columns
+};
+
+/// Another motion on the grid of a piece of log, for instruments: takes the piece, changes its q, q̇, q̈.
+using InstrumentMotion = std::function<void(int log, data::MotionChunk& chunk)>;
+
+/// Calls `rows` for every piece of every log and every joint, in time order.
+///
+/// The columns are built at the even grid's own rate from zero-phase filtered motion, then torque and columns
+/// pass the same zero-phase low-pass and every k-th row is kept. Coulomb columns are built with the sharp sign
+/// and filtered like the rest; a smoothed sign beside an unfiltered torque would hide half of the error at
+/// reversals. Memory: one piece of log.
+///
+/// @param selected  columns of the regression wanted, ascending; empty: all
+void for_each_observation(const RegressionColumns& columns, const std::vector<int>& selected,
+                          const std::vector<const data::MotionStream*>& logs,
+                          const ObservationOptions& options,
+                          const std::function<void(const ObservationRows&)>& rows,
+                          const InstrumentMotion& instruments = {});
+
+}  // namespace heft::regression

@@ -1,0 +1,616 @@
+#include "heft/payload/payload_run.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+
+#include <fmt/format.h>
+
+#include "causal_signals.hpp"
+#include "change_detector.hpp"
+#include "heft/core/estimate/payload_estimator.hpp"
+#include "heft/core/inertia.hpp"
+#include "heft/host/decompositions.hpp"
+#include "heft/host/error.hpp"
+#include "heft/model/dynamics.hpp"
+#include "heft/payload/recursive_fit.hpp"
+#include "heft/statistics/block_jackknife.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "torque_scales.hpp"
+
+namespace heft::payload {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// A parameter counts as identified when the data have reduced its prior standard deviation to less than
+/// this share.
+constexpr double kIdentified = 0.1;
+/// A mass below this many half-widths of its interval says nothing of the joints' torque scales.
+constexpr double kClearLoad = 3.0;
+/// Length of the shortest blocks that sums are kept for [s].
+constexpr double kFineBlock = 0.5;
+
+void check(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
+  const int n = robot.num_joints();
+  if (options.first_joint < 1 || options.first_joint > n) {
+    throw DataError(fmt::format("rows from joint {}: robot \"{}\" has {} joints; expected 1 to {}",
+                                options.first_joint, robot.name, n, n));
+  }
+  if (log.num_joints() != n || log.tau.cols() != n) {
+    throw DataError(
+        fmt::format("{}: {} joint positions and {} torques; expected {} of each, as robot \"{}\" has",
+                    log.path, log.num_joints(), log.tau.cols(), n, robot.name));
+  }
+  if (log.num_samples() < 2)
+    throw DataError(fmt::format("{}: {} samples; expected at least 2", log.path, log.num_samples()));
+}
+
+/// Ten parameters about the last link frame into ten about the flange frame.
+Eigen::Matrix<double, 10, 10> to_flange(const model::Robot& robot) {
+  std::array<double, 9> turn{};
+  std::array<double, 3> origin{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
+      turn[3 * i + j] = robot.tip_rotation[3 * j + i];
+      origin[i] -= robot.tip_rotation[3 * j + i] * robot.tip_position[j];
+    }
+  }
+  Eigen::Matrix<double, 10, 10> T;
+  for (std::size_t c = 0; c < 10; ++c) {
+    InertialParameters<double> unit{};
+    unit[c] = 1.0;
+    const InertialParameters<double> column =
+        to_inertial_parameters(moved(to_pseudo_inertia(unit), turn, origin));
+    for (std::size_t r = 0; r < 10; ++r)
+      T(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = column[r];
+  }
+  return T;
+}
+
+/// Whether some motion shows the mass in the rows of joints first..n: its column over random states does
+/// not lie in the span of the other nine.
+bool mass_is_visible(const model::Dynamics& dynamics, int first) {
+  const int n = dynamics.num_joints();
+  const int rows = n - first;
+  const int states = 40;
+  std::mt19937 generator(2);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  Eigen::MatrixXd W(states * rows, 9);
+  Eigen::VectorXd y(states * rows);
+  Eigen::VectorXd q(n), qd(n), qdd(n);
+  for (int k = 0; k < states; ++k) {
+    for (int i = 0; i < n; ++i) {
+      q[i] = 3.0 * uniform(generator);
+      qd[i] = 2.0 * uniform(generator);
+      qdd[i] = 5.0 * uniform(generator);
+    }
+    const Eigen::MatrixXd Y = dynamics.regressor(q, qd, qdd).middleCols(10 * (n - 1), 10);
+    y.segment(k * rows, rows) = Y.col(0).tail(rows);
+    W.middleRows(k * rows, rows) = Y.rightCols(9).bottomRows(rows);
+  }
+  const Eigen::VectorXd rest = y - W * least_squares(W, y);
+  return rest.norm() > 1e-8 * std::sqrt(static_cast<double>(y.size()));
+}
+
+struct RecursionSettings {
+  int first_row{0};
+  Eigen::VectorXd noise_std;
+  double correlated_samples{1.0};
+  double gate{0.0}, standstill_speed{0.0}, friction_prior{1.0};
+  bool estimate_friction{true};
+};
+
+/// What one sample said, n each.
+struct Innovation {
+  Eigen::VectorXd residual;  ///< torque that the model does not explain, before the load
+  Eigen::VectorXd value;
+  Eigen::VectorXd variance;  ///< 0 where the row was left out
+  std::vector<bool> used;
+};
+
+/// Filters and recursive estimator, whose sizes are fixed, behind sizes of run time.
+class Recursion {
+ public:
+  virtual ~Recursion() = default;
+  virtual Status configure(const RecursionSettings& settings) = 0;
+  virtual void restart() = 0;
+  /// Row k of the log through the filters.
+  virtual Taken take(const data::Log& log, Eigen::Index k) = 0;
+  /// Lets the estimator have the sample taken. @param x  parameters of the arm alone, 14n
+  virtual Status update(const Eigen::VectorXd& x, Innovation& out) = 0;
+  /// The sample's row of joint i for the estimator's parameters, and for those of the arm.
+  virtual Eigen::VectorXd row(int i) const = 0;
+  virtual Eigen::VectorXd arm_row(int i) const = 0;
+  virtual double prior_variance(int i) const = 0;
+  virtual double mass() const = 0;
+  virtual double mass_std() const = 0;
+};
+
+template <int N>
+class SizedRecursion final : public Recursion {
+  using Estimator = PayloadEstimator<double, N, N>;
+
+ public:
+  SizedRecursion(const model::Dynamics& dynamics, double cutoff, double sample_rate)
+      : signals_(dynamics, cutoff, sample_rate) {}
+
+  Status configure(const RecursionSettings& settings) override {
+    typename Estimator::Config config;
+    config.first_row = settings.first_row;
+    config.noise_std = settings.noise_std;
+    config.correlated_samples = settings.correlated_samples;
+    config.gate = settings.gate;
+    // One load a segment; changes are the change detector's.
+    config.forgetting_factor = 1.0;
+    config.gate_widening = 0.0;
+    config.standstill_speed = settings.standstill_speed;
+    config.estimate_friction = settings.estimate_friction;
+    config.friction_prior = settings.friction_prior;
+    return estimator_.configure(config);
+  }
+  void restart() override { estimator_.restart(); }
+  Taken take(const data::Log& log, Eigen::Index k) override { return signals_.take(log, k); }
+  Status update(const Eigen::VectorXd& x, Innovation& out) override {
+    const auto Y = signals_.regressor();
+    links_ = Y.template leftCols<10 * N>();
+    const JointVector<double, N> residual = signals_.tau() - Y * x;
+    for (int i = 0; i < N; ++i) {
+      qd_[i] = signals_.velocity(i);
+      sign_[i] = signals_.sign(i);
+    }
+    typename Estimator::Record record;
+    const Status status = estimator_.update(links_, qd_, sign_, residual, record);
+    out.residual = residual;
+    out.value = Eigen::Map<const JointVector<double, N>>(record.innovation.data());
+    out.variance = Eigen::Map<const JointVector<double, N>>(record.innovation_variance.data());
+    out.used.assign(record.used.begin(), record.used.end());
+    return status;
+  }
+  Eigen::VectorXd row(int i) const override {
+    const auto row = estimator_.row(links_, qd_, sign_, i);
+    return Eigen::Map<const Eigen::VectorXd>(row.data(), Estimator::kParameters);
+  }
+  Eigen::VectorXd arm_row(int i) const override { return signals_.regressor().row(i).transpose(); }
+  double prior_variance(int i) const override { return estimator_.estimator().variance(i); }
+  double mass() const override { return estimator_.payload()[0]; }
+  double mass_std() const override { return estimator_.standard_deviation(0); }
+
+ private:
+  CausalSignals<N> signals_;
+  Estimator estimator_;
+  LinkRegressor<double, N> links_;
+  JointVector<double, N> qd_, sign_;
+};
+
+template <int N>
+std::unique_ptr<Recursion> make_recursion(const model::Dynamics& dynamics, double cutoff, double rate) {
+  if constexpr (N > model::kMaxJoints) {
+    throw ModelError("more joints than heft handles");  // model::Dynamics has refused before
+  } else {
+    if (dynamics.num_joints() == N) return std::make_unique<SizedRecursion<N>>(dynamics, cutoff, rate);
+    return make_recursion<N + 1>(dynamics, cutoff, rate);
+  }
+}
+
+class Run {
+  /// Stretch of the log under one load.
+  struct Segment {
+    double begin;
+    std::vector<int> blocks;
+  };
+
+ public:
+  Run(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options)
+      : dynamics_(robot), log_(log), options_(options), x_(dynamics_.parameters()), T_(to_flange(robot)) {
+    if (options_.torque_at_joint) x_.segment(10 * n_, 3 * n_).setZero();
+  }
+
+  PayloadRun run() {
+    PayloadRun result;
+    result.first_joint = options_.first_joint;
+    result.samples = log_.num_samples();
+    result.cutoff = options_.cutoff > 0             ? options_.cutoff
+                    : options_.residual.has_value() ? options_.residual->cutoff
+                                                    : choose_cutoff(log_);
+    if (!(result.cutoff > 0)) result.cutoff = choose_cutoff(log_);
+    cutoff_ = result.cutoff;
+    result.mass_visible = mass_is_visible(dynamics_, options_.first_joint - 1);
+    period_ =
+        (log_.time[log_.num_samples() - 1] - log_.time[0]) / static_cast<double>(log_.num_samples() - 1);
+
+    if (options_.residual) {
+      residual_ = *options_.residual;
+    } else {
+      learn_residual();
+    }
+    pass(result, 1.0);
+    conclude(result);
+    return result;
+  }
+
+ private:
+  bool is_used(int i) const { return i >= options_.first_joint - 1; }
+
+  /// Without statistics of the model: run once with the noise guessed, and take the scatter of the
+  /// innovations.
+  void learn_residual() {
+    residual_.std.resize(n_);
+    residual_.correlation_time = Eigen::VectorXd::Constant(n_, 0.5);
+    for (int i = 0; i < n_; ++i) residual_.std[i] = 0.05 * log_.tau.col(i).cwiseAbs().maxCoeff() + 1e-6;
+    PayloadRun scratch;
+    pass(scratch, 0.5);
+    for (int i = 0; i < n_; ++i) {
+      double squares = 0.0;
+      long count = 0;
+      for (const double e : innovations_.col(i)) {
+        if (!std::isfinite(e)) continue;
+        squares += e * e;
+        ++count;
+      }
+      if (count > 100) residual_.std[i] = std::max(1e-6, std::sqrt(squares / static_cast<double>(count)));
+      residual_.correlation_time[i] = statistics::correlation_time(innovations_.col(i), period_);
+    }
+  }
+
+  /// The recursion over the log.
+  void pass(PayloadRun& result, double progress_share) {
+    const double together = residual_.correlated_samples(period_);
+    RecursionSettings config;
+    config.first_row = options_.first_joint - 1;
+    config.noise_std = residual_.std;
+    config.correlated_samples = together;
+    config.gate = options_.gate;
+    config.standstill_speed = options_.standstill_speed;
+    config.estimate_friction = !options_.torque_at_joint;
+    config.friction_prior = 1.0;
+    for (int i = 0; i < n_; ++i) {
+      // Friction may change by as much as there is, or by what the joint's scatter suggests.
+      const auto& drive = dynamics_.robot().joints[static_cast<std::size_t>(i)].actuation;
+      config.friction_prior = std::max({config.friction_prior, std::abs(drive.coulomb_friction),
+                                        std::abs(drive.viscous_friction), 3.0 * residual_.std[i]});
+    }
+    const std::unique_ptr<Recursion> recursion = make_recursion<1>(dynamics_, cutoff_, 1.0 / period_);
+    if (recursion->configure(config) != Status::kOk) {
+      throw Error("payload: the estimator refused its settings; the gate must not be negative");
+    }
+    prior_variance_ = Eigen::VectorXd::Constant(parameters_, 0.0);
+    for (int i = 0; i < parameters_; ++i) prior_variance_[i] = recursion->prior_variance(i);
+    jackknife_ =
+        std::make_unique<statistics::BlockJackknife>(Eigen::VectorXd::Zero(parameters_), prior_variance_);
+    scales_ = std::make_unique<TorqueScales>(n_);
+    segments_ = {{log_.time[0], {}}};
+    innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), n_, kNaN);
+    for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest})
+      count->setZero(n_);
+    const Eigen::Index samples = log_.num_samples();
+    result.time = log_.time;
+    result.mass_history = Eigen::VectorXd::Constant(samples, kNaN);
+    result.mass_std_history = Eigen::VectorXd::Constant(samples, kNaN);
+    result.left_out = 0;
+
+    ChangeDetector<model::kMaxJoints> detector;
+    Innovation innovation;
+    double spread = 1.0;  // robust standard deviation of the mass over the recursion's own
+    int last_block = -1;
+    double previous = log_.time[0];
+    for (Eigen::Index k = 0; k < samples; ++k) {
+      if (options_.progress && k % 256 == 0) {
+        options_.progress(1.0 - progress_share +
+                          progress_share * static_cast<double>(k) / static_cast<double>(samples));
+      }
+      const double time = log_.time[k];
+      const double step = time - previous;
+      previous = time;
+      const Taken taken = recursion->take(log_, k);
+      if (taken == Taken::kRefused) ++result.left_out;
+      if (taken != Taken::kReady) continue;
+      if (recursion->update(x_, innovation) != Status::kOk) {
+        ++result.left_out;
+        continue;
+      }
+
+      const int block = static_cast<int>((time - log_.time[0]) / kFineBlock);
+      bool alarm = false;
+      double since = time;
+      for (int i = 0; i < n_; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (!is_used(i)) continue;
+        if (!(innovation.variance[i] > 0)) {
+          ++result.rows_at_rest[i];
+          detector.rest(i);
+          continue;
+        }
+        ++(innovation.used[at] ? result.rows_used : result.rows_rejected)[i];
+        if (innovation.used[at]) innovations_(k, i) = innovation.value[i];
+        if (detector.take(i, innovation.value[i] / std::sqrt(innovation.variance[i]), time, step)) {
+          alarm = true;
+          since = std::min(since, detector.since());
+        }
+        if (!innovation.used[at]) continue;
+        const double noise = residual_.std[i] * residual_.std[i] * together;
+        const Eigen::VectorXd w = recursion->row(i);
+        jackknife_->add(block, w, innovation.residual[i], noise);
+        scales_->add(block, i, w.head(10), w.segment(10 + 2 * i, 2), innovation.residual[i]);
+        if (options_.model_covariance) {
+          jackknife_->add_dependence(block, w, recursion->arm_row(i), noise);
+          scales_->add_dependence(i, w.head(10), w.segment(10 + 2 * i, 2), recursion->arm_row(i));
+        }
+      }
+      if (block != last_block) {
+        segments_.back().blocks.push_back(block);
+        last_block = block;
+        spread = running_spread(recursion->mass_std());
+      }
+      if (alarm) {
+        // Blocks in which the old load and the new one may be mixed belong to neither.
+        const int mixed = static_cast<int>((since - log_.time[0]) / kFineBlock);
+        std::erase_if(segments_.back().blocks, [&](int b) { return b >= mixed; });
+        segments_.push_back({since, {}});
+        skip_until_ = block;
+        recursion->restart();
+        detector.reset();
+      }
+      if (!segments_.back().blocks.empty() && segments_.back().blocks.back() <= skip_until_)
+        segments_.back().blocks.clear();
+      result.mass_history[k] = recursion->mass();
+      const double own = recursion->mass_std();
+      if (own < kIdentified * std::sqrt(prior_variance_[0])) result.mass_std_history[k] = spread * own;
+    }
+  }
+
+  /// How much wider the mass scatters than the recursion believes, from the blocks so far; at least 1.
+  /// @param own  what it believes
+  double running_spread(double own) const {
+    if (!(own < kIdentified * std::sqrt(prior_variance_[0]))) return 1.0;
+    const int neighbours = merge(segments_.back());
+    const auto solution = jackknife_->solve(segments_.back().blocks, neighbours);
+    if (solution.blocks < 3) return 1.0;
+    const double variance = solution.covariance(0, 0) * residual_.edge_factor(neighbours * kFineBlock);
+    return std::max(1.0, std::sqrt(variance) / own * solution.interval_factor / 1.96);
+  }
+
+  /// Short blocks that make one block which may count as independent.
+  int merge(const Segment& segment) const {
+    const double duration = kFineBlock * static_cast<double>(segment.blocks.size());
+    return std::max(1, static_cast<int>(std::lround(residual_.block_length(duration) / kFineBlock)));
+  }
+
+  struct Solved {
+    statistics::BlockJackknife::Result jackknife;
+    Eigen::MatrixXd covariance;  ///< residual and model
+    Eigen::MatrixXd model_part;
+    bool has_mass{false};
+    double mass{0.0}, std{kNaN};
+  };
+
+  Solved solve(const Segment& segment) const {
+    Solved solved;
+    solved.jackknife = jackknife_->solve(segment.blocks, merge(segment));
+    solved.jackknife.covariance *= residual_.edge_factor(merge(segment) * kFineBlock);
+    solved.covariance = solved.jackknife.covariance;
+    solved.model_part = Eigen::MatrixXd::Zero(parameters_, parameters_);
+    if (options_.model_covariance) {
+      const Eigen::MatrixXd G = jackknife_->dependence(segment.blocks);
+      if (G.size() > 0) solved.model_part = G * *options_.model_covariance * G.transpose();
+    }
+    solved.covariance += solved.model_part;
+    solved.mass = solved.jackknife.estimate[0];
+    solved.std = std::sqrt(solved.covariance(0, 0) + options_.zero_mass_std * options_.zero_mass_std);
+    solved.has_mass = identified(solved, Eigen::VectorXd::Unit(parameters_, 0));
+    return solved;
+  }
+
+  /// Whether the combination a·x is told by the data: prior shrunk enough, in theory and as it scatters.
+  bool identified(const Solved& solved, const Eigen::VectorXd& a) const {
+    const double prior = a.dot(prior_variance_.cwiseProduct(a));
+    const double told = a.dot(solved.jackknife.information_inverse * a);
+    const double scatter = a.dot(solved.covariance * a);
+    return solved.jackknife.blocks >= 3 && told < kIdentified * kIdentified * prior &&
+           scatter < kIdentified * kIdentified * prior;
+  }
+
+  /// Whether two stretches carry different loads, by the mass and first moments that both tell; true where
+  /// there is nothing to compare.
+  bool differ(const Solved& before, const Solved& after) const {
+    bool comparable = false;
+    for (Eigen::Index i = 0; i < 4; ++i) {
+      const Eigen::VectorXd unit = Eigen::VectorXd::Unit(parameters_, i);
+      if (!identified(before, unit) || !identified(after, unit)) continue;
+      comparable = true;
+      const double scatter = std::sqrt(before.covariance(i, i) + after.covariance(i, i));
+      // The larger of four at 4 standard deviations: one in four thousand by chance.
+      if (std::abs(after.jackknife.estimate[i] - before.jackknife.estimate[i]) > 4.0 * scatter) return true;
+    }
+    return !comparable;
+  }
+
+  bool tells_something(const Solved& solved) const {
+    for (Eigen::Index i = 0; i < 4; ++i) {
+      if (identified(solved, Eigen::VectorXd::Unit(parameters_, i))) return true;
+    }
+    return false;
+  }
+
+  void conclude(PayloadRun& result) {
+    // An alarm that did not move the load was none (a contact, friction): put the parts together. A part
+    // between two alarms that tells nothing is left out; the last one counts in any case, since it is what
+    // holds now.
+    std::vector<Segment> segments;
+    std::vector<Solved> solved;
+    for (std::size_t s = 0; s < segments_.size(); ++s) {
+      const Solved present = solve(segments_[s]);
+      if (s + 1 < segments_.size() && !tells_something(present)) continue;
+      if (!segments.empty() && !differ(solved.back(), present)) {
+        segments.back().blocks.insert(segments.back().blocks.end(), segments_[s].blocks.begin(),
+                                      segments_[s].blocks.end());
+        solved.back() = solve(segments.back());
+        continue;
+      }
+      segments.push_back(segments_[s]);
+      solved.push_back(present);
+    }
+    for (std::size_t s = 1; s < segments.size(); ++s) {
+      const auto mass = [](const Solved& part) { return part.has_mass ? part.mass : kNaN; };
+      result.changes.push_back({segments[s].begin, mass(solved[s - 1]), mass(solved[s]),
+                                solved[s].has_mass ? solved[s].std : kNaN});
+    }
+    const Solved& final_state = solved.back();
+    result.load_since = segments.back().begin;
+    state(result, final_state);
+    result.torque_scale = scales_->solve(segments.back().blocks, merge(segments.back()),
+                                         residual_.edge_factor(merge(segments.back()) * kFineBlock),
+                                         final_state.jackknife.estimate.head(10), options_.model_covariance);
+    // A load that hardly stands out is made of the residual itself: the joints have nothing to agree about.
+    if (result.mass.identifiable[0] &&
+        std::abs(result.mass.value[0]) < kClearLoad * result.mass.half_width[0]) {
+      result.torque_scale.identifiable.assign(static_cast<std::size_t>(n_), false);
+    }
+    result.block = merge(segments.back()) * kFineBlock;
+    result.blocks = final_state.jackknife.blocks;
+    find_convergence(result);
+    if (!result.mass.identifiable[0]) explain(result, segments.size() > 1);
+  }
+
+  void state(PayloadRun& result, const Solved& solved) const {
+    const Eigen::VectorXd& x = solved.jackknife.estimate;
+    const double factor = solved.jackknife.interval_factor;
+    for (std::size_t i = 0; i < 10; ++i) result.on_last_link[i] = x[static_cast<Eigen::Index>(i)];
+    Eigen::MatrixXd F = Eigen::MatrixXd::Zero(10, parameters_);
+    F.leftCols(10) = T_;
+    Eigen::MatrixXd covariance = solved.covariance;
+    covariance(0, 0) += options_.zero_mass_std * options_.zero_mass_std;
+
+    const auto fill = [&](Estimated& out, const Eigen::MatrixXd& rows) {
+      const Eigen::Index size = rows.rows();
+      out.value = rows * x;
+      out.std.resize(size);
+      out.half_width.resize(size);
+      out.identifiable.clear();
+      for (Eigen::Index r = 0; r < size; ++r) {
+        const bool known = identified(solved, rows.row(r).transpose());
+        out.identifiable.push_back(known);
+        out.std[r] = known ? std::sqrt(rows.row(r) * covariance * rows.row(r).transpose()) : kNaN;
+        out.half_width[r] = factor * out.std[r];
+      }
+    };
+    result.parameters = F * x;
+    result.covariance = F * covariance * F.transpose();
+    result.interval_factor = factor;
+    fill(result.mass, F.topRows(1));
+    fill(result.first_moment, F.middleRows(1, 3));
+    fill(result.inertia, F.bottomRows(6));
+    Eigen::MatrixXd coulomb = Eigen::MatrixXd::Zero(n_, parameters_), viscous = coulomb;
+    for (int i = 0; i < n_; ++i) {
+      coulomb(i, 10 + 2 * i) = 1.0;
+      viscous(i, 11 + 2 * i) = 1.0;
+    }
+    fill(result.coulomb_change, coulomb);
+    fill(result.viscous_change, viscous);
+
+    result.mass_std_residual = std::sqrt(solved.jackknife.covariance(0, 0));
+    result.mass_std_model = std::sqrt(solved.model_part(0, 0));
+    result.mass_std_zero = options_.zero_mass_std;
+
+    // Centre of mass c = h / m, δc = (δh − c δm) / m.
+    result.com.value = Eigen::VectorXd::Constant(3, kNaN);
+    result.com.std = result.com.half_width = result.com.value;
+    result.com.identifiable.assign(3, false);
+    const double m = result.mass.value[0];
+    if (result.mass.identifiable[0] && std::abs(m) > result.mass.half_width[0]) {
+      for (Eigen::Index r = 0; r < 3; ++r) {
+        if (!result.first_moment.identifiable[static_cast<std::size_t>(r)]) continue;
+        const double c = result.first_moment.value[r] / m;
+        const Eigen::RowVectorXd slope = (F.row(1 + r) - c * F.row(0)) / m;
+        result.com.value[r] = c;
+        result.com.std[r] = std::sqrt(slope * covariance * slope.transpose());
+        result.com.half_width[r] = factor * result.com.std[r];
+        result.com.identifiable[static_cast<std::size_t>(r)] = true;
+      }
+    }
+  }
+
+  void find_convergence(PayloadRun& result) const {
+    if (!result.mass.identifiable[0]) return;
+    const double m = result.mass.value[0];
+    const double tolerance = std::max(result.mass.half_width[0], 0.05 * std::abs(m));
+    std::optional<double> since;
+    for (Eigen::Index k = 0; k < result.time.size(); ++k) {
+      if (result.time[k] < result.load_since || std::isnan(result.mass_history[k])) continue;
+      const bool there =
+          std::isfinite(result.mass_std_history[k]) && std::abs(result.mass_history[k] - m) <= tolerance;
+      if (!there) since.reset();
+      else if (!since) since = result.time[k];
+    }
+    result.converged_at = since;
+  }
+
+  void explain(PayloadRun& result, bool after_change) const {
+    const int k = options_.first_joint;
+    const auto& known = result.first_moment.identifiable;
+    const bool has_moment = std::all_of(known.begin(), known.end(), [](bool told) { return told; });
+    if (!result.mass_visible) {
+      result.missing = fmt::format(
+          "the torque of {} does not depend on the mass of the load, whatever the motion, only on its first "
+          "moment and inertia; use more rows (--rows with a smaller K)",
+          joints(k, n_));
+      if (has_moment) return;
+      result.missing += "; and ";
+    }
+    std::string still, moving;
+    for (int i = k - 1; i < n_; ++i) {
+      std::string& list = result.rows_used[i] * period_ < 2.0 ? still : moving;
+      list += fmt::format("{}{}", list.empty() ? "" : ", ", i + 1);
+    }
+    if (moving.empty()) {
+      result.missing += fmt::format(
+          "the arm stands still ({} not faster than {:g} rad/s for 2 s), and at rest friction hides "
+          "the load; record a motion in which the joints turn both ways and the load changes its attitude "
+          "to gravity",
+          joints(k, n_), options_.standstill_speed);
+    } else if (!still.empty()) {
+      result.missing += fmt::format(
+          "{} at rest; {} moving alone does not tell the mass from the load's first moment; "
+          "record a motion in which several joints, the wrist among them, turn both ways at the same time",
+          named(still), named(moving));
+    } else {
+      result.missing += fmt::format(
+          "{} the motion is too small or too short to tell the mass from the rest; record a longer motion, "
+          "with larger angles, in which the load changes its attitude to gravity",
+          after_change ? "after the last change of load" : "as recorded,");
+    }
+  }
+
+  static std::string joints(int first, int last) {
+    return first == last ? fmt::format("joint {}", last) : fmt::format("joints {} to {}", first, last);
+  }
+  static std::string named(const std::string& list) {
+    return (list.find(',') == std::string::npos ? "joint " : "joints ") + list;
+  }
+
+  model::Dynamics dynamics_;
+  const int n_{dynamics_.num_joints()};
+  const int parameters_{10 + 2 * n_};  ///< of the load, and the change of friction of each joint
+  const data::Log& log_;
+  PayloadRunOptions options_;
+  Eigen::VectorXd x_;
+  Eigen::Matrix<double, 10, 10> T_;
+  statistics::ResidualStatistics residual_;
+  double cutoff_{0.0}, period_{0.0};
+  int skip_until_{-1};
+  Eigen::VectorXd prior_variance_;
+  std::unique_ptr<statistics::BlockJackknife> jackknife_;
+  std::unique_ptr<TorqueScales> scales_;
+  std::vector<Segment> segments_;
+  Eigen::MatrixXd innovations_;
+};
+
+}  // namespace
+
+PayloadRun run_payload(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
+  check(robot, log, options);
+  return Run(robot, log, options).run();
+}
+
+}  // namespace heft::payload

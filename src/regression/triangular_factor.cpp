@@ -1,0 +1,141 @@
+#include "heft/regression/triangular_factor.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Core>
+
+namespace heft::regression {
+namespace {
+
+/// Replaces R by the triangle of [R; rows]. `rows` is overwritten.
+///
+/// Householder reflections that use the triangle's zeros: column j touches R(j, j) and the new rows only, so
+/// m rows cost 2 m p² operations instead of 2 (m + p) p².
+void take_up(Eigen::MatrixXd& R, Eigen::MatrixXd& rows) {
+  const Eigen::Index p = R.cols();
+  Eigen::RowVectorXd work(p);
+  for (Eigen::Index j = 0; j < p; ++j) {
+    const double below = rows.col(j).squaredNorm();
+    if (below == 0.0) continue;
+    // v = [1; x/(α − β)], β = −sign(α)‖[α; x]‖, τ = (β − α)/β: H = I − τ v vᵀ turns [α; x] into [β; 0].
+    const double alpha = R(j, j);
+    const double beta = alpha >= 0.0 ? -std::sqrt(alpha * alpha + below) : std::sqrt(alpha * alpha + below);
+    const double tau = (beta - alpha) / beta;
+    rows.col(j) /= alpha - beta;
+    R(j, j) = beta;
+    const Eigen::Index rest = p - j - 1;
+    if (rest == 0) continue;
+    auto v = rows.col(j);
+    auto right = rows.rightCols(rest);
+    work.head(rest) = R.row(j).tail(rest);
+    work.head(rest).noalias() += v.transpose() * right;
+    work.head(rest) *= tau;
+    R.row(j).tail(rest) -= work.head(rest);
+    right.noalias() -= v * work.head(rest);
+  }
+}
+
+}  // namespace
+
+TriangularFactor::TriangularFactor(int columns) : R_(Eigen::MatrixXd::Zero(columns + 1, columns + 1)) {}
+
+void TriangularFactor::add(const Eigen::Ref<const Eigen::MatrixXd>& W,
+                           const Eigen::Ref<const Eigen::VectorXd>& y) {
+  // A few rows at a time stay in the cache.
+  constexpr Eigen::Index kRows = 128;
+  const Eigen::Index p = columns();
+  for (Eigen::Index first = 0; first < W.rows(); first += kRows) {
+    const Eigen::Index m = std::min(kRows, W.rows() - first);
+    Eigen::MatrixXd rows(m, p + 1);
+    rows.leftCols(p) = W.middleRows(first, m);
+    rows.col(p) = y.segment(first, m);
+    take_up(R_, rows);
+  }
+  rows_ += static_cast<long>(W.rows());
+}
+
+void TriangularFactor::add(const TriangularFactor& other, double weight) {
+  if (other.rows_ == 0) return;
+  Eigen::MatrixXd rows = other.R_ * std::sqrt(weight);
+  take_up(R_, rows);
+  rows_ += other.rows_;
+}
+
+double TriangularFactor::squared_error(const Eigen::VectorXd& beta) const {
+  const double rest = R_(columns(), columns());
+  return (R_.topLeftCorner(columns(), columns()).triangularView<Eigen::Upper>() * beta - z()).squaredNorm() +
+         rest * rest;
+}
+
+BlockFactors::BlockFactors(int joints, int columns, double block, int max_blocks)
+    : joints_(joints), columns_(columns), length_(block), max_blocks_(max_blocks) {}
+
+BlockFactors::Block& BlockFactors::block_at(int log, long index) {
+  for (;;) {
+    const auto place = std::lower_bound(blocks_.begin(), blocks_.end(), std::pair(log, index),
+                                        [](const Block& block, const std::pair<int, long>& key) {
+                                          return std::pair(block.log, block.index) < key;
+                                        });
+    if (place != blocks_.end() && place->log == log && place->index == index) return *place;
+    if (num_blocks() < max_blocks_) {
+      return *blocks_.insert(place, Block{log, index,
+                                          std::vector<TriangularFactor>(static_cast<std::size_t>(joints_),
+                                                                        TriangularFactor(columns_))});
+    }
+    const std::size_t before = blocks_.size();
+    merge();
+    index = index >= 0 ? index / 2 : (index - 1) / 2;
+    // Blocks of a log of their own each cannot be merged: then memory grows with the number of logs.
+    if (blocks_.size() == before) ++max_blocks_;
+  }
+}
+
+void BlockFactors::merge() {
+  length_ *= 2.0;
+  std::vector<Block> merged;
+  for (Block& block : blocks_) {
+    block.index = block.index >= 0 ? block.index / 2 : (block.index - 1) / 2;
+    if (!merged.empty() && merged.back().log == block.log && merged.back().index == block.index) {
+      for (std::size_t j = 0; j < block.joints.size(); ++j) merged.back().joints[j].add(block.joints[j]);
+    } else {
+      merged.push_back(std::move(block));
+    }
+  }
+  blocks_ = std::move(merged);
+}
+
+void BlockFactors::add(int log, int joint, const Eigen::Ref<const Eigen::VectorXd>& time,
+                       const Eigen::Ref<const Eigen::MatrixXd>& W,
+                       const Eigen::Ref<const Eigen::VectorXd>& y) {
+  for (Eigen::Index first = 0; first < time.size();) {
+    Block& block = block_at(log, static_cast<long>(std::floor(time[first] / length_)));
+    Eigen::Index end = first;
+    while (end < time.size() && static_cast<long>(std::floor(time[end] / length_)) == block.index) ++end;
+    block.joints[static_cast<std::size_t>(joint)].add(W.middleRows(first, end - first),
+                                                      y.segment(first, end - first));
+    first = end;
+  }
+}
+
+TriangularFactor BlockFactors::joint(int joint) const {
+  TriangularFactor all(columns_);
+  for (const Block& block : blocks_) all.add(block.joints[static_cast<std::size_t>(joint)]);
+  return all;
+}
+
+TriangularFactor BlockFactors::weighted(const Eigen::VectorXd& weights) const {
+  return weighted(weights, std::vector<bool>(blocks_.size(), false));
+}
+
+TriangularFactor BlockFactors::weighted(const Eigen::VectorXd& weights,
+                                        const std::vector<bool>& leave_out) const {
+  TriangularFactor all(columns_);
+  for (std::size_t b = 0; b < blocks_.size(); ++b) {
+    if (leave_out[b]) continue;
+    for (int j = 0; j < joints_; ++j) all.add(blocks_[b].joints[static_cast<std::size_t>(j)], weights[j]);
+  }
+  return all;
+}
+
+}  // namespace heft::regression

@@ -1,0 +1,471 @@
+#include "heft/validate/score.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <functional>
+#include <limits>
+#include <numbers>
+#include <queue>
+
+#include <fmt/format.h>
+#include <unsupported/Eigen/FFT>
+
+#include "heft/data/differentiate.hpp"
+#include "heft/host/error.hpp"
+#include "heft/model/motion_torque.hpp"
+
+namespace heft::validate {
+
+static_assert(model::kSeenAtRest <= kScoreEnd, "no error counts what friction's memory begins with");
+
+namespace {
+
+using Eigen::Index;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// Largest `capacity` values seen.
+class LargestValues {
+ public:
+  explicit LargestValues(std::size_t capacity) : capacity_(capacity) {}
+  void add(double value) {
+    if (heap_.size() < capacity_) {
+      heap_.push(value);
+    } else if (value > heap_.top()) {
+      heap_.pop();
+      heap_.push(value);
+    }
+  }
+  /// The value that `above` of those seen exceed.
+  double exceeded_by(std::size_t above) const {
+    if (heap_.empty()) return kNaN;
+    auto rest = heap_;
+    while (rest.size() > above + 1) rest.pop();
+    return rest.top();
+  }
+
+ private:
+  std::size_t capacity_;
+  std::priority_queue<double, std::vector<double>, std::greater<>> heap_;
+};
+
+/// Welch's averaged spectrum of one signal about its mean: Hann segments, half overlapping.
+class Spectrum {
+ public:
+  explicit Spectrum(Index length) : length_(length), power_(Eigen::VectorXd::Zero(length / 2 + 1)) {
+    window_ = Eigen::VectorXd::NullaryExpr(length, [length](Index k) {
+      return 0.5 -
+             0.5 * std::cos(2.0 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(length));
+    });
+    fft_.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+    fft_.fwd(window_transform_, window_);
+    pending_.reserve(static_cast<std::size_t>(length));
+  }
+  void add(double value) {
+    sum_ += value;
+    ++count_;
+    pending_.push_back(value);
+    if (static_cast<Index>(pending_.size()) == length_) {
+      const Eigen::Map<const Eigen::VectorXd> segment(pending_.data(), length_);
+      const Eigen::VectorXd windowed = segment.cwiseProduct(window_);
+      Eigen::VectorXcd transform;
+      fft_.fwd(transform, windowed);
+      power_ += transform.cwiseAbs2();
+      // A Hann window leaks the mean into the two lowest bins alone.
+      low_[0] += transform[0];
+      low_[1] += transform[1];
+      ++segments_;
+      pending_.erase(pending_.begin(), pending_.begin() + length_ / 2);
+    }
+  }
+  /// Signals on both sides of a break share no segment.
+  void interrupt() { pending_.clear(); }
+
+  long segments() const { return segments_; }
+  /// Mean |FFT|² of a segment, the mean of the whole signal taken out.
+  Eigen::VectorXd power() const {
+    const double mean = count_ > 0 ? sum_ / static_cast<double>(count_) : 0.0;
+    Eigen::VectorXd power = power_ / static_cast<double>(segments_);
+    for (Index k = 0; k < 2; ++k) {
+      const std::complex<double> W = window_transform_[k];
+      // |X − m W|² = |X|² − 2 m Re(X W*) + m² |W|²
+      power[k] += -2.0 * mean * std::real(low_[static_cast<std::size_t>(k)] * std::conj(W)) /
+                      static_cast<double>(segments_) +
+                  mean * mean * std::norm(W);
+      power[k] = std::max(power[k], 0.0);
+    }
+    return power;
+  }
+  /// Autocorrelation at lags 0, 1, ... of half a segment, from a power() of this spectrum; 1 at lag 0.
+  Eigen::VectorXd autocorrelation(const Eigen::VectorXd& power) const {
+    // The inverse transform of |X|² is the circular autocovariance of the windowed segment; the window's own
+    // takes its shape out. Circular wrapping is negligible while both ends of the window are near 0.
+    Eigen::FFT<double> fft;
+    fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
+    Eigen::VectorXd of_signal, of_window;
+    const Eigen::VectorXcd signal_power = power.cast<std::complex<double>>();
+    const Eigen::VectorXcd window_power = window_transform_.cwiseAbs2().cast<std::complex<double>>();
+    fft.inv(of_signal, signal_power, length_);
+    fft.inv(of_window, window_power, length_);
+    const Index lags = length_ / 4;
+    Eigen::VectorXd rho = of_signal.head(lags).cwiseQuotient(of_window.head(lags));
+    return rho / rho[0];
+  }
+
+ private:
+  Index length_;
+  Eigen::VectorXd window_, power_;
+  Eigen::VectorXcd window_transform_;
+  std::array<std::complex<double>, 2> low_{};
+  std::vector<double> pending_;
+  Eigen::FFT<double> fft_;
+  double sum_{0.0};
+  long count_{0}, segments_{0};
+};
+
+/// Segments of up to ten seconds, at least four in the log.
+Index segment_length(double sample_rate, double duration) {
+  const double most = std::min({10.0 * sample_rate, duration * sample_rate / 2.5, 32768.0});
+  Index length = 32;
+  while (2.0 * static_cast<double>(length) <= most) length *= 2;
+  return length;
+}
+
+}  // namespace
+
+// Scores -------------------------------------------------------------------------------------------------------
+
+struct TorqueScorer::Impl {
+  explicit Impl(const Setup& given)
+      : setup(given),
+        n(given.max_torque.size()),
+        filtered(given.band > 0 && given.band < 0.5 * given.sample_rate) {
+    const Eigen::VectorXd zero = Eigen::VectorXd::Zero(n);
+    squares = sum = torque_sum = torque_squares = band_squares = shift = zero;
+    moving_squares = moving_band_squares = zero;
+    // Rows that exceed the quantile, and some to spare for rows whose number is not known beforehand.
+    const auto above = static_cast<std::size_t>(static_cast<double>(std::max(0L, setup.samples)) / 1000.0);
+    largest.assign(static_cast<std::size_t>(n), LargestValues(above + 2));
+    ends = setup.end - setup.begin > 2.0 * kScoreEnd;
+    const Index length = segment_length(setup.sample_rate, setup.end - setup.begin);
+    for (Index j = 0; j < n; ++j) spectra.emplace_back(length);
+    segment = length;
+    // The slowest pole of the low-pass, Q = 1.3066, fades as exp(−2.4 f t): after 6/f it has gone to 6e-7.
+    if (filtered) margin = static_cast<Index>(std::ceil(6.0 / setup.band * setup.sample_rate));
+    buffer.resize(0, n);
+    buffer_time.resize(0);
+  }
+
+  bool counts(double time) const {
+    // Time stamps near the border may be rounded.
+    constexpr double kRounding = 1e-9;
+    return !ends ||
+           (time >= setup.begin + kScoreEnd - kRounding && time <= setup.end - kScoreEnd + kRounding);
+  }
+  bool moves(double time) const { return time >= setup.moving_from && time <= setup.moving_to; }
+  bool in_gap(double time) const {
+    return std::any_of(setup.gaps.begin(), setup.gaps.end(),
+                       [time](const data::TimeGap& gap) { return time > gap.begin && time < gap.end; });
+  }
+
+  /// Filters what has come in and counts it; keeps what the next rows need for their margin.
+  void filter(bool last) {
+    const Index rows = buffer_time.size();
+    const Index stop = last ? rows : rows - margin;
+    if (stop <= fresh) return;
+    const Eigen::MatrixXd low = data::low_pass_zero_phase(buffer, setup.sample_rate, setup.band);
+    for (Index k = fresh; k < stop; ++k) {
+      if (!counts(buffer_time[k]) || in_gap(buffer_time[k])) continue;
+      band_squares += low.row(k).transpose().cwiseAbs2();
+      ++band_count;
+      if (!moves(buffer_time[k])) continue;
+      moving_band_squares += low.row(k).transpose().cwiseAbs2();
+      ++moving_band_count;
+    }
+    const Index from = std::max<Index>(0, stop - margin);
+    buffer = buffer.bottomRows(rows - from).eval();
+    buffer_time = buffer_time.tail(rows - from).eval();
+    fresh = stop - from;
+  }
+
+  void whiteness(Score& score) const {
+    score.correlated_share = score.correlated_below = score.correlation_time =
+        Eigen::VectorXd::Constant(n, kNaN);
+    for (Index j = 0; j < n; ++j) {
+      const Spectrum& spectrum = spectra[static_cast<std::size_t>(j)];
+      if (spectrum.segments() < 2) continue;
+      const Eigen::VectorXd power = spectrum.power();
+      const Eigen::VectorXd rho = spectrum.autocorrelation(power);
+      double time = 1.0;
+      for (Index k = 1; k < rho.size() && rho[k] > 0.05; ++k) time += 2.0 * rho[k];
+      score.correlation_time[j] = time / setup.sample_rate;
+      // Bins 1 .. L/2 − 1: the mean and the highest frequency stand alone.
+      const Eigen::VectorXd inner = power.segment(1, power.size() - 2);
+      std::vector<double> upper(inner.data() + inner.size() / 2, inner.data() + inner.size());
+      std::nth_element(upper.begin(), upper.begin() + static_cast<std::ptrdiff_t>(upper.size() / 2),
+                       upper.end());
+      // Median of a mean of K exponentials: (1 − 1/(9K))³ of its mean (Wilson and Hilferty).
+      const double median_share = std::pow(1.0 - 1.0 / (9.0 * static_cast<double>(spectrum.segments())), 3);
+      const double level = upper[upper.size() / 2] / median_share;
+      const double total = inner.sum();
+      if (!(total > 0)) {
+        score.correlated_share[j] = 0.0;
+        continue;
+      }
+      const double correlated = total - level * static_cast<double>(inner.size());
+      score.correlated_share[j] = std::clamp(correlated / total, 0.0, 1.0);
+      if (!(correlated > 0)) continue;
+      double above = 0.0;
+      for (Index k = 0; k < inner.size(); ++k) {
+        above += inner[k] - level;
+        if (above >= 0.9 * correlated) {
+          score.correlated_below[j] =
+              static_cast<double>(k + 1) * setup.sample_rate / static_cast<double>(segment);
+          break;
+        }
+      }
+    }
+  }
+
+  Setup setup;
+  Index n;
+  bool filtered;
+  bool ends{true};
+  long count{0}, band_count{0}, moving_count{0}, moving_band_count{0};
+  Eigen::VectorXd squares, sum, torque_sum, torque_squares, band_squares, shift;
+  Eigen::VectorXd moving_squares, moving_band_squares;
+  std::vector<LargestValues> largest;
+  std::vector<Spectrum> spectra;
+  Index segment{0}, margin{0}, fresh{0};
+  Eigen::MatrixXd buffer;
+  Eigen::VectorXd buffer_time;
+  bool was_in_gap{false};
+};
+
+TorqueScorer::TorqueScorer(const Setup& setup) : impl_(std::make_unique<Impl>(setup)) {}
+TorqueScorer::~TorqueScorer() = default;
+TorqueScorer::TorqueScorer(TorqueScorer&&) noexcept = default;
+TorqueScorer& TorqueScorer::operator=(TorqueScorer&&) noexcept = default;
+
+void TorqueScorer::add_rows(const Eigen::Ref<const Eigen::VectorXd>& time,
+                            const Eigen::Ref<const Eigen::MatrixXd>& measured,
+                            const Eigen::Ref<const Eigen::MatrixXd>& predicted) {
+  Impl& s = *impl_;
+  for (Index k = 0; k < time.size(); ++k) {
+    if (!s.counts(time[k])) continue;
+    // Sums about the first torque, so that a large mean does not drown a small variance.
+    if (s.count == 0) s.shift = measured.row(k);
+    ++s.count;
+    const bool moves = s.moves(time[k]);
+    if (moves) ++s.moving_count;
+    for (Index j = 0; j < s.n; ++j) {
+      const double residual = measured(k, j) - predicted(k, j);
+      if (moves) s.moving_squares[j] += residual * residual;
+      const double torque = measured(k, j) - s.shift[j];
+      s.squares[j] += residual * residual;
+      s.sum[j] += residual;
+      s.torque_sum[j] += torque;
+      s.torque_squares[j] += torque * torque;
+      s.largest[static_cast<std::size_t>(j)].add(std::abs(residual));
+    }
+  }
+}
+
+void TorqueScorer::add_grid(const Eigen::Ref<const Eigen::VectorXd>& time,
+                            const Eigen::Ref<const Eigen::MatrixXd>& residual) {
+  Impl& s = *impl_;
+  for (Index k = 0; k < time.size(); ++k) {
+    if (s.in_gap(time[k])) {
+      if (!s.was_in_gap) {
+        for (Spectrum& spectrum : s.spectra) spectrum.interrupt();
+      }
+      s.was_in_gap = true;
+      continue;
+    }
+    s.was_in_gap = false;
+    if (!s.counts(time[k])) continue;
+    for (Index j = 0; j < s.n; ++j) s.spectra[static_cast<std::size_t>(j)].add(residual(k, j));
+  }
+  if (!s.filtered) return;
+  const Index before = s.buffer_time.size();
+  s.buffer.conservativeResize(before + time.size(), s.n);
+  s.buffer.bottomRows(time.size()) = residual;
+  s.buffer_time.conservativeResize(before + time.size());
+  s.buffer_time.tail(time.size()) = time;
+  // Work in pieces several margins long, or the margins would be the work.
+  if (s.buffer_time.size() - s.fresh > 6 * s.margin + 4096) s.filter(false);
+}
+
+Score TorqueScorer::finish() {
+  Impl& s = *impl_;
+  if (s.filtered) s.filter(true);
+  Score score;
+  score.log = s.setup.log;
+  score.samples = s.count;
+  score.ends_left_out = s.ends;
+  score.band = s.filtered && s.band_count > 0 ? s.setup.band : 0.0;
+  score.sample_rate = s.setup.sample_rate;
+  score.max_torque = s.setup.max_torque;
+  const auto rows = static_cast<double>(s.count);
+  score.rmse = (s.squares / rows).cwiseSqrt();
+  score.bias = s.sum / rows;
+  score.torque_mean = s.shift + s.torque_sum / rows;
+  score.torque_variance = (s.torque_squares / rows - (s.torque_sum / rows).cwiseAbs2()).cwiseMax(0.0);
+  score.rmse_in_band = Eigen::VectorXd::Constant(s.n, kNaN);
+  if (score.band > 0) score.rmse_in_band = (s.band_squares / static_cast<double>(s.band_count)).cwiseSqrt();
+  score.samples_moving = s.moving_count;
+  const auto moving_rmse = [&](const Eigen::VectorXd& squares, long rows_moving) -> Eigen::VectorXd {
+    if (rows_moving == 0) return Eigen::VectorXd::Constant(s.n, kNaN);
+    return (squares / static_cast<double>(rows_moving)).cwiseSqrt();
+  };
+  score.rmse_moving = moving_rmse(s.moving_squares, s.moving_count);
+  score.rmse_in_band_moving = moving_rmse(s.moving_band_squares, s.moving_band_count);
+  const auto percent = [&](const Eigen::VectorXd& error) {
+    return Eigen::VectorXd::NullaryExpr(
+               s.n,
+               [&](Index j) {
+                 return score.max_torque[j] > 0 ? 100.0 * error[j] / score.max_torque[j] : kNaN;
+               })
+        .eval();
+  };
+  score.percent_of_max = percent(score.rmse);
+  score.in_band_percent_of_max = percent(score.rmse_in_band);
+  score.r2.resize(s.n);
+  score.quantile_999.resize(s.n);
+  for (Index j = 0; j < s.n; ++j) {
+    score.r2[j] = score.torque_variance[j] > 0 ? 1.0 - s.squares[j] / rows / score.torque_variance[j] : kNaN;
+    score.quantile_999[j] =
+        s.largest[static_cast<std::size_t>(j)].exceeded_by(static_cast<std::size_t>(rows / 1000.0));
+  }
+  s.whiteness(score);
+  return score;
+}
+
+double default_band(double motion_bandwidth) { return std::max(1.0, 5.0 * motion_bandwidth); }
+
+Score score(const model::Robot& robot, const data::MotionStream& log, const ScoreOptions& options) {
+  const data::StreamSummary& summary = log.summary();
+  const Index n = robot.num_joints();
+  if (summary.num_joints != n) {
+    throw DataError(
+        fmt::format("{}: {} joints; expected {}, as robot \"{}\" has; use the model of the robot that "
+                    "made the log",
+                    summary.path, summary.num_joints, n, robot.name));
+  }
+  if (summary.max_torque.size() != n) {
+    throw DataError(
+        fmt::format("{}: no torque; expected tau1..tau{} to compare the model with", summary.path, n));
+  }
+  // The bandwidth is known unless the stream was given its cut-off.
+  const double band = options.band > 0                               ? options.band
+                      : summary.bandwidth == 0 && summary.cutoff > 0 ? summary.cutoff
+                                                                     : default_band(summary.bandwidth);
+  TorqueScorer scorer({summary.path, summary.begin, summary.end, summary.samples, summary.max_torque,
+                       summary.sample_rate, band, summary.gaps, summary.moving_from, summary.moving_to});
+  // One for the log's rows, one for the grid: both carry friction's memory and deflections from piece to piece.
+  model::MotionTorque on_rows(robot), on_grid(robot);
+  const auto predict = [&](model::MotionTorque& motion, const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
+                           const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
+                           const Eigen::MatrixXd& steps, Index first, Index count) {
+    Eigen::MatrixXd displacement;
+    if (steps.cols() > 0) displacement = steps.middleRows(first, count);
+    return motion.torque(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
+                         qd.middleRows(first, count), qdd.middleRows(first, count), options.sign_width,
+                         displacement);
+  };
+  bool started = false;
+  log.for_each(
+      [&](const data::MotionChunk& piece) {
+        if (!started) {
+          const auto start = [&](model::MotionTorque& motion, const Eigen::VectorXd& time,
+                                 const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
+                                 const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau, Index first,
+                                 Index count) {
+            motion.start_from(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
+                              qd.middleRows(first, count), qdd.middleRows(first, count),
+                              tau.middleRows(first, count), options.sign_width);
+          };
+          start(on_rows, piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_tau, 0,
+                piece.row_time.size());
+          start(on_grid, piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.begin, piece.count);
+          started = true;
+        }
+        const Eigen::MatrixXd predicted =
+            predict(on_rows, piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_displacement,
+                    0, piece.row_time.size());
+        scorer.add_rows(piece.row_time, piece.row_tau, predicted);
+        if (options.rows) options.rows(piece.row_time, piece.row_tau, predicted);
+        const Index begin = piece.begin, count = piece.count;
+        // On a log with even time stamps the grid is the log's own.
+        const bool same = !summary.resampled && count == piece.row_time.size();
+        const Eigen::MatrixXd even = same ? predicted
+                                          : predict(on_grid, piece.time, piece.q, piece.qd, piece.qdd,
+                                                    piece.displacement, begin, count);
+        scorer.add_grid(piece.time.segment(begin, count), piece.tau.middleRows(begin, count) - even);
+      },
+      options.progress);
+  return scorer.finish();
+}
+
+std::string describe_residual(const Score& score, int joint) {
+  const double share = score.correlated_share[joint];
+  if (!std::isfinite(share)) return "too few samples to tell noise from what the model misses";
+  if (share <= kWhiteShare) {
+    return fmt::format("white: {:.0f} % of the variance is correlated in time, the rest is noise",
+                       100.0 * share);
+  }
+  const double below = score.correlated_below[joint];
+  return fmt::format(
+      "{:.0f} % of the variance is correlated in time, nine tenths of that below {:.{}f} Hz: what the model "
+      "misses, not noise",
+      100.0 * share, below, below < 10.0 ? 1 : 0);
+}
+
+Score pool(const std::vector<Score>& scores) {
+  const auto longest = std::max_element(scores.begin(), scores.end(),
+                                        [](const Score& a, const Score& b) { return a.samples < b.samples; });
+  Score all = *longest;
+  if (scores.size() == 1) return all;
+  all.log.clear();
+  const Index n = all.rmse.size();
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(n), band_squares = squares, bias = squares, mean = squares,
+                  torque_squares = squares, moving_squares = squares, moving_band_squares = squares;
+  all.samples = all.samples_moving = 0;
+  for (const Score& part : scores) {
+    const auto weight = static_cast<double>(part.samples);
+    all.samples += part.samples;
+    all.ends_left_out = all.ends_left_out && part.ends_left_out;
+    squares += weight * part.rmse.cwiseAbs2();
+    band_squares += weight * part.rmse_in_band.cwiseAbs2();
+    if (part.samples_moving > 0) {
+      const auto moving = static_cast<double>(part.samples_moving);
+      all.samples_moving += part.samples_moving;
+      moving_squares += moving * part.rmse_moving.cwiseAbs2();
+      moving_band_squares += moving * part.rmse_in_band_moving.cwiseAbs2();
+    }
+    bias += weight * part.bias;
+    mean += weight * part.torque_mean;
+    torque_squares += weight * (part.torque_variance + part.torque_mean.cwiseAbs2());
+    all.max_torque = all.max_torque.cwiseMax(part.max_torque);
+    all.quantile_999 = all.quantile_999.cwiseMax(part.quantile_999);
+  }
+  const auto rows = static_cast<double>(all.samples);
+  all.rmse = (squares / rows).cwiseSqrt();
+  all.rmse_in_band = (band_squares / rows).cwiseSqrt();
+  const double moving = all.samples_moving > 0 ? static_cast<double>(all.samples_moving) : kNaN;
+  all.rmse_moving = (moving_squares / moving).cwiseSqrt();
+  all.rmse_in_band_moving = (moving_band_squares / moving).cwiseSqrt();
+  all.bias = bias / rows;
+  all.torque_mean = mean / rows;
+  all.torque_variance = (torque_squares / rows - all.torque_mean.cwiseAbs2()).cwiseMax(0.0);
+  for (Index j = 0; j < n; ++j) {
+    const double largest = all.max_torque[j] > 0 ? all.max_torque[j] : kNaN;
+    all.percent_of_max[j] = 100.0 * all.rmse[j] / largest;
+    all.in_band_percent_of_max[j] = 100.0 * all.rmse_in_band[j] / largest;
+    all.r2[j] = all.torque_variance[j] > 0 ? 1.0 - squares[j] / rows / all.torque_variance[j] : kNaN;
+  }
+  return all;
+}
+
+}  // namespace heft::validate

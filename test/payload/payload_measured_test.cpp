@@ -1,0 +1,131 @@
+/// The load on measured logs of a UR10e: 2.805 kg, and none.
+#include <cmath>
+#include <filesystem>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heft/data/log.hpp"
+#include "heft/payload/payload_run.hpp"
+#include "heft/payload/recursive_fit.hpp"
+#include "heft/urdf/urdf_import.hpp"
+
+namespace heft::payload {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kMass = 2.805;
+/// What the torque constants are uncertain by, in mass: they differ by up to 3 % from joint to joint.
+constexpr double kTorqueScale = 0.02 * kMass;
+
+class MeasuredUr10e : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(folder())) GTEST_SKIP() << "no measured logs at " << folder();
+  }
+  static std::string folder() { return HEFT_DATA_DIR "/ur10e-dynamic-calibration"; }
+  static model::Robot robot() { return urdf::load_urdf(folder() + "/robot.urdf"); }
+  static data::Log log(const std::string& name) {
+    data::LogRequirements needs;
+    needs.num_joints = 6;
+    needs.torque = true;
+    return data::read_log(folder() + "/" + name + ".csv", needs);
+  }
+
+  /// Load found on a log by the model of another one.
+  static PayloadRun run(const std::string& name, int k = 1, const std::string& baseline = "exc-12h-50s") {
+    const RecursiveFit fit = fit_recursively(robot(), {log(baseline)});
+    model::Robot arm = robot();
+    model::apply(fit.model, arm);
+    PayloadRunOptions options;
+    options.first_joint = k;
+    options.residual = fit.residual;
+    options.model_covariance = fit.model.covariance;
+    return run_payload(arm, log(name), options);
+  }
+};
+
+TEST_F(MeasuredUr10e, WeighsTheKnownLoad) {
+  for (const int k : {1, 2, 3, 4}) {
+    const PayloadRun found = run("exc-14h-50s-load2p805kg", k);
+    ASSERT_TRUE(found.mass.identifiable[0]);
+    EXPECT_NEAR(found.mass.value[0], kMass, 0.05 * kMass) << "k = " << k;
+    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale) << "k = " << k;
+    EXPECT_LT(found.mass.half_width[0], 0.1) << "k = " << k;
+    EXPECT_TRUE(found.changes.empty());
+  }
+}
+
+TEST_F(MeasuredUr10e, WeighsTheKnownLoadWhateverItsModelWasFittedTo) {
+  for (const char* baseline : {"exc-8h-20s", "exc-10h-20s", "exc-12h-40s", "exc-14h-50s", "ptp-10-points"}) {
+    const PayloadRun found = run("exc-14h-50s-load2p805kg", 1, baseline);
+    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale) << baseline;
+    EXPECT_NEAR(found.mass.value[0], kMass, 0.03 * kMass) << baseline;
+    EXPECT_LT(found.mass.half_width[0], 0.12) << baseline;
+  }
+}
+
+TEST_F(MeasuredUr10e, FindsNoLoadWhereThereIsNone) {
+  for (const char* name : {"exc-8h-20s", "exc-10h-20s", "exc-12h-20s", "exc-12h-30s", "exc-12h-40s",
+                           "exc-14h-50s", "ptp-10-points"}) {
+    const PayloadRun found = run(name);
+    ASSERT_TRUE(found.mass.identifiable[0]) << name;
+    EXPECT_LT(std::abs(found.mass.value[0]), 0.05) << name;
+    EXPECT_LT(std::abs(found.mass.value[0]), found.mass.half_width[0]) << name;
+    EXPECT_TRUE(found.changes.empty()) << name;
+  }
+}
+
+TEST_F(MeasuredUr10e, OneJointAtATimeDoesNotTellTheMass) {
+  for (const char* name : {"jointwise-j2", "jointwise-j5"}) {
+    const PayloadRun found = run(name);
+    EXPECT_FALSE(found.mass.identifiable[0]) << name;
+    EXPECT_THAT(found.missing, HasSubstr("at rest")) << name;
+    EXPECT_TRUE(found.changes.empty()) << name;
+  }
+}
+
+TEST_F(MeasuredUr10e, APersonWhoPushesTheStandingArmIsNoLoad) {
+  const PayloadRun found = run("push-pose-1");
+  EXPECT_FALSE(found.mass.identifiable[0]);
+  EXPECT_TRUE(found.changes.empty());
+  EXPECT_EQ(found.rows_used.sum(), 0);
+  EXPECT_THAT(found.missing, HasSubstr("stands still"));
+}
+
+TEST_F(MeasuredUr10e, ALoadTakenUpHalfWayIsSeenAtOnce) {
+  // Both logs follow the same trajectory, 1.18 s apart: the empty one until 28 s, then the loaded one.
+  const data::Log empty = log("exc-14h-50s"), loaded = log("exc-14h-50s-load2p805kg");
+  constexpr double kShift = 1.18, kGrasp = 28.0;
+  Eigen::Index head = 0, from = 0;
+  while (empty.time[head] < kGrasp) ++head;
+  while (loaded.time[from] - kShift < kGrasp + 0.005) ++from;
+  const Eigen::Index tail = loaded.num_samples() - from;
+  data::Log spliced;
+  spliced.path = "spliced";
+  spliced.time.resize(head + tail);
+  spliced.time << empty.time.head(head), loaded.time.tail(tail).array() - kShift;
+  for (Eigen::MatrixXd data::Log::*channel : {&data::Log::q, &data::Log::qd, &data::Log::tau}) {
+    (spliced.*channel).resize(head + tail, 6);
+    spliced.*channel << (empty.*channel).topRows(head), (loaded.*channel).bottomRows(tail);
+  }
+  const RecursiveFit fit = fit_recursively(robot(), {log("exc-12h-50s")});
+  model::Robot arm = robot();
+  model::apply(fit.model, arm);
+  PayloadRunOptions options;
+  options.residual = fit.residual;
+  options.model_covariance = fit.model.covariance;
+  const PayloadRun found = run_payload(arm, spliced, options);
+  ASSERT_EQ(found.changes.size(), 1U);
+  EXPECT_NEAR(found.changes[0].time, kGrasp, 0.2);
+  EXPECT_NEAR(found.changes[0].mass_before, 0, 0.1);
+  EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale);
+  EXPECT_LT(found.mass.half_width[0], 0.2);
+  ASSERT_TRUE(found.converged_at.has_value());
+  EXPECT_LT(*found.converged_at, kGrasp + 5);
+}
+
+}  // namespace
+}  // namespace heft::payload
