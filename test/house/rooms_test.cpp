@@ -31,7 +31,8 @@ const std::map<std::string, std::set<std::string>>& allowed() {
       {"identify", {"core", "host", "model", "data", "statistics", "regression", "validate"}},
       {"collision", {"core", "host", "model"}},
       {"excite", {"core", "host", "model", "data", "sim", "collision", "regression"}},
-      {"diagnose", {"core", "host", "model", "data", "statistics", "regression", "validate"}}};
+      {"diagnose", {"core", "host", "model", "data", "statistics", "regression", "validate"}},
+      {"report", {"core", "host", "model", "data", "statistics", "page", "validate", "payload", "stiffness", "identify", "diagnose", "plausibility"}}};
   return table;
 }
 

@@ -182,11 +182,11 @@ const ClosedLoop& closed_loop() {
   return result;
 }
 
-double rms(const TrackingRun& run) {
+double rms(const report::TrackingRun& run) {
   return std::sqrt(run.error.squaredNorm() / static_cast<double>(run.error.size()));
 }
 
-double rms_of_joint(const TrackingRun& run, Eigen::Index joint) {
+double rms_of_joint(const report::TrackingRun& run, Eigen::Index joint) {
   return std::sqrt(run.error.col(joint).squaredNorm() / static_cast<double>(run.error.rows()));
 }
 

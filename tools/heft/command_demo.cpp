@@ -20,7 +20,7 @@
 #include "heft/validate/judgement.hpp"
 #include "operation_count_line.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "parallel.hpp"
 #include "payload_result.hpp"
 #include "sim_controllers.hpp"

@@ -25,7 +25,7 @@
 #include "heft/model/model_file.hpp"
 #include "heft/model/physical_links.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 
 namespace heft::tools {
 namespace {

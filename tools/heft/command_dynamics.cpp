@@ -19,7 +19,7 @@
 #include "heft/model/motion_torque.hpp"
 #include "heft/page/page.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {

@@ -19,7 +19,7 @@
 #include "heft/page/page.hpp"
 #include "motion_safety.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "parallel.hpp"
 
 namespace heft::tools {

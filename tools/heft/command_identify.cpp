@@ -30,7 +30,7 @@
 #include "heft/urdf/urdf_import.hpp"
 #include "heft/validate/score.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {

@@ -21,7 +21,7 @@
 #include "heft/payload/recursive_fit.hpp"
 #include "heft/validate/judgement.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "payload_result.hpp"
 #include "torque_score.hpp"
 

@@ -14,7 +14,7 @@
 #include "heft/host/file.hpp"
 #include "heft/page/page.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "scenario_input.hpp"
 #include "torque_score.hpp"
 

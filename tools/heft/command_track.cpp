@@ -19,7 +19,7 @@
 #include "heft/page/page.hpp"
 #include "heft/validate/judgement.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "parallel.hpp"
 #include "payload_result.hpp"
 #include "scenario_input.hpp"

@@ -25,7 +25,7 @@
 #include "heft/validate/judgement.hpp"
 #include "heft/validate/score.hpp"
 #include "options.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "torque_score.hpp"
 
 namespace heft::tools {

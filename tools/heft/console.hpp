@@ -9,7 +9,11 @@
 #include <fmt/format.h>
 #include <nlohmann/json_fwd.hpp>
 
+namespace heft::report {}
+
 namespace heft::tools {
+
+using namespace report;
 
 /// Writes text to a stream; lines are broken to the width of a terminal. Never throws: what could not be written is
 /// kept in mind for lost_output(), so that a command goes on to write its files.

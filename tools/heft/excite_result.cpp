@@ -6,7 +6,8 @@
 #include <fmt/format.h>
 
 #include "motion_result.hpp"
-#include "page.hpp"
+#include "console.hpp"
+#include "page_lines.hpp"
 
 namespace heft::tools {
 namespace {

@@ -21,7 +21,7 @@
 #include "heft/host/signals.hpp"
 #include "heft/urdf/urdf_export.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "spelling.hpp"
 
 namespace heft::tools {

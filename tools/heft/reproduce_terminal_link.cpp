@@ -14,7 +14,7 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/page/page.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "payload_result.hpp"
 #include "report_folder.hpp"
 #include "reproduce.hpp"

@@ -13,7 +13,7 @@
 
 #include "console.hpp"
 #include "heft/page/page.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "report_folder.hpp"
 #include "reproduce.hpp"
 #include "ur5_stiffness_study.hpp"

@@ -15,7 +15,7 @@
 #include "heft/stiffness/judgement.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "stiffness_forward.hpp"
 #include "stiffness_jobs.hpp"
 

@@ -18,7 +18,7 @@
 #include "heft/model/model_file.hpp"
 #include "heft/stiffness/cartesian_stiffness.hpp"
 #include "heft/stiffness/dexterity.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 
 namespace heft::tools {
 

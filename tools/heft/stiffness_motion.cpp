@@ -15,7 +15,7 @@
 #include "heft/host/error.hpp"
 #include "heft/stiffness/joint_encoders.hpp"
 #include "heft/stiffness/judgement.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "stiffness_forward.hpp"
 #include "stiffness_jobs.hpp"
 #include "torque_score.hpp"

@@ -12,10 +12,10 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/diagnose/judgement.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "torque_score.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 namespace {
 
 using diagnose::Diagnosis;
@@ -799,4 +799,4 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   return json;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::report

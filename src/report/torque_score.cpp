@@ -10,7 +10,7 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/validate/acceptance.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 namespace {
 
 /// Steps of a trace: about as many as a plot has pixels.
@@ -311,4 +311,4 @@ std::vector<page::PlotSpec> torque_plots(const data::Log& log, const Eigen::Matr
   return plots;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::report

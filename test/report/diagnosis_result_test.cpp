@@ -71,13 +71,13 @@ Finding stribeck() {
   return finding;
 }
 
-const DiagnosisContext kContext{
+const report::DiagnosisContext kContext{
     {"a.csv"}, {"b.csv"}, "motor", "heft diagnose --urdf arm --log a.csv --validate b.csv"};
 
 TEST(DiagnosisVerdict, NamesJointEffectAndWhatItIsWorth) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
-  EXPECT_EQ(diagnosis_verdict(diagnosis),
+  EXPECT_EQ(report::diagnosis_verdict(diagnosis),
             "Joint 1 lacks Stribeck friction: adding it cuts its error on the validation log from 0.430 to "
             "0.290 N·m "
             "(−33 %).");
@@ -88,7 +88,7 @@ TEST(DiagnosisVerdict, SaysWhatTheMotionCannotTellApart) {
   diagnosis.findings = {stribeck()};
   diagnosis.findings[0].kind = "offset";
   diagnosis.findings[0].equivalent = {{"spring", 0, 0.0}};
-  EXPECT_THAT(diagnosis_verdict(diagnosis),
+  EXPECT_THAT(report::diagnosis_verdict(diagnosis),
               EndsWith("In this motion it cannot be told from a spring in joint 1."));
 }
 
@@ -100,7 +100,7 @@ TEST(DiagnosisVerdict, ListsSeveralEffects) {
   diagnosis.findings = {stribeck(), delay};
   diagnosis.validate_after = score_of(0.29, 0.3);
   EXPECT_EQ(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       "2 effects are missing: Stribeck friction in joint 1 and a delay of the torque channel. With all "
       "of them the error on the validation log falls most in joint 2 (0.600 → 0.300 N, −50 %) and joint 1 "
       "(0.430 → 0.290 N·m, −33 %).");
@@ -118,7 +118,7 @@ TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
                         of("ripple", 0)};
   diagnosis.unexplained = {{0, "this", {}}, {1, "that", {}}, {1, "more", {}}};
   EXPECT_EQ(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       "5 effects are missing, the strongest Stribeck friction in joint 1, a torque offset in joints 1 and 2 "
       "and a spring in joint 1. With all of them the error on the validation log falls most in "
       "joint 1 (0.430 → 0.290 N·m, −33 %). Something else is left that heft does not know: in joints 1 "
@@ -131,13 +131,13 @@ TEST(DiagnosisVerdict, NamesPreslidingOfTwoDistancesOnce) {
   memory.kind = "hysteresis";
   diagnosis.findings = {memory, memory, stribeck()};
   EXPECT_THAT(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       StartsWith("3 effects are missing: presliding (friction hysteresis) in joint 1 and Stribeck friction "
                  "in joint 1. "));
   // Where each has its own place, it is told that it is one of two.
-  EXPECT_THAT(finding_in_place(diagnosis, diagnosis.findings[1]),
+  EXPECT_THAT(report::finding_in_place(diagnosis, diagnosis.findings[1]),
               EndsWith("in joint 1, one of two distances"));
-  EXPECT_THAT(finding_in_place(diagnosis, diagnosis.findings[2]), EndsWith("in joint 1"));
+  EXPECT_THAT(report::finding_in_place(diagnosis, diagnosis.findings[2]), EndsWith("in joint 1"));
 }
 
 TEST(DiagnosisVerdict, NamesOtherJointsThatGainMuch) {
@@ -150,20 +150,20 @@ TEST(DiagnosisVerdict, NamesOtherJointsThatGainMuch) {
   coupling.validate_after = 0.5;
   diagnosis.findings = {coupling};
   EXPECT_THAT(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       EndsWith("cuts joint 2's error on the validation log from 0.600 to 0.500 N (−17 %), and that of "
                "joint 1 (0.430 → 0.290 N·m, −33 %)."));
 }
 
 TEST(DiagnosisVerdict, TellsNothingMissingFromSomethingUnknown) {
   Diagnosis diagnosis = empty_diagnosis();
-  EXPECT_THAT(diagnosis_verdict(diagnosis), StartsWith("Nothing is missing: "));
+  EXPECT_THAT(report::diagnosis_verdict(diagnosis), StartsWith("Nothing is missing: "));
   diagnosis.unexplained = {{1, "a vibration at 11 Hz", {{"frequency", 11.0}}}};
-  EXPECT_EQ(diagnosis_verdict(diagnosis),
+  EXPECT_EQ(report::diagnosis_verdict(diagnosis),
             "Something is left that heft does not know: joint 2, a vibration at 11 Hz.");
   diagnosis.findings = {stribeck()};
   EXPECT_THAT(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       AllOf(StartsWith("Joint 1 lacks Stribeck friction"),
             EndsWith("Something else is left that heft does not know: joint 2, a vibration at 11 Hz.")));
 }
@@ -177,9 +177,9 @@ TEST(DiagnosisWords, TellWhatIsLeftByItsShares) {
                                     {"share: drifts slowly", 0.25},
                                     {"share: swings at 0.20 Hz", 0.0694},
                                     {"frequency_hz", 0.195}}};
-  EXPECT_EQ(evidence_in_words(left),
+  EXPECT_EQ(report::evidence_in_words(left),
             "rms 1.59, noise 1.1; shares: drifts slowly 25 %; swings at 0.20 Hz 6.9 %");
-  EXPECT_EQ(evidence_in_words(diagnose::Unexplained{1, "a vibration", {{"frequency_hz", 11.0}}}),
+  EXPECT_EQ(report::evidence_in_words(diagnose::Unexplained{1, "a vibration", {{"frequency_hz", 11.0}}}),
             "frequency_hz 11");
 }
 
@@ -188,12 +188,12 @@ TEST(DiagnosisWords, TellTheErrorAgainstTheTorque) {
   diagnosis.validate_torque.rmse_in_band = Eigen::Vector2d(30.0, 40.0);
   diagnosis.validate_before.rmse_in_band = Eigen::Vector2d(3.0, 4.0);
   diagnosis.validate_after.rmse_in_band = Eigen::Vector2d(1.5, 2.0);
-  EXPECT_EQ(relative_error_in_words(diagnosis),
+  EXPECT_EQ(report::relative_error_in_words(diagnosis),
             "All joints together, in band: error 10.0 → 5.00 % of the torque.");
   diagnosis.validate_torque.rmse_in_band_moving = Eigen::Vector2d(60.0, 80.0);
   diagnosis.validate_before.rmse_in_band_moving = Eigen::Vector2d(3.0, 4.0);
   diagnosis.validate_after.rmse_in_band_moving = Eigen::Vector2d(0.6, 0.8);
-  EXPECT_EQ(relative_error_in_words(diagnosis),
+  EXPECT_EQ(report::relative_error_in_words(diagnosis),
             "All joints together, in band: error 10.0 → 5.00 % of the torque; without standstill at the ends "
             "5.00 → 1.00 %.");
 }
@@ -202,9 +202,9 @@ TEST(DiagnosisVerdict, DoesNotCallARiseACut) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
   diagnosis.findings[0].validate_after = 0.5;
-  EXPECT_THAT(diagnosis_verdict(diagnosis), HasSubstr("adding it raises its error"));
+  EXPECT_THAT(report::diagnosis_verdict(diagnosis), HasSubstr("adding it raises its error"));
   diagnosis.findings[0].validate_after = 0.43;
-  EXPECT_THAT(diagnosis_verdict(diagnosis), HasSubstr("stays at 0.430 N·m"));
+  EXPECT_THAT(report::diagnosis_verdict(diagnosis), HasSubstr("stays at 0.430 N·m"));
 }
 
 TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
@@ -219,7 +219,7 @@ TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
   diagnosis.findings = {load};
   diagnosis.validate_before = diagnosis.validate_after;
   EXPECT_EQ(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       "A load of 0.5 kg was picked up 14.2 s into the training log: adding it cuts joint 2's error on the "
       "validation log from 2.00 to 1.00 N (−50 %).");
 }
@@ -234,11 +234,11 @@ TEST(DiagnosisWords, TellEffectsKindByKindAndJointByJoint) {
   };
   diagnosis.findings = {of("hysteresis", 1), of("offset", 0), of("hysteresis", 0)};
   EXPECT_THAT(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       StartsWith("3 effects are missing: presliding (friction hysteresis) in joints 1 and 2 and a torque "
                  "offset in joint 1."));
   std::vector<std::string> order;
-  for (const Finding* f : by_kind(diagnosis)) order.push_back(f->kind + std::to_string(f->joint));
+  for (const Finding* f : report::by_kind(diagnosis)) order.push_back(f->kind + std::to_string(f->joint));
   EXPECT_THAT(order, ::testing::ElementsAre("hysteresis0", "hysteresis1", "offset0"));
 }
 
@@ -247,15 +247,15 @@ TEST(DiagnosisWords, TellAJointThatIsNotExplainedBeforeAnythingElse) {
   diagnosis.findings = {stribeck()};
   diagnosis.not_explained = {{1, 170.0, 160.0, 0.98, 0.5, false}};
   EXPECT_THAT(
-      diagnosis_verdict(diagnosis),
+      report::diagnosis_verdict(diagnosis),
       StartsWith("Joint 2 is not explained by the arm model at all (error 170 N, 98 % of its torque). In the "
                  "other joints: Joint 1 lacks Stribeck friction"));
-  const auto json = diagnosis_json(diagnosis, kContext);
+  const auto json = report::diagnosis_json(diagnosis, kContext);
   EXPECT_EQ(json.at("verdict"), "bad");
   EXPECT_THAT(json.at("reasons").at(0).get<std::string>(),
               AllOf(StartsWith("joint 2 is not explained"), HasSubstr("check its sign, its unit")));
   EXPECT_EQ(json.at("not_explained").at(0).at("joint"), 2);
-  EXPECT_THAT(diagnosis_text(diagnosis, kContext), HasSubstr("\nVerdict: bad\n  - joint 2 is not"));
+  EXPECT_THAT(report::diagnosis_text(diagnosis, kContext), HasSubstr("\nVerdict: bad\n  - joint 2 is not"));
 }
 
 TEST(DiagnosisJson, HasTheFieldsOfTheContract) {
@@ -272,7 +272,7 @@ TEST(DiagnosisJson, HasTheFieldsOfTheContract) {
   diagnosis.findings[0].equivalent = {{"spring", 1, 0.0}};
   diagnosis.unexplained = {{-1, "something", {{"coherence", 0.7}}}};
   diagnosis.refusals = {{"ripple", 0, "weak", 0.01}, {"spring", 1, "worse on day 2", 0.2}};
-  const auto json = diagnosis_json(diagnosis, kContext);
+  const auto json = report::diagnosis_json(diagnosis, kContext);
   EXPECT_EQ(json.at("band_hz"), 8.0);
   for (const char* log : {"train", "validate"}) {
     for (const char* field : {"rmse_before", "rmse_after", "rmse_in_band_before", "rmse_in_band_after",
@@ -310,7 +310,7 @@ TEST(DiagnosisJson, HasTheFieldsOfTheContract) {
 }
 
 TEST(DiagnosisJson, NothingFoundIsAnEmptyList) {
-  const auto json = diagnosis_json(empty_diagnosis(), kContext);
+  const auto json = report::diagnosis_json(empty_diagnosis(), kContext);
   EXPECT_TRUE(json.at("effects").is_array());
   EXPECT_TRUE(json.at("effects").empty());
   EXPECT_TRUE(json.at("unexplained").empty());
@@ -320,7 +320,7 @@ TEST(DiagnosisText, GivesParametersWithUnitsRivalsAndRefusals) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
   diagnosis.refusals = {{"ripple", 0, "leads the motion", 0.02}};
-  const std::string text = diagnosis_text(diagnosis, kContext);
+  const std::string text = report::diagnosis_text(diagnosis, kContext);
   EXPECT_THAT(text,
               AllOf(StartsWith("Joint 1 lacks Stribeck friction"), HasSubstr("Fs 1.2 N·m, vs 0.05 rad/s"),
                     HasSubstr("p 3e-09, ΔBIC −812, error on blocks not fitted −31 %"),
@@ -332,7 +332,7 @@ TEST(DiagnosisText, CountsASlidingJointInNewtons) {
   Diagnosis diagnosis = empty_diagnosis();
   Finding finding = stribeck();
   finding.joint = finding.main_joint = 1;
-  EXPECT_EQ(parameters_in_words(finding, diagnosis.after), "Fs 1.2 N, vs 0.05 m/s");
+  EXPECT_EQ(report::parameters_in_words(finding, diagnosis.after), "Fs 1.2 N, vs 0.05 m/s");
 }
 
 TEST(DiagnosisText, NamesTheLogThatGetsWorse) {
@@ -340,7 +340,7 @@ TEST(DiagnosisText, NamesTheLogThatGetsWorse) {
   diagnosis.validate_each_before = {score_of(0.4, 0.6), score_of(0.4, 0.6)};
   diagnosis.validate_each_after = {score_of(0.3, 0.603), score_of(0.3, 0.7)};
   diagnosis.validate_each_after[1].log = diagnosis.validate_each_before[1].log = "monday.csv";
-  EXPECT_THAT(errors_that_rise(diagnosis),
+  EXPECT_THAT(report::errors_that_rise(diagnosis),
               ::testing::ElementsAre("monday.csv: the error of joint 2 rises from 0.600 to 0.700 N (+17 %)"));
 }
 
@@ -352,9 +352,9 @@ TEST(DiagnosisText, StandsWithoutScoresAndTraces) {
     *score = {};
   }
   diagnosis.validate_each_before = {{}};
-  EXPECT_THAT(diagnosis_text(diagnosis, kContext), HasSubstr("Stribeck"));
-  EXPECT_TRUE(diagnosis_json(diagnosis, kContext).at("band_hz").is_null());
-  EXPECT_THAT(diagnosis_page(diagnosis, kContext).html(), HasSubstr("Stribeck"));
+  EXPECT_THAT(report::diagnosis_text(diagnosis, kContext), HasSubstr("Stribeck"));
+  EXPECT_TRUE(report::diagnosis_json(diagnosis, kContext).at("band_hz").is_null());
+  EXPECT_THAT(report::diagnosis_page(diagnosis, kContext).html(), HasSubstr("Stribeck"));
 }
 
 TEST(DiagnosisPage, ShowsFourPlotsOfTheJointWithAnEffect) {
@@ -367,7 +367,7 @@ TEST(DiagnosisPage, ShowsFourPlotsOfTheJointWithAnEffect) {
   traces.before = 0.4 * traces.qd.array().sign();
   traces.after = 0.1 * (9.0 * traces.q.array()).sin();
   diagnosis.validate = diagnosis.train = {traces};
-  const std::string html = diagnosis_page(diagnosis, kContext).html();
+  const std::string html = report::diagnosis_page(diagnosis, kContext).html();
   EXPECT_THAT(html, AllOf(HasSubstr("Joint 1: Stribeck friction (validation log)"), HasSubstr("Over time"),
                           HasSubstr("Against velocity"), HasSubstr("Against position"), HasSubstr("Spectrum"),
                           HasSubstr("cuts its error on the validation log"), Not(HasSubstr("http://"))));
@@ -383,10 +383,10 @@ TEST(AmplitudeDensity, MeetsTheClosedForms) {
     noise[i] = 5.0 + normal(random);
     sine[i] = 2.0 * std::sin(2.0 * std::numbers::pi * 11.0 * static_cast<double>(i) / kRate);
   }
-  const AmplitudeDensity white = amplitude_density(noise, kRate);
+  const report::AmplitudeDensity white = report::amplitude_density(noise, kRate);
   EXPECT_NEAR(std::sqrt(white.density.cwiseAbs2().mean()), kSigma * std::sqrt(2.0 / kRate),
               0.1 * kSigma * 0.09);
-  const AmplitudeDensity line = amplitude_density(sine, kRate);
+  const report::AmplitudeDensity line = report::amplitude_density(sine, kRate);
   Eigen::Index peak = 0;
   line.density.maxCoeff(&peak);
   EXPECT_NEAR(line.frequency[peak], 11.0, 0.2);
@@ -395,7 +395,7 @@ TEST(AmplitudeDensity, MeetsTheClosedForms) {
     power += line.density[k] * line.density[k] * 0.5 * (line.frequency[k + 1] - line.frequency[k - 1]);
   }
   EXPECT_NEAR(power, 2.0, 0.1);
-  EXPECT_EQ(amplitude_density(noise.head(20), kRate).frequency.size(), 0);
+  EXPECT_EQ(report::amplitude_density(noise.head(20), kRate).frequency.size(), 0);
 }
 
 TEST(BinnedMeans, AverageWhatFallsTogether) {
@@ -403,11 +403,11 @@ TEST(BinnedMeans, AverageWhatFallsTogether) {
   Eigen::MatrixXd values(x.size(), 2);
   values.col(0) = 3.0 * x;
   values.col(1).setConstant(2.0);
-  const BinnedMeans bins = binned_means(x, values);
+  const report::BinnedMeans bins = report::binned_means(x, values);
   ASSERT_GT(bins.x.size(), 100);
   EXPECT_LT((bins.means.col(0) - 3.0 * bins.x).cwiseAbs().maxCoeff(), 1e-12);
   EXPECT_LT((bins.means.col(1).array() - 2.0).abs().maxCoeff(), 1e-12);
-  EXPECT_EQ(binned_means(Eigen::VectorXd::Constant(10, 1.0), Eigen::MatrixXd::Ones(10, 1)).x.size(), 0);
+  EXPECT_EQ(report::binned_means(Eigen::VectorXd::Constant(10, 1.0), Eigen::MatrixXd::Ones(10, 1)).x.size(), 0);
 }
 
 }  // namespace

@@ -13,10 +13,10 @@
 #include <unsupported/Eigen/FFT>
 
 #include "heft/diagnose/judgement.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "torque_score.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 namespace {
 
 using diagnose::Diagnosis;
@@ -427,4 +427,4 @@ page::Page diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& co
   return page;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::report

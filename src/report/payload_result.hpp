@@ -13,7 +13,7 @@
 #include "heft/host/verdict.hpp"
 #include "heft/page/page.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 
 /// Estimated numbers of one kind. NaN deviation: not identifiable.
 struct Estimate {
@@ -106,4 +106,4 @@ std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
 /// Bars: root mean square error per joint, one bar a controller.
 page::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs);
 
-}  // namespace heft::tools
+}  // namespace heft::report

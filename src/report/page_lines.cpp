@@ -1,4 +1,4 @@
-#include "page.hpp"
+#include "page_lines.hpp"
 
 #include <ctime>
 
@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-namespace heft::tools {
+namespace heft::report {
 namespace {
 
 std::string& command_line() {
@@ -70,4 +70,4 @@ void put_verdict(nlohmann::ordered_json& json, const host::Judgement& judgement)
   json["reasons"] = judgement.reasons;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::report

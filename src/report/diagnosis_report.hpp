@@ -7,7 +7,7 @@
 #include "diagnosis_result.hpp"
 #include "heft/page/page.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 
 /// Amplitude density of an evenly sampled signal about its mean: averaged over half-overlapping Hann
 /// segments of about a quarter of the signal, then over bands of a 24th of an octave.
@@ -30,4 +30,4 @@ BinnedMeans binned_means(const Eigen::VectorXd& x, const Eigen::MatrixXd& values
 /// Verdict, ranking, residuals of the joints that have something to tell, errors before and after, refusals.
 page::Page diagnosis_page(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
 
-}  // namespace heft::tools
+}  // namespace heft::report

@@ -16,9 +16,9 @@
 #include "heft/page/table.hpp"
 #include "heft/validate/acceptance.hpp"
 #include "heft/validate/score.hpp"
-#include "page.hpp"
+#include "page_lines.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 
 /// Scores a prediction that was made elsewhere, at the log's own time stamps.
 /// @param predicted  samples × joints
@@ -91,4 +91,4 @@ std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots);
 /// Entries of a vector as JSON; NaN is null.
 nlohmann::ordered_json json_array(const Eigen::VectorXd& values);
 
-}  // namespace heft::tools
+}  // namespace heft::report

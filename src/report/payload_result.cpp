@@ -6,10 +6,10 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "page.hpp"
+#include "page_lines.hpp"
 #include "torque_score.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 namespace {
 
 constexpr std::array<const char*, 3> kComNames{"x", "y", "z"};
@@ -389,4 +389,4 @@ page::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs) {
   return spec;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::report

@@ -11,7 +11,7 @@
 #include "heft/host/verdict.hpp"
 #include "heft/page/page.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 
 /// Keeps the command line for the pages.
 void remember_command(int argc, const char* const* argv);
@@ -41,4 +41,4 @@ void put_verdict(nlohmann::ordered_json& json, const host::Judgement& judgement)
 /// A word as a shell takes it literally.
 std::string shell_word(const std::string& word);
 
-}  // namespace heft::tools
+}  // namespace heft::report

@@ -16,9 +16,9 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-PayloadResult example() {
+report::PayloadResult example() {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  PayloadResult result;
+  report::PayloadResult result;
   result.robot = "ur10e";
   result.log = "carrying.csv";
   result.rows = 4;
@@ -37,7 +37,7 @@ PayloadResult example() {
 }
 
 TEST(PayloadResult, JsonHasTheFieldsOfTheContract) {
-  const auto json = to_json(example());
+  const auto json = report::to_json(example());
   EXPECT_EQ(json.at("mass").at("value"), 2.8);
   EXPECT_EQ(json.at("mass").at("std"), 0.05);
   EXPECT_EQ(json.at("mass").at("identifiable"), true);
@@ -52,28 +52,28 @@ TEST(PayloadResult, JsonHasTheFieldsOfTheContract) {
 }
 
 TEST(PayloadResult, TextGivesTheIntervalAndWhatIsNotKnown) {
-  EXPECT_THAT(to_text(example()),
+  EXPECT_THAT(report::to_text(example()),
               AllOf(HasSubstr("2.800 kg ± 0.098 kg (95 %)"), HasSubstr("not identifiable"),
                     HasSubstr("Not converged"), HasSubstr("-50")));
-  PayloadResult nothing = example();
+  report::PayloadResult nothing = example();
   nothing.mass.identifiable = {false};
-  EXPECT_THAT(to_text(nothing), AllOf(HasSubstr("cannot be determined"), Not(HasSubstr("2.8 kg ±"))));
+  EXPECT_THAT(report::to_text(nothing), AllOf(HasSubstr("cannot be determined"), Not(HasSubstr("2.8 kg ±"))));
 }
 
 TEST(PayloadResult, PageShowsMassAndTorqueError) {
   page::Page page("Load");
-  add_to(page, example());
+  report::add_to(page, example());
   EXPECT_THAT(page.html(), AllOf(HasSubstr("Mass of the load"), HasSubstr("Torque error per joint"),
                                  HasSubstr("95 % interval")));
 }
 
 TEST(Tracking, TableAndJsonGiveRootMeanSquares) {
-  TrackingRun run{"PD", Eigen::VectorXd::LinSpaced(4, 0, 1), Eigen::MatrixXd(4, 1), {}};
+  report::TrackingRun run{"PD", Eigen::VectorXd::LinSpaced(4, 0, 1), Eigen::MatrixXd(4, 1), {}};
   run.error << 0.003, -0.003, 0.003, -0.003;
-  EXPECT_THAT(tracking_table({run}).to_text(), AllOf(HasSubstr("PD"), HasSubstr("3.00")));
-  EXPECT_NEAR(tracking_json({run}).at(0).at("rms_error").at(0).get<double>(), 0.003, 1e-15);
-  EXPECT_EQ(tracking_plots({run}).size(), 1U);
-  EXPECT_EQ(tracking_bars({run}).categories.size(), 1U);
+  EXPECT_THAT(report::tracking_table({run}).to_text(), AllOf(HasSubstr("PD"), HasSubstr("3.00")));
+  EXPECT_NEAR(report::tracking_json({run}).at(0).at("rms_error").at(0).get<double>(), 0.003, 1e-15);
+  EXPECT_EQ(report::tracking_plots({run}).size(), 1U);
+  EXPECT_EQ(report::tracking_bars({run}).categories.size(), 1U);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include "heft/host/verdict.hpp"
 #include "heft/page/table.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 
 /// What belongs to a diagnosis besides its result.
 struct DiagnosisContext {
@@ -77,4 +77,4 @@ std::string diagnosis_text(const diagnose::Diagnosis& diagnosis, const Diagnosis
 
 nlohmann::ordered_json diagnosis_json(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
 
-}  // namespace heft::tools
+}  // namespace heft::report
