@@ -37,9 +37,13 @@ TEST(JointAccelerationModel, FollowsTheJointItModels) {
   EXPECT_LT(worst, 0.02);
 }
 
-TEST(JointAccelerationModel, RefusesSettingsOutOfRange) {
-  JointAccelerationModel<double, 2> joint;
+TEST(JointAccelerationModel, RefusesSettingsOutOfRangeAndKeepsItsState) {
+  JointAccelerationModel<double, 2> joint, untouched;
   JointAccelerationModel<double, 2>::Config config;
+  ASSERT_EQ(joint.configure(config), Status::kOk);
+  ASSERT_EQ(untouched.configure(config), Status::kOk);
+  using V = JointVector<double, 2>;
+  for (const double u : {0.0, 1.0}) ASSERT_EQ(joint.update(V(u, -u)), untouched.update(V(u, -u)));
   config.gain[1] = 0;
   EXPECT_EQ(joint.configure(config), Status::kOutOfRange);
   config.gain[1] = 1;
@@ -48,6 +52,8 @@ TEST(JointAccelerationModel, RefusesSettingsOutOfRange) {
   config.decay[0] = 0;
   config.period = 0;
   EXPECT_EQ(joint.configure(config), Status::kOutOfRange);
+  for (const double u : {3.0, 2.0, 5.0}) EXPECT_EQ(joint.update(V(u, -u)), untouched.update(V(u, -u)));
+  EXPECT_NE(untouched.update(V(0.0, 0.0)), V(0.0, 0.0)) << "the model gave no acceleration";
 }
 
 TEST(DelayedMean, AveragesSamplesOfTheStatedAge) {
@@ -66,6 +72,8 @@ TEST(DelayedMean, AveragesSamplesOfTheStatedAge) {
   }
   EXPECT_EQ(mean.configure(0, 2), Status::kOutOfRange) << "this sample's own measurement is no instrument";
   EXPECT_EQ(mean.configure(7, 2), Status::kOutOfRange);
+  EXPECT_TRUE(mean.ready()) << "refused settings change nothing";
+  EXPECT_DOUBLE_EQ(mean.update(V(20.0))[0], (17 + 16) / 2.0);
 }
 
 TEST(PredictedAcceleration, ReturnsTheAccelerationThatMadeTheTorque) {

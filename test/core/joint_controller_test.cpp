@@ -152,14 +152,22 @@ TEST(JointFeedback, NeverHandsOnATorqueThatIsNotFinite) {
   }
 }
 
-TEST(JointFeedback, RefusesSettingsOutOfRange) {
-  JointFeedback<double, 6> feedback;
+TEST(JointFeedback, RefusesSettingsOutOfRangeAndKeepsTheLast) {
+  JointFeedback<double, 6> feedback = make_feedback(100, 20, 10);
   JointFeedback<double, 6>::Config config;
   config.torque_limit[3] = 0;
   EXPECT_EQ(feedback.configure(config), Status::kOutOfRange);
   config.torque_limit[3] = 1;
   config.damping[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(feedback.configure(config), Status::kOutOfRange);
+  JointReference<double, 6> reference;
+  reference.q.setConstant(2);
+  reference.qd.setConstant(3);
+  EXPECT_EQ(feedback.feedback(reference, Vector::Ones(), Vector::Ones()), Vector::Constant(100 * 1 + 20 * 2));
+  Vector tau;
+  ControlRecord record;
+  ASSERT_EQ(feedback.limit(Vector::Constant(50), tau, record), Status::kOk);
+  EXPECT_EQ(tau, Vector::Constant(10));
 }
 
 }  // namespace

@@ -85,11 +85,40 @@ TEST(RecursiveLeastSquares, RefusesSettingsOutOfRangeAndWorkBeforeSettings) {
   Estimator<double>::Config config;
   config.forgetting_factor = 1.1;
   EXPECT_EQ(estimator.configure(config, w, variance), Status::kOutOfRange);
-  config.forgetting_factor = 0.0;
-  EXPECT_EQ(estimator.configure(config, w, variance), Status::kOutOfRange);
-  config.forgetting_factor = 1.0;
-  variance[1] = 0.0;
-  EXPECT_EQ(estimator.configure(config, w, variance), Status::kOutOfRange);
+  EXPECT_EQ(estimator.update(w, 0.0, 0.0, record), Status::kNotConfigured) << "refused settings are none";
+}
+
+TEST(RecursiveLeastSquares, KeepsItsStateWhenSettingsAreRefused) {
+  auto estimator = make<double>(0.99, 5.0), untouched = make<double>(0.99, 5.0);
+  std::mt19937_64 random(8);
+  std::normal_distribution<double> normal;
+  Estimator<double>::Record record, other_record;
+  // What a refused configure() changed would show in the estimate now, or in what later samples make of it.
+  for (int n = 0; n < 60; ++n) {
+    if (n == 30) {
+      const auto status_with = [&](auto change) {
+        Estimator<double>::Config config;
+        Estimator<double>::Row prior{}, variance;
+        prior.fill(7.0);
+        variance.fill(3.0);
+        change(config, prior, variance);
+        return estimator.configure(config, prior, variance);
+      };
+      EXPECT_EQ(status_with([](auto& c, auto&, auto&) { c.forgetting_factor = 1.1; }), Status::kOutOfRange);
+      EXPECT_EQ(status_with([](auto& c, auto&, auto&) { c.forgetting_factor = 0.0; }), Status::kOutOfRange);
+      EXPECT_EQ(status_with([](auto&, auto&, auto& variance) { variance[5] = 0.0; }), Status::kOutOfRange);
+      EXPECT_EQ(status_with([](auto&, auto& prior, auto&) { prior[5] = std::nan(""); }),
+                Status::kNonFiniteInput);
+    }
+    Estimator<double>::Row w;
+    for (double& v : w) v = normal(random);
+    const double y = normal(random);
+    ASSERT_EQ(estimator.update(w, y, 0.0, record), Status::kOk);
+    ASSERT_EQ(untouched.update(w, y, 0.0, other_record), Status::kOk);
+    ASSERT_EQ(record.used, other_record.used) << "sample " << n;
+  }
+  EXPECT_EQ(estimator.solution(), untouched.solution());
+  for (int i = 0; i < kP; ++i) EXPECT_EQ(estimator.variance(i), untouched.variance(i)) << "parameter " << i;
 }
 
 TEST(RecursiveLeastSquares, DoesNotWindUpWithoutExcitation) {
@@ -253,8 +282,37 @@ TEST(PayloadEstimator, LeavesOutStandstillAndRefusesNan) {
   residual[2] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(estimator.update(Y, qd, residual, record), Status::kNonFiniteInput);
   EXPECT_EQ(estimator.payload()[0], 0.0);
-  config.first_row = 6;
-  EXPECT_EQ(estimator.configure(config), Status::kOutOfRange);
+}
+
+TEST(PayloadEstimator, KeepsItsStateWhenSettingsAreRefused) {
+  PayloadEstimator<double, 6> estimator, untouched;
+  ASSERT_EQ(estimator.configure({}), Status::kOk);
+  ASSERT_EQ(untouched.configure({}), Status::kOk);
+  test::Random random(9);
+  PayloadEstimator<double, 6>::Record record;
+  const JointVector<double, 6> qd = JointVector<double, 6>::Ones();
+  for (int n = 0; n < 40; ++n) {
+    if (n == 20) {
+      const auto status_with = [&](auto change) {
+        PayloadEstimator<double, 6>::Config config;
+        config.first_row = 2;
+        config.sign_width = 1.0;
+        change(config);
+        return estimator.configure(config);
+      };
+      EXPECT_EQ(status_with([](auto& c) { c.first_row = 6; }), Status::kOutOfRange);
+      EXPECT_EQ(status_with([](auto& c) { c.mass_prior = 0.0; }), Status::kOutOfRange);
+      EXPECT_EQ(status_with([](auto& c) { c.noise_std[5] = -1.0; }), Status::kOutOfRange);
+      EXPECT_EQ(status_with([](auto& c) { c.forgetting_factor = 1.1; }), Status::kOutOfRange);
+    }
+    LinkRegressor<double, 6> Y;
+    for (Eigen::Index i = 0; i < Y.size(); ++i) Y(i) = test::random_vector<1>(random, 1.0)[0];
+    const JointVector<double, 6> residual = test::random_vector<6>(random, 1.0);
+    ASSERT_EQ(estimator.update(Y, qd, residual, record), Status::kOk);
+    ASSERT_EQ(untouched.update(Y, qd, residual, record), Status::kOk);
+  }
+  EXPECT_NE(untouched.payload()[0], 0.0) << "nothing was estimated";
+  EXPECT_EQ(estimator.payload(), untouched.payload());
 }
 
 }  // namespace

@@ -58,6 +58,8 @@ TEST(StateVariableFilter, RefusesBadNumbersAndStartsAnewAfterAGap) {
   ASSERT_EQ(filter.update(V(1.0), 0.01), Status::kOk);
   ASSERT_EQ(filter.update(V(2.0), 0.01), Status::kOk);
   const double before = filter.value()[0];
+  EXPECT_EQ(filter.configure(0.0), Status::kOutOfRange);
+  EXPECT_EQ(filter.configure(std::nan("")), Status::kOutOfRange);
   EXPECT_EQ(filter.update(V(std::nan("")), 0.01), Status::kNonFiniteInput);
   EXPECT_EQ(filter.update(V(1.0), 0.0), Status::kOutOfRange);
   EXPECT_EQ(filter.update(V(1.0), -0.01), Status::kOutOfRange);

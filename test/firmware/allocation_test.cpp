@@ -159,7 +159,8 @@ void expect_statics_without_allocation() {
   EXPECT_EQ(spent.operator_new, 0U);
   EXPECT_EQ(spent.malloc, 0U);
   EXPECT_EQ(refused, 0);
-  EXPECT_EQ(sum, sum);
+  volatile Scalar used = sum;  // what nobody uses, the compiler may leave out with the calls that made it
+  static_cast<void>(used);
 }
 
 TEST_F(Allocation, StaticsInDoubleTakeNothingFromTheHeap) { expect_statics_without_allocation<double>(); }

@@ -1,14 +1,13 @@
 /// The simulated campaign: five criteria against a known truth.
-#include <cstdlib>
 #include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
 #include "heft/host/file.hpp"
+#include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft {
@@ -16,18 +15,13 @@ namespace {
 
 using ::testing::HasSubstr;
 
-int run_heft(const std::string& arguments) {
-  const int status =
-      std::system((std::string("'") + HEFT_COMMAND + "' " + arguments + " </dev/null").c_str());
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
 TEST(Campaign, MeetsTheFiveCriteria) {
   const test::TemporaryFolder folder;
   const std::string json = folder.path("out.json"), page = folder.path("page.html");
-  ASSERT_EQ(run_heft("validate --campaign --urdf ur10e --seed 1 --json '" + json + "' --report '" + page +
-                     "' -o '" + folder.path("files") + "' >'" + folder.path("text") + "'"),
-            0);
+  const test::Outcome campaign =
+      test::run_heft({"validate", "--campaign", "--urdf", "ur10e", "--seed", "1", "--json", json, "--report",
+                      page, "-o", folder.path("files")});
+  ASSERT_EQ(campaign.exit_code, 0) << campaign.err;
   const nlohmann::json result = nlohmann::json::parse(host::read_file(json, "result"));
   ASSERT_EQ(result["criteria"].size(), 5U);
   for (const auto& criterion : result["criteria"]) EXPECT_EQ(criterion["verdict"], "met") << criterion;
@@ -42,10 +36,10 @@ TEST(Campaign, MeetsTheFiveCriteria) {
 
   // Its files stand for themselves: the model from one log meets another, to the same figures.
   const std::string again = folder.path("again.json");
-  ASSERT_EQ(run_heft("validate --model '" + folder.path("files/identified.json") + "' --log '" +
-                     folder.path("files/judged-0kg.csv") + "' --json '" + again + "' >'" +
-                     folder.path("text") + "'"),
-            0);
+  const test::Outcome repeated =
+      test::run_heft({"validate", "--model", folder.path("files/identified.json"), "--log",
+                      folder.path("files/judged-0kg.csv"), "--json", again});
+  ASSERT_EQ(repeated.exit_code, 0) << repeated.err;
   const nlohmann::json judged = nlohmann::json::parse(host::read_file(again, "result"));
   for (std::size_t j = 0; j < 6; ++j) {
     const double expected = result["rmse"][j];

@@ -43,7 +43,14 @@ double rms_error(const std::vector<ProtocolRun>& runs, bool b, ProtocolMethod me
 TEST(TerminalLinkProtocol, LeastSquaresDoesNotConverge) {
   for (const char* scenario : {"A", "B"}) {
     const Claim& c = claim("lsm-constant-5ms", scenario);
-    EXPECT_TRUE(c.holds) << scenario << ": " << c.found;
+    ASSERT_EQ(c.values.size(), 2U) << scenario;
+    // Stated to two digits: 0.07 to 0.08 in A, 0.16 to 0.17 in B, at 2000 and at 20000 samples alike.
+    const bool b = std::string(scenario) == "B";
+    for (const double error : c.values) {
+      EXPECT_GT(error, b ? 0.155 : 0.065) << scenario;
+      EXPECT_LT(error, b ? 0.175 : 0.085) << scenario;
+    }
+    EXPECT_LT(std::abs(c.values[0] - c.values[1]), 0.1 * c.values[0]) << scenario;
   }
 }
 
@@ -92,14 +99,28 @@ TEST(TerminalLinkProtocol, OtherExcitingTrajectoriesFavourInstrumentsTheSame) {
 }
 
 TEST(TerminalLinkProtocol, EstimatorsAgreeWithoutNoise) {
-  EXPECT_TRUE(claim("noise-free", "").holds) << claim("noise-free", "").found;
-  EXPECT_TRUE(claim("small-noise", "A").holds) << claim("small-noise", "A").found;
+  const std::vector<double> exact = claim("noise-free", "").values;
+  ASSERT_EQ(exact.size(), 1U);
+  EXPECT_LT(exact[0], 1e-10);
+  // Noise of 0.3 rad/s² in place of 10: the bias of least squares falls with its square, to 0.075 (0.3/10)² = 7e-5 in
+  // A; what is left of both is scatter.
+  for (const char* scenario : {"A", "B"}) {
+    const std::vector<double> errors = claim("small-noise", scenario).values;
+    ASSERT_EQ(errors.size(), 2U) << scenario;
+    for (const double error : errors) {
+      EXPECT_GT(error, 0) << scenario;
+      EXPECT_LT(error, 4e-4) << scenario;
+    }
+  }
 }
 
 TEST(TerminalLinkProtocol, NothingUnreliableIsHandedOutAtTheStart) {
   for (const char* scenario : {"A", "B"}) {
-    const Claim& c = claim("startup", scenario);
-    EXPECT_TRUE(c.holds) << scenario << ": " << c.found;
+    const std::vector<double> worst = claim("startup", scenario).values;
+    ASSERT_EQ(worst.size(), 2U) << scenario;
+    EXPECT_GT(worst[0], 0) << scenario << ": nothing was handed out";
+    EXPECT_LT(worst[0], 0.5) << scenario << ": error of an estimate that was handed out";
+    EXPECT_GT(worst[1], 1) << scenario << ": what was kept back was fit for use";
   }
   // At 1 ms two seconds are not enough although they hold 2000 samples.
   for (const auto& points : study().startup[1][1]) {

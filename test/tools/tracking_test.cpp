@@ -1,38 +1,24 @@
 /// Commands that close the loop, as a user runs them.
 #include <cmath>
-#include <cstdlib>
 #include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
 #include "heft/host/file.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft {
 namespace {
 
+using test::Outcome;
+using test::run_heft;
 using ::testing::HasSubstr;
-
-struct Outcome {
-  int exit_code{-1};
-  std::string out, err;
-};
-
-Outcome run_heft(const std::vector<std::string>& arguments) {
-  const test::TemporaryFolder streams;
-  std::string command = std::string("'") + HEFT_COMMAND + "'";
-  for (const std::string& argument : arguments) command += " '" + argument + "'";
-  command += " >'" + streams.path("out") + "' 2>'" + streams.path("err") + "' </dev/null";
-  const int status = std::system(command.c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, host::read_file(streams.path("out"), "output"),
-          host::read_file(streams.path("err"), "output")};
-}
 
 nlohmann::json json_of(const std::string& path) {
   return nlohmann::json::parse(host::read_file(path, "result"));
