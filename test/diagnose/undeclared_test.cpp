@@ -35,12 +35,30 @@ std::string said(const Diagnosis& diagnosis) {
 
 // One effect -----------------------------------------------------------------------------------------------
 
-using KindOnArm = std::tuple<std::string, std::string>;
+using KindOnArm = std::pair<std::string, std::string>;
+
+/// Every kind on the arm whose cases are quickest; couplings need a wrist: joints 5 and 6.
+std::vector<KindOnArm> every_kind() {
+  std::vector<KindOnArm> cases;
+  for (const std::string& kind : test::undeclared_kinds())
+    cases.emplace_back(kind, kind == "wrist_coupling" ? "arm6" : "scara4");
+  return cases;
+}
+
+std::vector<KindOnArm> on_other_arms() {
+  std::vector<KindOnArm> cases;
+  for (const std::string& kind : test::undeclared_kinds()) {
+    for (const char* arm : {"arm6", "arm7"}) {
+      if (kind != "wrist_coupling" || std::string(arm) != "arm6") cases.emplace_back(kind, arm);
+    }
+  }
+  return cases;
+}
+
 class OneEffect : public testing::TestWithParam<KindOnArm> {};
 
 TEST_P(OneEffect, IsNamedWithItsJointAndLowersTheErrorOnALogNotSeen) {
   const auto& [kind, arm] = GetParam();
-  if (kind == "wrist_coupling" && arm == "scara4") GTEST_SKIP() << "needs a wrist: joints 5 and 6";
   const UndeclaredCase c = test::make_undeclared_case(kind, arm, 1);
   const Diagnosis d = diagnosed(c);
   const UndeclaredEffect& effect = c.effects.front();
@@ -60,10 +78,12 @@ TEST_P(OneEffect, IsNamedWithItsJointAndLowersTheErrorOnALogNotSeen) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(AllKinds, OneEffect,
-                         testing::Combine(testing::ValuesIn(test::undeclared_kinds()),
-                                          testing::ValuesIn(test::undeclared_arms())),
-                         [](const auto& p) { return std::get<0>(p.param) + "_on_" + std::get<1>(p.param); });
+std::string name_of(const testing::TestParamInfo<KindOnArm>& p) {
+  return p.param.first + "_on_" + p.param.second;
+}
+
+INSTANTIATE_TEST_SUITE_P(AllKinds, OneEffect, testing::ValuesIn(every_kind()), name_of);
+INSTANTIATE_TEST_SUITE_P(OtherArms, OneEffect, testing::ValuesIn(on_other_arms()), name_of);
 
 TEST(HysteresisInPart, IsNamedWithThePart) {
   const UndeclaredCase c = test::make_undeclared_case("hysteresis_in_part", "scara4", 1);
@@ -101,7 +121,8 @@ TEST_P(NothingThere, IsSaidOfTenLogs) {
   EXPECT_LE(alarms, 1) << what;
 }
 
-INSTANTIATE_TEST_SUITE_P(Hundred, NothingThere, testing::Range(0, 10));
+INSTANTIATE_TEST_SUITE_P(FirstTen, NothingThere, testing::Values(0));
+INSTANTIATE_TEST_SUITE_P(NinetyMore, NothingThere, testing::Range(1, 10));
 
 // A joint that is wrong ------------------------------------------------------------------------------------
 

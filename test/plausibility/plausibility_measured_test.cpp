@@ -337,14 +337,10 @@ void expect_named(const std::vector<Case>& cases) {
   EXPECT_GE(right, 0.95 * all);
 }
 
-#ifdef HEFT_EVERY_LOG
-
 TEST(PlausibilityMeasured, NamesWhatIsWrongInEveryLog) {
   if (!available()) GTEST_SKIP() << "no measured logs in " << data_folder();
   expect_named(cases_of(true));
 }
-
-#else
 
 void expect_nothing(const std::vector<Case>& cases) {
   int looked_at = 0;
@@ -385,8 +381,6 @@ TEST(PlausibilityMeasured, SeesThatABaseIsTurned) {
   EXPECT_EQ(result.findings[0].kind, Contradiction::kGravity);
   EXPECT_NE(result.findings[0].message.find("along +x of the base"), std::string::npos) << text_of(result);
 }
-
-#endif
 
 }  // namespace
 }  // namespace heft::plausibility

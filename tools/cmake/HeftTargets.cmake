@@ -105,11 +105,13 @@ function(heft_source_effort level)
   endif()
 endfunction()
 
-# heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ... [OPTIMISED])
-# One googletest binary; every TEST becomes a ctest entry NAME.Suite.Test with the labels given. What is tested is
-# compiled as it ships; the test beside it with less effort, which is a third of its compile time, unless OPTIMISED.
+# heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ... [OPTIMISED | LIGHT] [WHOLE] [SLOW filter])
+# One googletest binary; every TEST becomes a ctest entry NAME.Suite.Test with the labels given; those that the
+# googletest filter SLOW matches are labelled slow too. WHOLE makes one entry of the binary, where its tests share what
+# takes long to make. What is tested is compiled as it ships; the test beside it with less effort, which is a third of
+# its compile time, unless OPTIMISED; LIGHT is for tests that run the command and read what it writes.
 function(heft_add_test name)
-  cmake_parse_arguments(ARG "OPTIMISED" "TIMEOUT" "SOURCES;LIBRARIES;LABELS;DEFINITIONS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED;LIGHT;WHOLE" "TIMEOUT;SLOW" "SOURCES;LIBRARIES;LABELS;DEFINITIONS" ${ARGN})
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
@@ -118,24 +120,46 @@ function(heft_add_test name)
   endif()
   add_executable(test_${name} ${ARG_SOURCES})
   target_link_libraries(test_${name} PRIVATE ${ARG_LIBRARIES} GTest::gtest GTest::gtest_main GTest::gmock heft_warnings)
-  if(NOT ARG_OPTIMISED)
+  if(ARG_LIGHT)
+    heft_precompiled(heft_light_test_headers EFFORT -O0
+                     LIBRARIES GTest::gtest GTest::gmock Eigen3::Eigen nlohmann_json::nlohmann_json
+                     HEADERS <gmock/gmock.h> <gtest/gtest.h> <Eigen/Core> <filesystem> <fstream> <string> <vector>
+                             <nlohmann/json.hpp>)
+    heft_effort(test_${name} -O0)
+    target_link_libraries(test_${name} PRIVATE Eigen3::Eigen nlohmann_json::nlohmann_json)
+    heft_reuse_headers(test_${name} heft_light_test_headers)
+  elseif(NOT ARG_OPTIMISED)
     heft_precompiled(heft_test_headers EFFORT -O1 LIBRARIES GTest::gtest GTest::gmock Eigen3::Eigen
                      HEADERS <gmock/gmock.h> <gtest/gtest.h> <Eigen/Dense> <string> <vector>)
     heft_effort(test_${name} -O1)
-    target_compile_features(test_${name} PRIVATE cxx_std_20)
     target_link_libraries(test_${name} PRIVATE Eigen3::Eigen)
     heft_reuse_headers(test_${name} heft_test_headers)
   endif()
+  target_compile_features(test_${name} PRIVATE cxx_std_20)
   target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/test)
   target_compile_definitions(test_${name} PRIVATE
     HEFT_DATA_DIR="${HEFT_DATA_DIR}" HEFT_REFERENCE_DIR="${HEFT_REFERENCE_DIR}"
     HEFT_URDF_DIR="${PROJECT_SOURCE_DIR}/urdf" HEFT_SOURCE_DIR="${PROJECT_SOURCE_DIR}" ${ARG_DEFINITIONS})
-  gtest_discover_tests(test_${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
-                       PROPERTIES TIMEOUT ${ARG_TIMEOUT})
+  if(ARG_WHOLE)
+    add_test(NAME ${name} COMMAND test_${name})
+    set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+  elseif(ARG_SLOW)
+    heft_discover_tests(${name} ${name}_slow "${ARG_SLOW}" ${ARG_TIMEOUT} ${ARG_LABELS} slow)
+    heft_discover_tests(${name} ${name} "-${ARG_SLOW}" ${ARG_TIMEOUT} ${ARG_LABELS})
+  else()
+    heft_discover_tests(${name} ${name} "*" ${ARG_TIMEOUT} ${ARG_LABELS})
+  endif()
+endfunction()
+
+# heft_discover_tests(NAME LIST FILTER TIMEOUT labels ...)
+# Makes ctest entries of those tests of test_NAME that a googletest filter matches. LIST names the group.
+function(heft_discover_tests name list filter timeout)
+  gtest_discover_tests(test_${name} TEST_PREFIX "${name}." TEST_FILTER "${filter}" TEST_LIST ${list}_tests
+                       DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${timeout})
   # gtest_discover_tests takes one label for a list and the next word for a property: labels are set behind it.
-  set(labels_file ${CMAKE_CURRENT_BINARY_DIR}/test_${name}_labels.cmake)
-  file(WRITE ${labels_file} "foreach(each IN LISTS test_${name}_TESTS)
-  set_tests_properties(\"\${each}\" PROPERTIES LABELS \"${ARG_LABELS}\")
+  set(labels_file ${CMAKE_CURRENT_BINARY_DIR}/${list}_labels.cmake)
+  file(WRITE ${labels_file} "foreach(each IN LISTS ${list}_tests)
+  set_tests_properties(\"\${each}\" PROPERTIES LABELS \"${ARGN}\")
 endforeach()
 ")
   set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
