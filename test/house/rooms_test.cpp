@@ -1,84 +1,192 @@
 // Who may include whom: read from the sources, so that a wrong include fails even where it happens to compile.
+#include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <regex>
 #include <set>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
+#include "source_tree.hpp"
+
+namespace heft {
 namespace {
 
 namespace fs = std::filesystem;
+using test::SourceFile;
+using Rooms = std::set<std::string>;
 
-/// Rooms a room may include besides itself.
-const std::map<std::string, std::set<std::string>>& allowed() {
-  static const std::map<std::string, std::set<std::string>> table = {
+/// What each room includes besides itself: no more, no less.
+const std::map<std::string, Rooms>& table() {
+  static const std::map<std::string, Rooms> rooms = {
       {"core", {}},
       {"host", {}},
-      {"statistics", {"host"}},
-      {"page", {"host"}},
       {"model", {"core", "host"}},
       {"data", {"core", "host"}},
       {"urdf", {"core", "host", "model"}},
-      {"sim", {"core", "host", "model", "data"}},
-      {"plausibility", {"core", "host", "model", "data"}},
-      {"regression", {"core", "host", "model", "data"}},
-      {"validate", {"core", "host", "model", "data"}},
-      {"payload", {"core", "host", "model", "data", "statistics"}},
-      {"stiffness", {"core", "host", "model", "data", "statistics"}},
-      {"identify", {"core", "host", "model", "data", "statistics", "regression", "validate"}},
-      {"collision", {"core", "host", "model"}},
-      {"excite", {"core", "host", "model", "data", "sim", "collision", "regression"}},
-      {"diagnose", {"core", "host", "model", "data", "statistics", "regression", "validate"}},
-      {"report", {"core", "host", "model", "data", "statistics", "page", "validate", "payload", "stiffness", "identify", "diagnose", "plausibility"}}};
-  return table;
+      {"sim", {"core", "data", "host", "model"}},
+      {"plausibility", {"data", "host", "model"}},
+      {"identify", {"core", "data", "host", "model"}},
+      {"collision", {"host", "model"}},
+      {"excite", {"collision", "core", "data", "host", "identify", "model", "sim"}},
+      {"diagnose", {"core", "data", "host", "identify", "model"}},
+      {"report", {"host"}},
+      {"bench", {"core", "data", "diagnose", "host", "identify", "model", "urdf"}},
+      {"tools/heft",
+       {"bench", "core", "data", "diagnose", "excite", "host", "identify", "model", "plausibility", "report",
+        "sim", "urdf"}}};
+  return rooms;
 }
 
-TEST(Rooms, IncludeOnlyWhatTheTableAllows) {
-  const fs::path source = HEFT_SOURCE_DIR;
-  const std::regex include(R"re(#\s*include\s*"heft/([a-z]+)/)re");
-  int files = 0;
-  for (const char* tree : {"include/heft", "src"}) {
-    for (const auto& entry : fs::recursive_directory_iterator(source / tree)) {
-      const std::string extension = entry.path().extension().string();
-      if (extension != ".hpp" && extension != ".cpp") {
-        continue;
-      }
-      const std::string room = fs::relative(entry.path(), source / tree).begin()->string();
-      ASSERT_TRUE(allowed().contains(room)) << entry.path() << " is in a room the table does not know";
-      ++files;
-      std::ifstream in(entry.path());
-      for (std::string line; std::getline(in, line);) {
-        std::smatch match;
-        if (std::regex_search(line, match, include)) {
-          const std::string other = match[1];
-          EXPECT_TRUE(other == room || allowed().at(room).contains(other))
-              << entry.path() << ": room " << room << " must not include room " << other;
-        }
-      }
+/// Public headers that only their own room and its tests include, and why they are public all the same.
+const std::map<std::string, std::string>& kept_public() {
+  static const std::map<std::string, std::string> headers = {};
+  return headers;
+}
+
+/// The room that a file belongs to: that of the library, bench, or a folder of tools.
+std::string room_of(const fs::path& file) {
+  std::vector<std::string> parts;
+  for (const fs::path& part : file) parts.push_back(part.string());
+  if (parts[0] == "src") return parts[1];
+  if (parts[0] == "include") return parts[2];
+  return parts[0] == "tools" ? parts[0] + "/" + parts[1] : parts[0];
+}
+
+/// Files named in quotes by #include.
+std::vector<std::string> quoted_includes(const SourceFile& file) {
+  static const std::regex include(R"re(^\s*#\s*include\s*"([^"]+)")re");
+  std::vector<std::string> names;
+  for (const std::string& line : file.lines) {
+    std::smatch match;
+    if (std::regex_search(line, match, include)) names.push_back(match[1]);
+  }
+  return names;
+}
+
+std::vector<SourceFile> all_sources() {
+  return test::sources_in({"include/heft", "src", "bench", "tools/heft", "tools/studies"});
+}
+
+/// The file that an #include in another one means; empty when there is none.
+fs::path resolve(const fs::path& from, const std::string& name, const std::set<fs::path>& known) {
+  if (name.rfind("heft/", 0) == 0)
+    return known.contains("include/" + name) ? fs::path("include/" + name) : fs::path();
+  const fs::path beside = (from.parent_path() / name).lexically_normal();
+  if (known.contains(beside)) return beside;
+  for (const fs::path& file : known) {
+    const std::string path = file.string(), end = "/" + name;
+    if (file.begin()->string() != "include" && path.size() > end.size() &&
+        path.compare(path.size() - end.size(), end.size(), end) == 0) {
+      return file;
     }
   }
-  EXPECT_GT(files, 50);
+  return {};
+}
+
+TEST(Rooms, IncludeWhatTheTableSaysAndNothingElse) {
+  const std::vector<SourceFile> files = all_sources();
+  EXPECT_GT(files.size(), 150U);
+  std::set<fs::path> known;
+  for (const SourceFile& file : files) known.insert(file.path);
+  std::map<std::string, std::map<std::string, std::string>> found;  // room, other room: an example
+  for (const SourceFile& file : files) {
+    const std::string room = room_of(file.path);
+    ASSERT_TRUE(table().contains(room))
+        << file.path << " is in room " << room << ", which the table does not know";
+    for (const std::string& name : quoted_includes(file)) {
+      const fs::path target = resolve(file.path, name, known);
+      ASSERT_FALSE(target.empty()) << file.path << " includes \"" << name << "\", which is in no room";
+      const std::string other = room_of(target);
+      if (other == room) continue;
+      found[room].emplace(other, file.path.string() + " includes " + name);
+      // What is private to src/<room> is for that room; bench and the folders of tools have no public part.
+      EXPECT_TRUE(target.begin()->string() != "src")
+          << file.path << " includes \"" << name << "\", which is private to room " << other;
+    }
+  }
+  for (const auto& [room, allowed] : table()) {
+    for (const auto& [other, example] : found[room]) {
+      EXPECT_TRUE(allowed.contains(other))
+          << "room " << room << " must not include room " << other << ": " << example;
+    }
+    for (const std::string& other : allowed) {
+      EXPECT_TRUE(found[room].contains(other)) << "room " << room << " includes nothing of room " << other
+                                               << " any more; take it out of the table";
+    }
+  }
+}
+
+TEST(Rooms, HaveNoCircle) {
+  std::set<std::string> done;
+  for (bool progress = true; progress;) {
+    progress = false;
+    for (const auto& [room, needs] : table()) {
+      const bool ready = std::all_of(needs.begin(), needs.end(),
+                                     [&](const std::string& other) { return done.contains(other); });
+      progress = (ready && done.insert(room).second) || progress;
+    }
+  }
+  for (const auto& [room, needs] : table())
+    EXPECT_TRUE(done.contains(room)) << room << " is part of a circle";
+}
+
+// A header that no other room includes, nor any header that others include, is no part of the interface.
+TEST(Rooms, PublicHeadersAreUsedOutsideTheirRoom) {
+  const std::vector<SourceFile> files = all_sources();
+  std::map<fs::path, std::vector<fs::path>> includes;
+  std::set<fs::path> known, used, pending;
+  for (const SourceFile& file : files) known.insert(file.path);
+  std::vector<SourceFile> users = files;
+  // Programs of users: the README's, the examples, the firmware.
+  for (SourceFile& file : test::sources_in({"test/examples", "test/firmware"}))
+    users.push_back(std::move(file));
+  users.push_back({"README.md", test::lines_of("README.md")});
+  for (const SourceFile& file : users) {
+    for (const std::string& name : quoted_includes(file)) {
+      const fs::path target = resolve(file.path, name, known);
+      if (target.empty() || target.begin()->string() != "include") continue;
+      if (file.path.begin()->string() == "include") includes[file.path].push_back(target);
+      const std::string top = file.path.begin()->string();
+      const bool outside = top == "test" || top == "README.md" || room_of(file.path) != room_of(target);
+      if (outside) pending.insert(target);
+    }
+  }
+  // The room's facade is named as the room is.
+  for (const fs::path& file : known) {
+    if (file.begin()->string() == "include" && file.stem() == room_of(file)) pending.insert(file);
+  }
+  while (!pending.empty()) {
+    const fs::path header = *pending.begin();
+    pending.erase(pending.begin());
+    if (!used.insert(header).second) continue;
+    for (const fs::path& next : includes[header]) pending.insert(next);
+  }
+  for (const fs::path& file : known) {
+    if (file.begin()->string() != "include" || file.parent_path().filename() == "detail") continue;
+    const std::string name = fs::relative(file, "include/heft").string();
+    EXPECT_NE(used.contains(file), kept_public().contains(name))
+        << name
+        << (used.contains(file) ? " is used outside its room; take it off the list kept_public()"
+                                : " is used in its own room only: move it to src, or under detail/ where a "
+                                  "template asks for it");
+  }
 }
 
 TEST(Rooms, CoreIncludesNothingButEigenAndTheStandardLibrary) {
-  const fs::path core = fs::path(HEFT_SOURCE_DIR) / "include/heft/core";
   const std::regex include(R"(#\s*include\s*<([^>]+)>)");
   const std::set<std::string> standard = {"algorithm",   "array",   "bit",         "cmath",
                                           "cstddef",     "cstdint", "limits",      "numbers",
                                           "string_view", "tuple",   "type_traits", "utility"};
-  for (const auto& entry : fs::recursive_directory_iterator(core)) {
-    if (entry.path().extension() != ".hpp") {
-      continue;
-    }
-    std::ifstream in(entry.path());
-    for (std::string line; std::getline(in, line);) {
+  const std::vector<SourceFile> files = test::sources_in({"include/heft/core"});
+  EXPECT_GT(files.size(), 30U);
+  for (const SourceFile& file : files) {
+    for (const std::string& line : file.lines) {
       std::smatch match;
       if (std::regex_search(line, match, include)) {
-        EXPECT_TRUE(standard.contains(match[1]) || match[1] == "Eigen/Core")
-            << entry.path() << ": " << match[1];
+        EXPECT_TRUE(standard.contains(match[1]) || match[1] == "Eigen/Core") << file.path << ": " << match[1];
       }
     }
   }
@@ -87,15 +195,11 @@ TEST(Rooms, CoreIncludesNothingButEigenAndTheStandardLibrary) {
 TEST(Rooms, PublicHeadersShowNoThirdPartyType) {
   const std::regex include(
       R"(#\s*include\s*<(kdl|urdf|cvode|sundials|nvector|sunmatrix|sunlinsol|ceres|fcl|nlohmann|CLI|fmt)[/.])");
-  for (const auto& entry : fs::recursive_directory_iterator(fs::path(HEFT_SOURCE_DIR) / "include/heft")) {
-    if (entry.path().extension() != ".hpp") {
-      continue;
-    }
-    std::ifstream in(entry.path());
-    for (std::string line; std::getline(in, line);) {
-      EXPECT_FALSE(std::regex_search(line, include)) << entry.path() << ": " << line;
-    }
+  for (const SourceFile& file : test::sources_in({"include/heft"})) {
+    for (const std::string& line : file.lines)
+      EXPECT_FALSE(std::regex_search(line, include)) << file.path << ": " << line;
   }
 }
 
 }  // namespace
+}  // namespace heft
