@@ -1,4 +1,4 @@
-// Times of the real-time code beside KDL (and Pinocchio where CMake found it) in one run. Compare ratios, not
+// Times of the real-time code and of KDL (and Pinocchio where CMake found it) in one run. Compare ratios, not
 // nanoseconds: `heft_bench --benchmark_repetitions=5 --benchmark_report_aggregates_only=true`.
 #include <benchmark/benchmark.h>
 

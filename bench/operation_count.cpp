@@ -33,7 +33,7 @@ using Description = model::KawasakiArm;
 template <typename Scalar>
 using ArmOf = StaticArm<Scalar, Description>;
 
-/// One sample of the publication's experiment: exciting motion, noisy acceleration, clean instrument.
+/// One sample of Kawasaki and Nishimura's experiment: exciting motion, noisy acceleration, clean instrument.
 struct Sample {
   std::array<double, kN> q, qd, measured, instrument, tau;
 };
@@ -197,7 +197,7 @@ Eigen::VectorXd batch(int count, bool least_squares) {
   return phi.fullPivLu().solve(right);
 }
 
-/// Runs one estimator over the log, counting; beside it the same in double.
+/// Runs one estimator over the log, counting, and the same in double.
 template <int First, EstimatorForm Form>
 Result run(const std::string& name, bool shared, bool least_squares) {
   Result result{name, shared, least_squares, {}, 0, {}, {}, true, 0};
@@ -310,7 +310,7 @@ Result run(const std::string& name, bool shared, bool least_squares) {
   return result;
 }
 
-/// The publication's covariance recursion on the same rows.
+/// Kawasaki and Nishimura's covariance recursion on the same rows.
 template <int First>
 Result run_covariance() {
   Result result{"covariance", false, false, {}, 0, {}, {}, true, 0};
@@ -422,7 +422,7 @@ nlohmann::ordered_json document(int k, int parameters, const std::vector<Result>
 
 void print(int k, int parameters, const std::vector<Result>& results) {
   fmt::print("\nk = {}, {} parameters{}\n", k, parameters,
-             k == 5 ? "   (publication of 1984: about 1800 multiplications, 1500 additions)" : "");
+             k == 5 ? "   (Kawasaki and Nishimura, 1984: about 1800 multiplications, 1500 additions)" : "");
   fmt::print("  {:<12} {:<6} {:<8} {:>8} {:>8} {:>6} {:>6} {:>6}   {:>10} {:>10}   {}\n", "form", "method",
              "forward", "mul", "add", "div", "sqrt", "trig", "worst mul", "worst add", "against batch");
   for (const Result& r : results) {
@@ -449,7 +449,7 @@ void print(int k, int parameters, const std::vector<Result>& results) {
 
 int main_with(const std::string& json_path) {
   fmt::print(
-      "Operations a sample, publication's arm, counted by running the production code.\n"
+      "Operations a sample, arm of Kawasaki and Nishimura (1984), counted by running the production code.\n"
       "Information form: solve every {} samples, its cost included. Means are over steady state, worst "
       "samples\n"
       "over the whole run, start-up and hand-over included. Outlier gate on. A sine or cosine counts as one "

@@ -1,4 +1,4 @@
-# Shared by the scripts beside it; source it, do not run it.
+# Shared by the scripts in this folder; source it, do not run it.
 
 # The checkout these scripts belong to, whatever folder they are called from.
 heft_root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)

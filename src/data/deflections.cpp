@@ -147,10 +147,10 @@ void check_header(const Table& table, int num_joints, const std::string& robot_n
   if (table.has("d") != table.has_any(kDirection)) {
     const std::string_view problem =
         table.has("d")
-            ? "column 'd' is a displacement without direction; expected ux, uy, uz beside it, the direction "
+            ? "column 'd' is a displacement without direction; expected ux, uy, uz as well, the direction "
               "along which it was measured; add them, or use dx, dy, dz"
             : "columns ux, uy, uz give a direction along which nothing was measured; expected column 'd' [m] "
-              "beside them; add it";
+              "as well; add it";
     table.fail("{}", problem);
   }
   if (!table.has("d") && !table.has_any(kShift) && !table.has_any(kTurn)) {
@@ -229,8 +229,8 @@ std::vector<Deflection> read_deflections(const std::string& path, int num_joints
     for (const DeflectionReading& reading : row.readings) {
       if (std::abs(reading.value) > kMost) {
         table.fail(
-            "found a deflection of {:g} {}; expected at most {:g}: what stiffness says holds for small ones; "
-            "give "
+            "found a deflection of {:g} {}; expected at most {:g}: a linear stiffness is valid only for small "
+            "deflections; give "
             "metres and radians (0.2 mm is 0.0002)",
             reading.value, reading.rotation ? "rad" : "m", kMost);
       }

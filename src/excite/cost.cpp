@@ -1,4 +1,4 @@
-/// What a motion tells, as a number to make small, with its exact gradient (excitation.md).
+/// What a motion reveals, as a number to make small, with its exact gradient (excitation.md).
 #include <cmath>
 #include <limits>
 

@@ -28,7 +28,7 @@ using regression::find_base_parameters;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPi = std::numbers::pi;
 
-// Bounds on the work of a design: rows of the log that its score stands for, samples of the search.
+// Bounds on the work of a design: rows of the log that its score represents, samples of the search.
 constexpr double kMostRows = 2e6;
 constexpr double kMostSamples = 20'000;
 constexpr double kMostLooks = 1e5;  // of the last check of one motion

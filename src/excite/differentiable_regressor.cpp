@@ -32,7 +32,7 @@ ArmModel<Scalar, N> converted(const ArmModel<double, N>& arm) {
   return result;
 }
 
-/// Instances take long to compile, so there are few. A smaller arm gets massless joints at its tip that stand still:
+/// Instances take long to compile, so there are few. A smaller arm gets massless joints at its tip that do not move:
 /// they change neither the torques of the others nor their columns.
 constexpr std::array<int, 3> kSizes{6, 7, model::kMaxJoints};
 

@@ -28,7 +28,7 @@ class DifferentiableRegressor {
 };
 
 /// @param chosen      columns wanted
-/// @param sign_width  n: tanh(q̇/width) stands for the sign [rad/s, m/s]
+/// @param sign_width  n: tanh(q̇/width) replaces the sign [rad/s, m/s]
 std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(
     const regression::RegressionColumns& columns, const std::vector<int>& chosen,
     const Eigen::VectorXd& sign_width);

@@ -116,7 +116,7 @@ ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, con
   ExcitationOptions search = options.search;
   search.sample_rate = options.rate;
   auto designed = std::make_shared<ExcitationDesign>(motion.robot, limits, search);
-  // A pose that cannot be held is told before the search, which takes a while.
+  // A pose that cannot be held is refused before the search, which takes a while.
   if (options.from) safe_way(motion.robot, limits, "pose to come from", *options.from, *options.from);
   for (const Options::Given& given : options.given)
     designed->add_given(given.q, given.qd, given.qdd, given.seconds);

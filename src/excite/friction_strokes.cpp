@@ -67,7 +67,7 @@ VectorXd roomiest_pose(const LimitCheck& check, std::uint64_t seed) {
   }
   if (best.size() == 0) {
     throw NotIdentifiableError(
-        fmt::format("robot \"{}\": limits: no pose found in {} tries at which the arm stands inside all of "
+        fmt::format("robot \"{}\": limits: no pose found in {} tries at which the arm is inside all of "
                     "them, so there is no safe "
                     "motion; last missed: {}; widen that limit",
                     check.robot.name, kPosesTried, missed));

@@ -201,8 +201,8 @@ void check_limits(const model::Robot& robot, const MotionLimits& limits) {
     }
     if (!(limits.velocity[j] > 0.0) || !std::isfinite(limits.velocity[j])) {
       refuse(
-          fmt::format("{}: velocity limit: found {}, expected a finite one above 0; a joint that must stand "
-                      "still cannot be excited",
+          fmt::format("{}: velocity limit: found {}, expected a finite one above 0; a joint that must not "
+                      "move cannot be excited",
                       name, limits.velocity[j]));
     }
     if (!(limits.acceleration[j] > 0.0)) {

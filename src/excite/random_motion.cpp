@@ -112,7 +112,7 @@ ExcitationTrajectory ExcitationDesign::Impl::random_motion(std::uint64_t seed) c
   if (best_factor > 0.0 && drawn_together(best, fine, 0.98, result) > 0.0) return result;
   if (motions == 0) {
     throw NotIdentifiableError(fmt::format(
-        "robot \"{}\": limits: no position found in {} tries at which the arm stands inside all of them "
+        "robot \"{}\": limits: no position found in {} tries at which the arm is inside all of them "
         "with room to move, so there is no safe motion; nearest missed: {}; widen that limit",
         columns.robot().name, kPositions, nearest.what));
   }

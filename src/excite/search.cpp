@@ -81,7 +81,7 @@ class History final : public ceres::IterationCallback {
   const std::function<void()>& step_;
 };
 
-/// One search, carried on from where it stands.
+/// One search, continued from its present point.
 struct Search {
   VectorXd x;
   double value{std::numeric_limits<double>::quiet_NaN()};  ///< objective

@@ -41,7 +41,7 @@ std::string remedy_for(int reason) {
 
 void write_to_descriptor(const std::string& path, int descriptor, std::string_view content) {
   if (descriptor == STDOUT_FILENO) {
-    // Through the stream, behind what stands in its buffer already.
+    // Through the stream, behind what is in its buffer already.
     if (std::fwrite(content.data(), 1, content.size(), stdout) == content.size() && std::fflush(stdout) == 0)
       return;
     const int reason = errno;
@@ -57,7 +57,7 @@ void write_to_descriptor(const std::string& path, int descriptor, std::string_vi
 
 void write_through(const std::string& path, const std::string& target, std::string_view content) {
   const Descriptor file(::open(target.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC));
-  if (!file) refuse(path, std::strerror(errno), "check what this name stands for");
+  if (!file) refuse(path, std::strerror(errno), "check what this name refers to");
   if (const int reason = write_all(file.get(), content); reason != 0) refuse(path, reason);
 }
 

@@ -73,7 +73,7 @@ void copy(const std::string& path, std::string_view what, int from, int to) {
 InputFile open_input(const std::string& path) {
   const auto copy = spooled().find(path);
   if (copy == spooled().end()) return InputFile(std::fopen(system_path(path).c_str(), "rbe"));
-  // Opened anew rather than duplicated: every reader has its own place in the file.
+  // Opened again rather than duplicated: every reader has its own place in the file.
   return InputFile(std::fopen(fmt::format("/proc/self/fd/{}", copy->second).c_str(), "rbe"));
 }
 

@@ -1,5 +1,5 @@
 /// @file
-/// What stands between the rigid bodies' torque and the motors': actuation, gear couplings, joint effects.
+/// What lies between the rigid bodies' torque and the motors': actuation, gear couplings, joint effects.
 #pragma once
 
 #include <fmt/format.h>

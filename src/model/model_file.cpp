@@ -22,7 +22,7 @@ using Json = nlohmann::ordered_json;
 constexpr int kVersion = 1;
 constexpr const char* kFormat = "heft-model";
 
-/// A JSON value that knows where it stands, so that every complaint names file and path.
+/// A JSON value that knows its path, so that every complaint names file and path.
 class Node {
  public:
   Node(const Json& json, std::string file, std::string path)
@@ -61,7 +61,7 @@ class Node {
     return value;
   }
   double number_or_zero(const char* key) const { return has(key) ? at(key, "a number").number() : 0.0; }
-  /// null stands for `fallback`, and so does a missing key.
+  /// null means `fallback`, and so does a missing key.
   double number_or(const char* key, double fallback) const {
     if (!has(key)) return fallback;
     const double value = at(key, "a number or null").number(true);
@@ -215,9 +215,9 @@ std::string effect_kinds() {
 
 /// Where a model holds a finding that is no entry of its effects.
 std::string place_of(const std::string& kind) {
-  if (kind == "wrist_coupling") return "; a motor that turns with two joints stands in /gear_couplings";
-  if (kind == "base_tilt") return "; a base that stands off level stands in /kinematics/gravity";
-  if (kind == "payload_change") return "; a body on the tool belongs to the last of /links";
+  if (kind == "wrist_coupling") return "; a motor that turns with two joints belongs in /gear_couplings";
+  if (kind == "base_tilt") return "; a base that is not level belongs in /kinematics/gravity";
+  if (kind == "payload_change") return "; a body on the tool belongs in the last of /links";
   return {};
 }
 
@@ -445,8 +445,8 @@ ModelFile make_model(const Robot& robot) {
 Robot make_robot(const ModelFile& model) {
   if (!model.kinematics) {
     throw ModelError(
-        fmt::format("{}: /kinematics: missing; expected where the joints of robot \"{}\" are; give its URDF "
-                    "with --urdf beside the model, or fit the model anew",
+        fmt::format("{}: /kinematics: missing; expected the joint frames of robot \"{}\"; give its URDF "
+                    "with --urdf as well, or fit the model again",
                     model.path.empty() ? "model" : model.path, model.robot));
   }
   const KinematicsRecord& kinematics = *model.kinematics;

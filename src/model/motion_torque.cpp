@@ -136,9 +136,9 @@ struct MotionTorque::Impl {
     Vector torque = Vector::Zero(count), second = Vector::Zero(count);
     bool at_rest = !started;
     if (started) {
-      // The row before tells the inertia; the arm turns little from row to row.
+      // The row before gives the inertia; the arm turns little from row to row.
       const Eigen::LLT<Coupled<kSize>> factor(elastic_part<kSize>(M_before));
-      // Links whose fitted inertia no body can have do not ring.
+      // Links whose fitted inertia is physically impossible do not ring.
       at_rest = factor.info() != Eigen::Success;
       if (!at_rest) {
         const Coupled<kSize> inverse = factor.solve(Coupled<kSize>::Identity(count, count));

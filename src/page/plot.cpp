@@ -53,7 +53,7 @@ std::string quote(const std::string& text) {
   return quoted + "'";
 }
 
-/// In the SVG each colour stands first as rgb(1, 0, index), to be replaced by its CSS variable afterwards.
+/// In the SVG each colour is written first as rgb(1, 0, index), to be replaced by its CSS variable afterwards.
 std::string placeholder(std::size_t colour) { return fmt::format("#0100{:02x}", colour); }
 std::string solid(std::size_t colour) { return kPalette[colour].light; }
 
@@ -151,7 +151,7 @@ std::string script_of(const PlotSpec& spec, std::string (*colour)(std::size_t)) 
   if (spec.log_x) s += "set logscale x\nset format x '%g'\n";
   if (spec.log_y) s += "set logscale y\nset format y '%g'\n";
   if (!spec.x_label.empty()) s += fmt::format("set xlabel {} offset 0,0.3\n", quote(spec.x_label));
-  // The quantity stands upright over its axis: easier to read than turned text.
+  // The quantity is written upright over its axis: easier to read than turned text.
   if (!spec.y_label.empty()) {
     s += fmt::format("set label {} at graph 0, graph 1 left offset -3,0.8\n", quote(spec.y_label));
   }

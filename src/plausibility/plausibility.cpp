@@ -204,7 +204,7 @@ class Judge {
         second = std::max(second, next.gain);
       }
     }
-    // What gains clearly is told even where a rival gains nearly as much.
+    // What gains clearly is reported even where a rival gains nearly as much.
     if (!structure.clear && best.gain - second < kLead) return {};
     return structure;
   }

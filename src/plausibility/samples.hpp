@@ -10,7 +10,7 @@ namespace heft::plausibility {
 
 struct Samples {
   Eigen::MatrixXd q, qd, qdd, tau;  ///< rows × n
-  double duration{0.0};             ///< time that the rows stand for [s]
+  double duration{0.0};             ///< time that the rows represent [s]
 };
 
 /// Position and torque behind the same zero-phase low-pass of 5 Hz, velocity and acceleration as differences of the

@@ -29,7 +29,7 @@ class System {
 
 /// Integrates a System from stop to stop.
 ///
-/// Held torques step at every controller sample, and starting a multistep method anew each time would throw
+/// Held torques step at every controller sample, and restarting a multistep method each time would throw
 /// its history away a thousand times a second. Instead CVODE integrates shifted coordinates
 /// r = q − S(t), w = q̇ − Ṡ(t) with S a piecewise polynomial that takes up the step of the acceleration,
 /// so that what CVODE sees has a continuous second derivative and its history stays good. See integrator.md.
@@ -42,10 +42,10 @@ class Integrator {
   Integrator(const Integrator&) = delete;
   Integrator& operator=(const Integrator&) = delete;
 
-  /// Starts anew at a state; q, qd, z are copied.
+  /// Restarts at a state; q, qd, z are copied.
   void start(double t, const double* q, const double* qd, const double* z);
 
-  /// Steps of the solver that it may take from now on, besides those left over from before up to kMostSteps.
+  /// Steps of the solver that it may take from now on, plus those left over from before up to kMostSteps.
   /// advance() and advance_freely() throw SimulationError when they are used up.
   void grant(double steps);
 
@@ -54,7 +54,7 @@ class Integrator {
   /// Goes on to `t_out` and interpolates there; the solver may look ahead, but not beyond `t_limit`.
   Stop advance_freely(double t_out, double t_limit);
 
-  /// Tells that the accelerations jumped at the present time, the state did not.
+  /// Reports that the accelerations jumped at the present time, the state did not.
   /// @param jump  acceleration after minus acceleration before, num_positions() values
   void kick(const double* jump);
 

@@ -9,7 +9,7 @@
 namespace heft::sim {
 namespace {
 
-/// A joint effect of core; the direction stands for its sign, and its memory is a state.
+/// A joint effect of core; the direction is its sign, and its memory is a state.
 template <typename Effect>
 class CoreEffect : public JointEffect {
  public:

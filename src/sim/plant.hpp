@@ -60,7 +60,7 @@ class Plant : public System {
   const std::vector<int>& modes() const { return mode_; }
   bool is_dry(int joint) const { return is_dry_[static_cast<std::size_t>(joint)]; }
 
-  /// Torque of everything that acts at a joint besides rigid bodies and rotors, after evaluate(): friction
+  /// Torque of everything that acts at a joint other than rigid bodies and rotors, after evaluate(): friction
   /// and what holds a stuck joint.
   double effect_torque(int joint) const;
 

@@ -57,7 +57,7 @@ std::shared_ptr<const Reference> read_reference(const SettingsReader& reader, in
     start.resize(n);
     motion->evaluate(0.0, start, qd, qdd);
   } else if (ramp == 0.0) {
-    reader.refuse("start", "a start position without a ramp", "a key \"ramp\" beside it",
+    reader.refuse("start", "a start position without a ramp", "a key \"ramp\" as well",
                   "add \"ramp\" [s], the time in which the motion is blended in");
   }
   reader.finish();
@@ -363,7 +363,7 @@ Scenario parse_scenario(std::string_view json, const std::string& file, const Ro
   }
   if (top.has("torque")) {
     if (kind != "none") {
-      top.refuse("torque", "an open-loop torque beside a controller", "one of the two", "leave one out");
+      top.refuse("torque", "both an open-loop torque and a controller", "one of the two", "leave one out");
     }
     s.torque = read_torque(top.object("torque"), n);
   }

@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-/// The value as it stands in the file, shortened.
+/// The value as given in the file, shortened.
 std::string shown(const json& value) {
   std::string text = value.dump(-1, ' ', false, json::error_handler_t::replace);
   if (text.size() > 60) text = text.substr(0, 57) + "...";

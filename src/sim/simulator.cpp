@@ -308,7 +308,7 @@ class Run {
     return first + (second - first) * ((t_ - delay - before) / (after - before));
   }
 
-  /// After a sample's new torque: modes, acceleration, and the integrator told.
+  /// After a sample's new torque: modes, acceleration, and the integrator is notified.
   void settle(bool first) {
     const std::vector<int> before = plant_.modes();
     const bool changed = plant_.resolve_modes(t_, q_.data(), qd_.data(), z_.data());

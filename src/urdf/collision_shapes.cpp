@@ -218,12 +218,12 @@ class ShapeReader {
     constexpr std::string_view kFile = "file://", kPackage = "package://";
     if (file.starts_with(kFile)) file.erase(0, kFile.size());
     if (!file.starts_with(kPackage)) {
-      const fs::path beside = fs::path(file).is_absolute() ? fs::path(file) : folder / file;
-      if (fs::is_regular_file(beside, code)) return beside.string();
+      const fs::path next_to_it = fs::path(file).is_absolute() ? fs::path(file) : folder / file;
+      if (fs::is_regular_file(next_to_it, code)) return next_to_it.string();
       return std::nullopt;
     }
     file.erase(0, kPackage.size());
-    // The package is a folder above the URDF, or beside one above it.
+    // The package is a folder above the URDF, or next to one above it.
     const std::string inside = file.substr(std::min(file.size(), file.find('/') + 1));
     for (fs::path above = fs::absolute(folder, code);; above = above.parent_path()) {
       for (const fs::path& candidate : {above / file, above / inside}) {

@@ -43,7 +43,7 @@ struct Body {
   InertialParameters<double> parameters() const;
 };
 
-/// Why no body has this inertia about its centre of mass; empty when one can.
+/// Why this inertia about the centre of mass is physically impossible; empty when it is possible.
 std::string impossibility(const Eigen::Matrix3d& inertia);
 
 }  // namespace heft::urdf

@@ -146,7 +146,7 @@ class Editor {
     std::string content;
   };
 
-  /// White space in front of what begins its line here; nothing when something else stands in front of it.
+  /// White space in front of what begins its line here; nothing when something else precedes it.
   std::optional<std::string> indent(std::size_t place) const {
     const std::size_t before = place == 0 ? std::string::npos : text_.rfind('\n', place - 1);
     const std::size_t line = before == std::string::npos ? 0 : before + 1;
@@ -171,7 +171,7 @@ class Editor {
     return step_;
   }
 
-  /// Behind the comments that end the line here: they speak of what stands in front of them.
+  /// Behind the comments that end the line here: they refer to what precedes them.
   std::size_t behind_comments(std::size_t at) const {
     const std::size_t start = at;
     for (std::size_t end = at;;) {
@@ -447,7 +447,7 @@ class Writer {
       editor_.set_attribute(*origin, "rpy", "0 0 0");
       report_.notes.push_back(
           fmt::format("link \"{}\": its inertial frame was turned by a rounded angle (rpy); the inertia "
-                      "stands in link axes now",
+                      "is in link axes now",
                       link_name));
     }
     // I_F = Rᵀ I_c R, in the axes of the inertial frame F; R turns components in F into those in link axes.

@@ -25,7 +25,7 @@ struct XmlElement {
   std::size_t begin{0}, end{0};  ///< the element in the text, from its '<' to behind its last '>'
   std::size_t open_end{0};       ///< behind the '>' of the opening tag; equal to `end` in `<a/>`
   std::vector<std::pair<std::string, std::string>> attributes;  ///< names, values with entities resolved
-  /// Where the values stand in the text, between the quotes: begin and end, in the order of `attributes`.
+  /// Where the values are in the text, between the quotes: begin and end, in the order of `attributes`.
   std::vector<std::pair<std::size_t, std::size_t>> attribute_places;
   std::vector<XmlElement> children;
 

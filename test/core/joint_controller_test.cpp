@@ -148,7 +148,7 @@ TEST(JointFeedback, NeverHandsOnATorqueThatIsNotFinite) {
     const Status status =
         computed_torque<Arm>(feedback, parameters, none, Vector::Zero(), s.reference, s.q, s.qd, tau, record);
     EXPECT_EQ(status, Status::kNonFiniteInput) << bad;
-    EXPECT_EQ(tau, Vector::Constant(7)) << "the last good torque stands";
+    EXPECT_EQ(tau, Vector::Constant(7)) << "the last good torque is kept";
   }
 }
 

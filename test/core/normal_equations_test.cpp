@@ -171,7 +171,7 @@ TEST(FactoredEquations, RefuseToStartFromAMatrixWithoutPositivePivots) {
 }
 
 TEST(CovarianceRecursion, EqualsTheRegularisedBatchForm) {
-  // Section 5: equal to (P0⁻¹ + Σ ẑ w)⁻¹ (P0⁻¹ x0 + Σ ẑ y).
+  // core/estimate/README.md, section 5: equal to (P0⁻¹ + Σ ẑ w)⁻¹ (P0⁻¹ x0 + Σ ẑ y).
   const Row prior = test::true_layout_parameters<4>(false);
   constexpr double kPrecision = 0.1;
   const Problem problem(600, kPrecision, prior);

@@ -33,7 +33,7 @@ Eigen::MatrixXd matrix_of(const nlohmann::json& rows) {
   return m;
 }
 
-/// @param unit  SI torque over the file's torque unit (the publication's file is in g, m, s)
+/// @param unit  SI torque over the file's torque unit (that of Kawasaki and Nishimura's arm is in g, m, s)
 template <typename Description>
 void expect_reference(const std::string& file, double unit) {
   const std::filesystem::path path = std::filesystem::path(HEFT_REFERENCE_DIR) / file;

@@ -132,7 +132,7 @@ Eigen::Index rank_of_stacked_rows() {
 }
 
 TEST(TerminalRows, EveryParameterOfTheLayoutIsIdentifiable) {
-  // Section 7: 9 (n − k + 1) for k ≥ 2, 48 for k = 1 on six joints.
+  // core/estimate/README.md, section 7: 9 (n − k + 1) for k ≥ 2, 48 for k = 1 on six joints.
   EXPECT_EQ((rank_of_stacked_rows<model::KawasakiArm, 5>()), 9);
   EXPECT_EQ((rank_of_stacked_rows<model::KawasakiArm, 4>()), 18);
   EXPECT_EQ((rank_of_stacked_rows<model::KawasakiArm, 3>()), 27);

@@ -52,7 +52,7 @@ ExcitationOptions quick() {
 
 /// Largest difference between the gradient and central differences of the cost, relative to the gradient.
 double gradient_error(const ExcitationDesign& design, double barrier) {
-  // A random motion lies on a limit, where the barrier is infinite: a slower one beside it.
+  // A random motion lies on a limit, where the barrier is infinite: a slower one is not.
   VectorXd x, gradient;
   double value = std::numeric_limits<double>::infinity();
   for (std::uint64_t seed = 3; !std::isfinite(value) && seed < 30; ++seed) {
@@ -353,7 +353,7 @@ TEST(Excitation, DesignForAGivenLogBringsWhatItLacks) {
     qdd(i, 0) = -2.25 * std::sin(1.5 * t);
   }
   design.add_given(q, qd, qdd, 0.01);
-  EXPECT_FALSE(design.given_score()) << "joint 2 stood still";
+  EXPECT_FALSE(design.given_score()) << "joint 2 did not move";
   EXPECT_LT(design.optimize().score.condition, 30.0);
 }
 
@@ -484,7 +484,7 @@ TEST(Excitation, RefusesMotionsWithoutFreedom) {
 }
 
 TEST(Excitation, SaysWhatAMotionTooSmallLeavesUndetermined) {
-  // Over a hundredth of a degree every gravity torque is a constant: weights cannot be told apart.
+  // Over a hundredth of a degree every gravity torque is a constant: weights cannot be distinguished.
   const model::Robot robot = ur10e();
   MotionLimits limits = limits_of(robot);
   const VectorXd middle = Eigen::Vector<double, 6>(0.0, -1.3, 1.0, -0.5, 0.5, 0.3);

@@ -1,4 +1,4 @@
-// Writes the log that image and host replay: 20 s at 1 kHz of exciting motion of the publication's arm with a
+// Writes the log that image and host replay: 20 s at 1 kHz of exciting motion of Kawasaki and Nishimura's arm with a
 // load, with noise on the measured acceleration and torque.
 //   firmware_make_log OUTPUT
 #include <array>

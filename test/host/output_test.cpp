@@ -1,4 +1,4 @@
-// Output files: what stands at a path before is kept in kind, and nothing is left behind.
+// Output files: what was at a path before is kept in kind, and nothing is left behind.
 #include <csignal>
 #include <thread>
 

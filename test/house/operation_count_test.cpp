@@ -73,7 +73,7 @@ TEST(OperationCount, IsWhatTheReadmeSaysToOneDecimal) {
   };
   for (const std::string& text :
        {figures(form("information", false), "%.1f multiplications, %.1f additions (1984"),
-        figures(form("information", true), "; %.1f, %.1f beside computed torque"),
+        figures(form("information", true), "; %.1f, %.1f in addition to computed torque"),
         figures(form("factored", false),
                 "exact after every sample | %.1f multiplications, %.1f additions |")}) {
     EXPECT_NE(readme.find(text), std::string::npos) << "README.md does not say: " << text;

@@ -151,7 +151,7 @@ TEST(MotionTorque, CarriesHysteresisThroughReversals) {
 }
 
 TEST(MotionTorque, MemoryGoesByTheDisplacementThatItNames) {
-  // The low-passed position says that the joint rests; what was measured tells of a small reversal.
+  // The low-passed position says that the joint rests; what was measured shows a small reversal.
   const Eigen::Index rows = 6;
   const Motion m{Eigen::VectorXd::LinSpaced(rows, 0.0, 0.5), Eigen::MatrixXd::Zero(rows, 2),
                  Eigen::MatrixXd::Zero(rows, 2), Eigen::MatrixXd::Zero(rows, 2)};
@@ -215,7 +215,7 @@ TEST(MotionTorque, BeginsWhereFrictionIsSeenToHold) {
   MotionTorque motion(robot);
   motion.start_from(m.time, m.q, m.qd, m.qdd, measured);
   EXPECT_LT((motion.torque(m.time, m.q, m.qd, m.qdd) - measured).cwiseAbs().maxCoeff(), 1e-12);
-  // Without it the first rows miss what holds the joint; a joint that moves at once tells nothing.
+  // Without it the first rows miss what holds the joint; a joint that moves at once reveals nothing.
   motion.reset();
   EXPECT_NEAR((measured - motion.torque(m.time, m.q, m.qd, m.qdd))(0, 1), Fc * (1 - sharp) * z0, 1e-12);
   m.qd.col(1).setConstant(0.2);
@@ -245,7 +245,7 @@ TEST(MotionTorque, BeginsWithTwoDistancesThatHoldTogether) {
 }
 
 TEST(MotionTorque, BeginsWhereFrictionIsSeenToHoldThoughThePositionIsNoisy) {
-  // As above; the position as logged wanders by two thirds of x0 while the joint stands, the velocity does not.
+  // As above; the position as logged wanders by two thirds of x0 while the joint rests, the velocity does not.
   const double x0 = 0.03, Fc = 0.8, z0 = 0.7;
   Robot robot = arm_with_friction();
   const Eigen::Index rows = 60;

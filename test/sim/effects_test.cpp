@@ -1,4 +1,4 @@
-// What acts besides rigid bodies and the declared friction, against the formulas written out here.
+// What acts in addition to rigid bodies and the declared friction, against the formulas written out here.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -138,7 +138,7 @@ TEST(UndeclaredEffects, HysteresisTurnsTheFrictionOverWithinItsTravel) {
       z = s + (z - s) * std::exp(-std::abs(travel) / x0);
     }
     const double expected = coulomb * (z - std::tanh(log.qd(k, 0) / 1e-3));
-    // A reversal within a step of 5 ms is told from its ends only: some 1e-4 of travel.
+    // A reversal within a step of 5 ms is known from its ends only: some 1e-4 of travel.
     EXPECT_NEAR(left(k, 0), expected, 2e-2 * coulomb) << log.time[k];
     largest = std::max(largest, std::abs(expected));
   }

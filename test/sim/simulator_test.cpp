@@ -204,7 +204,7 @@ TEST(Simulation, ClosedLoopWithFrictionConvergesAsTheToleranceTightens) {
   double last = 1e-4;
   for (double tolerance : {1e-6, 1e-8, 1e-10}) {
     const double error = (run(tolerance, false) - best).cwiseAbs().maxCoeff();
-    // The error follows the tolerance; the factor stands for the number of steps and the loop's gain.
+    // The error follows the tolerance; the factor accounts for the number of steps and the loop's gain.
     EXPECT_LT(error, 300.0 * tolerance) << "tolerance " << tolerance;
     EXPECT_LT(error, last) << "tolerance " << tolerance;
     last = error;

@@ -2,7 +2,7 @@
 /// Counts what a stretch of code takes from the heap, in any build type.
 ///
 /// Link allocation_counter.cpp into the test: it replaces malloc and its family and operator new. It is a
-/// translation unit of its own because beside the test the compiler may assume that malloc does not change a
+/// translation unit of its own because in the test the compiler may assume that malloc does not change a
 /// variable.
 #pragma once
 

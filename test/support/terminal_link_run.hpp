@@ -1,5 +1,5 @@
 /// @file
-/// The publication's experiment in small: exciting motion of its arm with payload, noisy accelerations.
+/// Kawasaki and Nishimura's experiment in small: exciting motion of its arm with payload, noisy accelerations.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ struct TerminalLinkSample {
 
 /// @param count   samples at 5 ms
 /// @param noise   standard deviation of the acceleration noise [rad/s²]
-/// @param loaded  true: the arm carries the publication's payload
+/// @param loaded  true: the arm carries their payload
 inline std::vector<TerminalLinkSample> terminal_link_run(int count, double noise, int seed,
                                                          bool loaded = true, double start = 0.0) {
   std::mt19937_64 random(static_cast<std::uint64_t>(seed));

@@ -6,7 +6,7 @@
 
 namespace heft::test {
 
-/// Table 3 of the thesis "Experimental identification of the joints stiffness of the UR5 robot arm", in m.
+/// Table 3 of "Experimental identification of the joints stiffness of the UR5 robot arm", thesis, UPC-ETSEIB, 2017, in m.
 inline model::Robot thesis_ur5() {
   return model::make_standard_dh_robot("ur5", {{0, 0.08916, 1, 0},
                                                {-0.425, 0, 0, 1},

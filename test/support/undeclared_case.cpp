@@ -961,7 +961,7 @@ class CaseMaker {
         largest = std::min(
             largest, 0.2 * there.effort_limit / std::pow(0.8 * there.velocity_limit, e.parameters["p"]));
       }
-      // Holding takes less than twice the force of sliding, and the loop's damping stands above the steepest fall
+      // Holding takes less than twice the force of sliding, and the loop's damping exceeds the steepest fall
       // of friction with speed, 0.86 Fs / vs: else the arm sticks and slips, and no log resolves the jumps.
       if (kind == "stribeck") {
         const double steepest = 0.8 * kDampingRate * least_inertia()[main];

@@ -34,7 +34,7 @@ TEST(Campaign, MeetsTheFiveCriteria) {
   EXPECT_GT(counted, 25);
   EXPECT_THAT(host::read_file(page, "page"), HasSubstr("</html>"));
 
-  // Its files stand for themselves: the model from one log meets another, to the same figures.
+  // Its files are complete: the model from one log meets another, to the same figures.
   const std::string again = folder.path("again.json");
   const test::Outcome repeated =
       test::run_heft({"validate", "--model", folder.path("files/identified.json"), "--log",

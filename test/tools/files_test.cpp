@@ -154,7 +154,7 @@ TEST_F(Files, PipesGiveWhatFilesGiveInEveryCommand) {
       line.replace(line.find(" A ") + 1, 1, log);
       return line;
     };
-    // The name of the log stands in some results.
+    // The name of the log is in some results.
     const std::string unnamed =
         " | sed 's#\"[^\"]*\\(a.csv\\|/dev/[a-z0-9/]*\\|-\\|fifo\\)[^\"]*\"##; s#/dev/[a-z0-9/]*##g'";
     const Outcome of_file = bash("cat a.csv >/dev/null; " + with("a.csv") + unnamed);
@@ -224,7 +224,7 @@ TEST_F(Files, EveryOptionThatNamesAFileIsLookedAtBeforeTheWork) {
   int count = 0;
   for (const char* command : kCommands) {
     const std::string help = bash("$H " + std::string(command) + " --help").out;
-    // The table of options; what stands below it are examples.
+    // The table of options; examples follow it.
     const std::string table = help.substr(0, help.find("\n\n", help.find("Options:")));
     for (std::sregex_iterator found(table.begin(), table.end(), option), end; found != end; ++found) {
       const std::string name = (*found)[1];

@@ -20,7 +20,7 @@ struct Mistake {
   const char* name;
   const char* command;  ///< for bash, in the folder; H is the heft command
   int exit_code;
-  std::vector<const char*> texts;  ///< all of them stand in what is printed on standard error
+  std::vector<const char*> texts;  ///< all of them occur in what is printed on standard error
   const char* may_appear{""};      ///< a file that is rightly written
 };
 

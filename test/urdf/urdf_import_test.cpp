@@ -26,7 +26,7 @@ using testing::Not;
 using Matrix3 = Eigen::Matrix3d;
 using Vector3 = Eigen::Vector3d;
 
-// --- building URDF text, one element a line so that line numbers can be told ---
+// --- building URDF text, one element a line so that line numbers are known ---
 
 std::string inertial(
     double mass = 1.0, const std::string& xyz = "0 0 0", const std::string& rpy = "0 0 0",

@@ -108,7 +108,7 @@ endfunction()
 # heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ... [OPTIMISED | LIGHT] [WHOLE] [SLOW filter])
 # One googletest binary; every TEST becomes a ctest entry NAME.Suite.Test with the labels given; those that the
 # googletest filter SLOW matches are labelled slow too. WHOLE makes one entry of the binary, where its tests share what
-# takes long to make. What is tested is compiled as it ships; the test beside it with less effort, which is a third of
+# takes long to make. What is tested is compiled as it ships; the test around it with less effort, which is a third of
 # its compile time, unless OPTIMISED; LIGHT is for tests that run the command and read what it writes.
 function(heft_add_test name)
   cmake_parse_arguments(ARG "OPTIMISED;LIGHT;WHOLE" "TIMEOUT;SLOW" "SOURCES;LIBRARIES;LABELS;DEFINITIONS" ${ARGN})

@@ -24,7 +24,7 @@ struct Capsule {
   Eigen::Vector3d a{Eigen::Vector3d::Zero()}, b{Eigen::Vector3d::Zero()};  ///< in the link frame [m]
   double radius{0.0};                                                      ///< [m]
   std::string name;                                                        ///< of the link
-  std::vector<int> shapes;  ///< indices of the link shapes it stands for; none: fitted from the kinematics
+  std::vector<int> shapes;  ///< indices of the link shapes it covers; none: fitted from the kinematics
 };
 
 /// Smallest capsule found around points: its axis is one of the directions given, its radius the largest distance

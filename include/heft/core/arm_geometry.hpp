@@ -216,7 +216,7 @@ class StaticArm {
     }
   }
 
-  /// Acceleration of the base frame that stands for gravity, −g.
+  /// Acceleration of the base frame that represents gravity, −g.
   static constexpr auto base_acceleration() {
     return -structural::constant3<Scalar, structural::kGravity<Description>, 0>();
   }
@@ -356,7 +356,7 @@ class DynamicArm {
   /// Replaces the gravity vector, in the base frame [m/s²]: a tilted base.
   void set_gravity(const std::array<Scalar, 3>& gravity) noexcept { model_.gravity = gravity; }
 
-  /// The model as it stands, in user frames.
+  /// The model as given, in user frames.
   const ArmModel<Scalar, N>& model() const noexcept { return model_; }
 
   /// True where link frame j was turned inside because its joint axis is not z.

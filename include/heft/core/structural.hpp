@@ -39,7 +39,7 @@ inline constexpr bool kIsZero = kIs<T, 0>;
 template <typename A, typename B>
 concept EitherInt = kIsInt<A> || kIsInt<B>;
 
-// The operators live beside Int, so that argument-dependent lookup finds them for any Scalar.
+// The operators live in the namespace of Int, so that argument-dependent lookup finds them for any Scalar.
 
 template <int K>
 constexpr Int<-K> operator-(Int<K>) {

@@ -1,5 +1,5 @@
 /// @file
-/// Load and deflection measurements of an arm that stands still: poses, what pulled at the tool, what gave way.
+/// Load and deflection measurements of an arm at rest: poses, the load on the tool, and how far it moved.
 ///
 /// One row of the CSV file is one reading or several taken at once. SI units.
 ///
@@ -46,7 +46,7 @@ struct Deflection {
 };
 
 /// Reads and checks a file of deflections.
-/// @param num_joints  of the robot; its name stands in the message when the file has another number
+/// @param num_joints  of the robot; its name is in the message when the file has another number
 /// @param notes  one line for each thing worth telling (columns left alone), may be null
 /// @throws DataError naming file, line and column, what was found and what was expected.
 std::vector<Deflection> read_deflections(const std::string& path, int num_joints,

@@ -60,7 +60,7 @@ struct ExcitationOptions {
   std::uint64_t seed{1};
 };
 
-/// What a motion tells about the base parameters, sharp sign of friction.
+/// What a motion reveals about the base parameters, sharp sign of friction.
 struct ExcitationScore {
   double condition{0.0};            ///< of W with unit columns, rows weighted as chosen
   double condition_unit_rows{0.0};  ///< the same with unweighted rows
@@ -117,11 +117,11 @@ class ExcitationDesign {
   /// What the robot's present parameters make of the base parameters, b.
   Eigen::VectorXd values() const;
   const RegressionColumns& columns() const;
-  const std::vector<int>& kept() const;  ///< columns that stand for the base parameters
+  const std::vector<int>& kept() const;  ///< columns that represent the base parameters
 
-  /// Adds what a log already taken tells. Rows of joints slower than 1 % of their velocity limit are left out.
+  /// Adds the information of a log already recorded. Rows of joints slower than 1 % of their velocity limit are left out.
   /// @param q,qd,qdd  m × n
-  /// @param seconds   time that one row stands for
+  /// @param seconds   time that one row represents
   void add_given(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
                  double seconds);
 

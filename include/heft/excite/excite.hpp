@@ -28,14 +28,14 @@ struct Payload {
 /// @throws ModelError for a mass that is negative or not finite
 model::Robot with_payload(model::Robot robot, const Payload& payload);
 
-/// What a motion is to show and where the arm stands before it. Limits are separate: limits_of, read_limits.
+/// What a motion is to show and where the arm is before it. Limits are separate: limits_of, read_limits.
 struct Options {
   ExcitationOptions search;
   Payload payload;                      ///< carried along; counts in every torque
-  std::optional<Eigen::VectorXd> from;  ///< the arm stands here before and after, n [rad, m]
+  std::optional<Eigen::VectorXd> from;  ///< the arm is here before and after, n [rad, m]
   double rate{100.0};                   ///< rows a second of the log [Hz]
   bool rehearse{true};                  ///< run on the simulated arm and check what it did
-  /// Motion of logs already taken: q, q̇, q̈ (m × n) and the time that a row stands for [s].
+  /// Motion of logs already taken: q, q̇, q̈ (m × n) and the time that a row represents [s].
   struct Given {
     Eigen::MatrixXd q, qd, qdd;
     double seconds{0.0};
@@ -78,7 +78,7 @@ struct ExcitingMotion : Motion {
   Excitation excitation;
 };
 
-/// Designs an exciting motion, leads to it and back from where the arm stands, and rehearses all of it.
+/// Designs an exciting motion, leads to it and back from where the arm is, and rehearses all of it.
 /// @throws ModelError as ExcitationDesign; NotIdentifiableError when no safe motion is found, the rehearsal passes a limit
 ///         (both name it), or the motion leaves parameters undetermined.
 ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, const Options& options = {});
@@ -115,7 +115,7 @@ FrictionMotion friction_strokes(const model::Robot& robot, const MotionLimits& l
                                 const FrictionOptions& options = {});
 
 /// A program for a Universal Robots controller that runs the motion: one servoj a row. It does not move to the first
-/// row by itself, since it does not know a safe way there: it stops with a message unless the arm stands there.
+/// row by itself, since it does not know a safe way there: it stops with a message unless the arm is there.
 /// @throws ModelError for a robot without six joints, rows that are not evenly spaced, or less than 2 ms apart
 std::string to_urscript(const data::Log& log, const std::string& name = "heft_motion");
 /// A ROS 2 trajectory_msgs/msg/JointTrajectory in YAML, as `ros2 topic pub` and `ros2 action send_goal` take it.

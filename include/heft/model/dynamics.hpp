@@ -31,7 +31,7 @@ class Dynamics {
   Eigen::VectorXd inverse_dynamics(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                                    const Eigen::VectorXd& qdd) const;
   /// inverse_dynamics plus rotor inertia, Coulomb (sign, 0 at standstill), viscous and offset terms, gear
-  /// couplings and joint effects: everything that one instant tells. What depends on more is left to
+  /// couplings and joint effects: everything that one instant determines. What depends on more is left to
   /// MotionTorque; here friction has turned over at once after a reversal (no hysteresis), a joint that warms up
   /// is cold, an elastic joint is rigid with its motor's inertia, and the torque channel has no delay.
   /// @param sign_width  [rad/s, m/s] the sign becomes tanh(velocity / width), for joints that rest with a noisy

@@ -16,7 +16,7 @@ struct LinkShape {
     kSphere,    ///< size: radius, unused, unused
     kMesh       ///< triangles
   };
-  int link{-1};           ///< 0-based number of the joint that moves it; −1: it stands still with the base
+  int link{-1};           ///< 0-based number of the joint that moves it; −1: it is fixed to the base
   std::string link_name;  ///< as in the description
   Kind kind{Kind::kBox};
   std::array<double, 3> size{0, 0, 0};  ///< [m]

@@ -33,10 +33,10 @@
 /// `fit` and `provenance` may be missing. Fields that heft does not know are kept when a file is read and written
 /// again.
 ///
-/// `effects` holds what acts besides rigid bodies, friction and couplings. Kinds are the joint effects of
+/// `effects` holds what acts in addition to rigid bodies, friction and couplings. Kinds are the joint effects of
 /// core/effects/effects.hpp with the parameters that they name, `elasticity` of a joint (`damping` and
 /// `motor_inertia` may be missing) and `delay` of the torque channel, for the whole arm. Other findings have places
-/// of their own: motors that turn with two joints in `gear_couplings`, a base that stands off level in
+/// of their own: motors that turn with two joints in `gear_couplings`, a base that is not level in
 /// `kinematics.gravity`, a body on the tool in the last of `links`.
 #pragma once
 
@@ -56,7 +56,7 @@ namespace heft::model {
 struct Provenance {
   std::string method;              ///< "urdf", "ols", "recursive-least-squares"...
   std::vector<std::string> logs;   ///< logs it was fitted to
-  std::vector<std::string> notes;  ///< anything worth telling
+  std::vector<std::string> notes;  ///< anything worth knowing
 };
 
 /// Where a robot's links are: everything of a Robot but names of links and joints and dynamic parameters.
@@ -84,7 +84,7 @@ struct BaseParameterRecord {
   double value{0.0};
   double std{0.0};         ///< standard deviation, for residuals correlated in time; NaN: unknown
   double half_width{0.0};  ///< of the 95 % interval; NaN: unknown
-  bool determined{true};   ///< the logs tell it
+  bool determined{true};   ///< by the logs
 };
 
 /// How a model came out of its logs and how far to trust it: what `identify` found and `validate` repeats.
@@ -94,17 +94,17 @@ struct FitRecord {
       "motor"};  ///< where the torque was measured: "motor", or "joint" (a sensor behind the gear)
   std::vector<BaseParameterRecord> base_parameters;
   double condition_number{0.0};       ///< of the weighted base regressor, columns scaled to norm 1
-  bool physically_consistent{false};  ///< a body can have each link's parameters
+  bool physically_consistent{false};  ///< every link is physically possible
   /// Squared error of the best physical fit over that of the free one; 1: physics costs nothing. NaN: unknown.
   double physical_cost_ratio{std::numeric_limits<double>::quiet_NaN()};
   Eigen::VectorXd noise_std;  ///< n: scatter of the residual behind the low-pass [N·m, N]; size 0: unknown
-  // On the training logs, as the contract of the JSON results defines them. Size 0: unknown.
+  // On the training logs, as defined in tools/README.md ("What an RMSE is"). Size 0: unknown.
   Eigen::VectorXd rmse, rmse_in_band, rmse_percent_of_max, r2;
   double band_hz{0.0};               ///< of the low-pass behind rmse_in_band; 0: none
   double cutoff_hz{0.0};             ///< of the low-pass on the positions of the logs; 0: chosen for each log
   double sign_width{0.0};            ///< of friction's sign [rad/s, m/s]; 0: ScoreOptions' own
   long samples{0};                   ///< rows of all logs
-  std::vector<std::string> missing;  ///< what the logs did not tell, and the motion that would
+  std::vector<std::string> missing;  ///< what the logs did not determine, and the motion that would
 };
 
 /// Contents of a model file.
@@ -139,7 +139,7 @@ ModelFile make_model(const Robot& robot);
 Robot make_robot(const ModelFile& model);
 
 /// Puts a model's parameters into a robot: every link, every joint's actuation, gear couplings, effects,
-/// elasticities and delay, and the gravity that the model was fitted with (a base that stands off level), unless
+/// elasticities and delay, and the gravity that the model was fitted with (a base that is not level), unless
 /// its chain begins at another link.
 /// @param notes  gets a line when the model was made for a robot of another name, with link frames elsewhere, or
 ///               under a gravity other than the robot's; may be null

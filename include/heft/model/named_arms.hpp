@@ -13,8 +13,8 @@ namespace detail {
 
 constexpr std::array<double, 6> diagonal(double xx, double yy, double zz) { return {xx, 0, yy, 0, 0, zz}; }
 
-/// Tables 1 and 2 of Kawasaki and Nishimura in SI units; doubtful digits as read in the corrected text, section 9.
-/// @param payload  adds the publication's variation of link 6 (60 g at (0.03, 0.03, 0) …) and of its friction
+/// Tables 1 and 2 of Kawasaki and Nishimura (1984) in SI units; doubtful digits: core/estimate/README.md, section 9.
+/// @param payload  adds their variation of link 6 (60 g at (0.03, 0.03, 0) …) and of its friction
 constexpr ArmModel<double, 6> make_kawasaki(bool payload) {
   const std::array<DenavitHartenberg<double>, 6> table = {
       {{-0.011, 0, 1, 0}, {-0.08, 0, 0, 1}, {-0.0886, 0, 0, 1}, {0, 0, 1, 0}, {0, 0.1, 1, 0}, {0, 0, 0, 1}}};
@@ -75,12 +75,12 @@ constexpr ArmModel<double, 6> make_ur5() {
 
 }  // namespace detail
 
-/// The publication's arm, six revolute joints, without payload.
+/// The arm of Kawasaki and Nishimura (1984), six revolute joints, without payload.
 struct KawasakiArm {
   static constexpr ArmModel<double, 6> kModel = detail::make_kawasaki(false);
 };
 
-/// The publication's arm with the variation of its terminal link.
+/// The same arm with the variation of its terminal link.
 struct KawasakiArmWithPayload {
   static constexpr ArmModel<double, 6> kModel = detail::make_kawasaki(true);
 };

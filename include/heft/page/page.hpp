@@ -35,7 +35,7 @@ class Page {
  public:
   explicit Page(std::string title, std::string subtitle = {});
 
-  /// The answer in one sentence; stands under the title.
+  /// The answer in one sentence, shown under the title.
   Page& verdict(const std::string& sentence, Tone tone = Tone::kNeutral);
   /// The same in the tone that the judgement has earned, its reasons below the sentence.
   Page& verdict(const std::string& sentence, const host::Judgement& judgement);

@@ -11,7 +11,7 @@
 
 namespace heft::page {
 
-/// Colours that people with any colour vision can tell apart, on light and dark ground and in print.
+/// Colours that people with any colour vision can distinguish, on light and dark ground and in print.
 /// kAuto gives each series the next one.
 enum class Hue { kAuto, kNeutral, kBlue, kVermillion, kGreen, kPurple, kSky, kOrange };
 
@@ -24,7 +24,7 @@ enum class Style {
   kDots,       ///< points that are few and large
   kIntervals,  ///< an upright line from `y` to `y_high` at each x
   kBand,       ///< filled between `y` and `y_high`
-  kBars        ///< one bar a category; several such series stand side by side
+  kBars        ///< one bar a category; several such series are drawn side by side
 };
 
 /// One curve. x and y have the same length; NaN leaves a gap.

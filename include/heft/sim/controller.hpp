@@ -1,5 +1,5 @@
 /// @file
-/// The digital controller's side of a simulation: what it is told, what it answers.
+/// The digital controller's side of a simulation: what it gets, what it answers.
 #pragma once
 
 #include <memory>

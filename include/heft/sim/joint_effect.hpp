@@ -1,5 +1,5 @@
 /// @file
-/// What acts at a joint besides the rigid bodies: friction, springs and the like, as small objects.
+/// What acts at a joint in addition to the rigid bodies: friction, springs and the like, as small objects.
 #pragma once
 
 #include <memory>

@@ -36,7 +36,7 @@ class SettingsReader {
   std::string word(const std::string& key, const std::vector<std::string>& allowed) const;
   std::string word_or(const std::string& key, const std::string& fallback,
                       const std::vector<std::string>& allowed) const;
-  /// `size` numbers; a single number stands for `size` equal ones. Size −1 takes an array of any length.
+  /// `size` numbers; a single number means `size` equal ones. Size −1 takes an array of any length.
   Eigen::VectorXd numbers(const std::string& key, int size, Range range = Range::kAny) const;
   /// The same; size 0 when the key is missing.
   Eigen::VectorXd numbers_or_none(const std::string& key, int size, Range range = Range::kAny) const;

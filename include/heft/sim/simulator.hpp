@@ -41,7 +41,7 @@ struct SolverSettings {
   /// Steps that a simulated second may take, and a thousandth of that that a sample may; what is left over is saved
   /// up, to 1e5. What takes more (a link of almost no inertia, gains without a torque limit) ends in SimulationError.
   double max_steps_per_second{5e5};
-  /// Start the multistep method anew at every controller sample instead of carrying its history across.
+  /// Restart the multistep method at every controller sample instead of carrying its history across.
   /// Slower; there to be compared with.
   bool restart_at_samples{false};
 };
@@ -128,7 +128,7 @@ struct SimulationSettings {
   std::function<void(double t, Eigen::Ref<Eigen::VectorXd> torque)> torque;
   /// Force on the tool in the base frame over time; must be continuous. Null for none.
   std::function<Wrench(double t)> tool_wrench;
-  /// A torque that the motors have to bring up besides all else [N·m, N]; must be continuous. Null for none.
+  /// A torque that the motors have to bring up on top of all else [N·m, N]; must be continuous. Null for none.
   /// @param q,qd    n, motor side
   /// @param torque  out, n, zero when called
   std::function<void(double t, const Eigen::Ref<const Eigen::VectorXd>& q,
@@ -139,7 +139,7 @@ struct SimulationSettings {
   std::uint64_t seed{0};
   SolverSettings solver;
   /// Adds extras to the log: q_true1.., qd_true1.., qdd_true1.., tau_true1.. (motor torque), friction_true1..
-  /// (torque of everything that acts at a joint besides the rigid bodies and rotors, what holds a stuck joint
+  /// (torque of everything that acts at a joint other than the rigid bodies and rotors, what holds a stuck joint
   /// included), kinetic_energy, potential_energy. With elastic joints also qlink1.., qdlink1.., qddlink1..,
   /// the link's motion (q_true is the motor's); energies count motors and springs in.
   bool log_truth{false};
@@ -167,7 +167,7 @@ void add_joint_effects(const model::Robot& robot, std::vector<JointLoad>& loads)
 /// Effort limits of the robot's joints as torque limits.
 Eigen::VectorXd effort_limits_of(const model::Robot& robot);
 
-/// Gravity seen by a base that stands off level: `gravity` turned by `tilt`, so that it gains a horizontal
+/// Gravity seen by a base that is not level: `gravity` turned by `tilt`, so that it gains a horizontal
 /// part g·sin(tilt) towards `azimuth` (from the base's x to its y).
 Eigen::Vector3d tilted_gravity(const Eigen::Vector3d& gravity, double tilt, double azimuth);
 

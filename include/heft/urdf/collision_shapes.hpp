@@ -23,7 +23,7 @@ std::vector<model::LinkShape> load_shapes(const std::string& path, const model::
                                           std::vector<std::string>* warnings = nullptr);
 
 /// The same from text; meshes are looked for relative to the working directory.
-/// @param name  stands for the file in messages
+/// @param name  of the file, for messages
 std::vector<model::LinkShape> load_shapes_string(const std::string& text, const std::string& name,
                                                  const model::Robot& robot,
                                                  std::vector<std::string>* warnings = nullptr);

@@ -15,10 +15,10 @@
 namespace heft::urdf {
 
 struct UrdfExportOptions {
-  /// Write masses not above zero, inertias that no body has and negative friction as they are, instead of
+  /// Write masses not above zero, impossible inertias and negative friction as they are, instead of
   /// refusing them. heft reads such a file with UrdfOptions::accept_impossible_values only.
   bool allow_impossible{false};
-  /// Model file for what URDF has no tag for. Not set: OUT.heft.json beside OUT.urdf, where there is anything
+  /// Model file for what URDF has no tag for. Not set: OUT.heft.json next to OUT.urdf, where there is anything
   /// to put in it (nowhere for standard output); "": none. A name given here is written in any case.
   std::optional<std::string> side_file;
   /// Contents of the side file beyond the robot's own parameters (standard deviations, provenance, fit); its
@@ -55,7 +55,7 @@ struct UrdfExportReport {
 /// Writing twice gives the same text.
 ///
 /// @param original_text  text of the URDF that the robot was read from
-/// @param name           stands for the file in messages
+/// @param name           of the file, for messages
 /// @param report         may be null
 /// @throws UrdfError when the text is no URDF, when its chain is not the robot's (names, types, placements), or
 ///         when a parameter is not finite or impossible: names link or joint, value and remedy.
@@ -64,7 +64,7 @@ std::string urdf_with_parameters(const std::string& original_text, const std::st
                                  const model::Robot& robot, const UrdfExportOptions& options = {},
                                  UrdfExportReport* report = nullptr);
 
-/// Where write_urdf puts what has no tag: OUT.heft.json beside OUT.urdf, "" for standard output and other descriptors.
+/// Where write_urdf puts what has no tag: OUT.heft.json next to OUT.urdf, "" for standard output and other descriptors.
 std::string side_file_of(const std::string& path_out);
 
 /// Reads a URDF, and writes it with the robot's parameters, and what URDF has no tag for into a model file (see

@@ -10,7 +10,7 @@
 
 namespace heft::urdf {
 
-/// Which chain of the file to take, and how the robot stands.
+/// Which chain of the file to take, and how the robot is mounted.
 struct UrdfOptions {
   std::string base_link;  ///< first link of the chain, held still; empty: the root of the tree
   std::string tip_link;   ///< last link of the chain; empty: the end of the only chain
@@ -19,9 +19,9 @@ struct UrdfOptions {
   /// How the base is mounted: axes of the base-link frame in the world frame, row-major (R_WB turns components
   /// in the base frame into components in the world frame). The robot's gravity is R_WBᵀ times the above.
   std::array<double, 9> mount_rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
-  /// Refuse link inertias that no body can have. Several published robots have them: the default is to warn.
+  /// Refuse physically impossible link inertias. Several published robots have them: the default is to warn.
   bool refuse_impossible_inertia{false};
-  /// Take masses not above zero and negative friction as they stand, instead of refusing them. For files that
+  /// Take masses not above zero and negative friction as given, instead of refusing them. For files that
   /// hold the unconstrained result of a fit (urdf_export.hpp).
   bool accept_impossible_values{false};
 };
@@ -40,12 +40,12 @@ struct UrdfOptions {
 /// - A moving link without mass is accepted when another one moves further out, and warned about.
 ///
 /// @param warnings  one line for each thing worth telling (impossible inertia, parts left out), may be null
-/// @throws UrdfError naming file and, where it can be told, line: what was found, what was expected, what to do.
+/// @throws UrdfError naming file and, where known, line: what was found, what was expected, what to do.
 model::Robot load_urdf(const std::string& path, const UrdfOptions& options = {},
                        std::vector<std::string>* warnings = nullptr);
 
 /// The same from text.
-/// @param name  stands for the file in messages
+/// @param name  of the file, for messages
 model::Robot load_urdf_string(const std::string& text, const std::string& name,
                               const UrdfOptions& options = {}, std::vector<std::string>* warnings = nullptr);
 
@@ -60,7 +60,7 @@ std::string resolve_robot(const std::string& name_or_path);
 /// Names of the robots that resolve_robot finds, in alphabetical order.
 std::vector<std::string> robot_names();
 
-/// Path of measurements that come with heft, kept beside its robots ("ur5-stiffness/tool.csv").
+/// Path of measurements that come with heft, kept with its robots ("ur5-stiffness/tool.csv").
 /// @throws DataError naming the folders that were searched.
 std::string resolve_measurements(const std::string& name);
 

@@ -22,7 +22,7 @@ struct JointReference {
   JointVector<Scalar, N> qdd = JointVector<Scalar, N>::Zero();
 };
 
-/// What the controller says besides the torque.
+/// What the controller reports in addition to the torque.
 struct ControlRecord {
   std::uint32_t limited{0};  ///< bit i: torque of joint i was cut at its limit
 };

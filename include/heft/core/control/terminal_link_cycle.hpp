@@ -14,7 +14,7 @@ namespace heft {
 
 namespace structural {
 
-/// Carries the difference between measured and commanded acceleration outward beside the inverse dynamics (it is
+/// Carries the difference between measured and commanded acceleration outward along with the inverse dynamics (it is
 /// linear in the joint accelerations, without velocities and gravity) and writes rows First..n-1 for both: the
 /// commanded motion is what the recursion computes anyway.
 template <int First, typename Arm, typename WD, typename A, typename... Probes>
@@ -100,7 +100,7 @@ struct SharedRows {
 /// @param qdd_measured   n [rad/s²]
 /// @param tau            torque for the commanded acceleration, n [N·m]
 /// @param rows           measured first, instrument second; entries a row does not reach are not written
-/// Cost beyond the inverse dynamics, publication's arm, k = 5: bench/operation_count ("shared_forward_pass").
+/// Cost beyond the inverse dynamics, Kawasaki and Nishimura's arm, k = 5: bench/operation_count ("shared_forward_pass").
 template <typename Arm, int First, typename Parameters>
 requires(Arm::kIsStatic) inline void inverse_dynamics_with_rows(
     const Parameters& parameters, const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,

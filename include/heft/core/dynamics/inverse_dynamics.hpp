@@ -131,7 +131,7 @@ constexpr auto static_newton_euler(const Parameters& parameters, const JointTrig
 /// @param q,qd,qdd     joint positions, velocities, accelerations, n [rad, rad/s, rad/s²; m on a prismatic joint]
 /// @param tau          joint torques, n [N·m; N], along positive q, gravity included, friction not
 /// @param visitor      shares the forward pass, see structural::NoVisitor
-/// Cost, publication's arm: bench/operation_count prints it.
+/// Cost, Kawasaki and Nishimura's arm: bench/operation_count prints it.
 template <typename Arm, typename Parameters, typename Visitor = structural::NoVisitor>
 requires(Arm::kIsStatic) inline void inverse_dynamics(
     const Parameters& parameters, const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,

@@ -40,7 +40,7 @@ template <int M, typename Arm, typename Parameters, typename Matrix>
 constexpr void static_mass_columns(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
                                    const typename Arm::Vector& q, Matrix& mass) {
   MassColumn<M, Matrix> column{mass};
-  // Torques for q̈ = e_M at rest without gravity; joints before M stand still.
+  // Torques for q̈ = e_M at rest without gravity; joints before M are at rest.
   static_newton_euler<M, M, Arm>(parameters, trig, Zero3{}, Zero3{}, Zero3{}, q, ZeroVector{},
                                  UnitVector<M>{}, column, NoVisitor{});
   if constexpr (M + 1 < Arm::kNumJoints) {
@@ -121,7 +121,7 @@ inline void mass_matrix(const DynamicArm<Scalar, N>& arm,
     for (int j = m; j < N; ++j) {
       const std::size_t i = static_cast<std::size_t>(j);
       const Scalar qdd = j == m ? Scalar(1) : Scalar(0);
-      // The parent of joint m stands still, so its acceleration at the joint is zero.
+      // The parent of joint m is at rest, so its acceleration at the joint is zero.
       const V at_joint = j == m ? zero : a + cross(wd, frames[i].position);
       const V wd_parent = wd;
       wd = link_angular_acceleration(frames[i], wd_parent, zero, qdd);

@@ -1,5 +1,5 @@
 /// @file
-/// The publication's lumped regressor: eleven columns a link, W x = tau.
+/// Lumped regressor of Kawasaki and Nishimura (1984): eleven columns a link, W x = tau.
 #pragma once
 
 #include <array>

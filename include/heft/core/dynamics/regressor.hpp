@@ -27,7 +27,7 @@ namespace structural {
 
 /// What joint i asks of a wrench at the origin of link j ≥ i: tau_i = z·n + k·f. For a revolute joint z is its
 /// axis and k = z × p with p from joint i to the link origin; for a prismatic one z = 0 and k is the axis. Both in
-/// link-j axes ((17), (18) of the publication).
+/// link-j axes (Kawasaki and Nishimura, 1984, (17), (18)).
 template <typename Z, typename K>
 struct Probe {
   [[no_unique_address]] Z z;

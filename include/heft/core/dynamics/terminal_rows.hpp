@@ -19,7 +19,7 @@
 
 namespace heft {
 
-/// Where each parameter of rows First..n-1 stands in the estimator's vector.
+/// Place of each parameter of rows First..n-1 in the estimator's vector.
 ///
 /// Order: friction pairs (Coulomb, viscous), **last joint first**, then the inertial parameters link by link,
 /// first link first. Row r then uses its own friction pair and every inertial parameter from its link on, so
@@ -471,7 +471,7 @@ inline void friction_rows(const typename Arm::Vector& qd, typename Arm::Scalar s
 /// @tparam C     1 or 2
 /// @param qdd    C accelerations, n each [rad/s²]
 /// @param rows   C results. Entries a row does not reach are not written: start from zeros.
-/// Cost, publication's arm, k = 5, C = 2: bench/operation_count prints it.
+/// Cost, Kawasaki and Nishimura's arm, k = 5, C = 2: bench/operation_count prints it.
 template <typename Arm, int First, std::size_t C>
 requires(Arm::kIsStatic && (C == 1 || C == 2)) inline void terminal_rows(
     const TerminalTrigonometry<Arm, First>& trig, const typename Arm::Vector& q,

@@ -1,5 +1,5 @@
 /// @file
-/// What friction's memory goes by.
+/// Displacement by which friction's memory changes.
 #pragma once
 
 #include <array>
@@ -8,7 +8,7 @@
 
 namespace heft {
 
-/// Which displacement of its joint an effect with memory goes by. A controller has one; a log may tell several.
+/// Which displacement of its joint drives an effect with memory. A controller has one; a log may yield several.
 enum class Displacement : unsigned char {
   kPosition,  ///< of the position that the motion is derived from, low-passed
   kVelocity,  ///< of the velocity as measured
@@ -17,7 +17,7 @@ enum class Displacement : unsigned char {
 
 /// In the order of Displacement, as model files have them.
 inline constexpr std::array<std::string_view, 3> kDisplacementNames{"position", "velocity", "measured"};
-/// Those that a log with velocities tells beside the position; tables hold them side by side, a column a joint.
+/// Those that a log with velocities yields in addition to the position; tables hold them in turn, a column a joint.
 inline constexpr int kMeasuredDisplacements = 2;
 /// Column of a joint's displacement in such a table. @pre displacement is not kPosition
 constexpr int displacement_column(Displacement displacement, int joint, int num_joints) {

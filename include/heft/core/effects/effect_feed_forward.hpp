@@ -74,7 +74,7 @@ class EffectFeedForward {
 
   int count() const noexcept { return count_; }
 
-  /// Forgets the motion: memory begins anew.
+  /// Forgets the motion: memory restarts at 0.
   void reset() noexcept {
     memory_.fill(Scalar(0));
     started_ = false;

@@ -3,9 +3,9 @@
 ///
 /// A joint effect is a torque that the motor brings up on top of rigid body, Coulomb and viscous friction:
 /// motor torque = declared model + sum of effects, sign along positive q. Each effect is one struct in a file
-/// of its own beside this one, and one entry in effects.hpp. The struct states
+/// of its own in this folder, and one entry in effects.hpp. The struct states
 ///
-///   kId, kEquation            id of the contract, and the term as text
+///   kId, kEquation            id in files and JSON (tools/README.md), and the term as text
 ///   kParameters               names, units and ranges of its physical parameters
 ///   kShapes                   ranges of the parameters that the torque is not linear in (at most one)
 ///   kNotNegative              which of its linear coefficients cannot be negative
@@ -63,7 +63,7 @@ using EffectParameters = std::array<Scalar, kMaxEffectParameters>;
 
 /// What a shape's range is counted in.
 enum class ShapeScale : std::uint8_t {
-  kAbsolute,  ///< as it stands
+  kAbsolute,  ///< as given
   kTopSpeed,  ///< the joint's largest speed
   kTravel,    ///< the joint's largest minus smallest position
   kDuration   ///< length of the log

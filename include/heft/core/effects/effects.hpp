@@ -20,8 +20,8 @@
 
 namespace heft {
 
-/// Every joint effect, simplest first: an effect that a motion cannot tell from a later one is named by the
-/// earlier. A new effect is one file and one entry here; search, simulator, model files and export read this list.
+/// Every joint effect, simplest first: where a motion cannot distinguish two effects, the earlier one is
+/// named. A new effect is one file and one entry here; search, simulator, model files and export read this list.
 using JointEffectTypes = std::tuple<Offset, RotorInertia, ViscousNonlinear, Stribeck, LoadFriction, Spring,
                                     Hysteresis, FrictionDrift, Ripple>;
 

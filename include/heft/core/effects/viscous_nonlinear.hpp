@@ -8,7 +8,7 @@
 
 namespace heft {
 
-/// c |q̇|^p sign(q̇) beside the linear viscous term, c ≥ 0: p = 0.6 levels off, p = 3 grows faster than speed.
+/// c |q̇|^p sign(q̇) in addition to the linear viscous term, c ≥ 0: p = 0.6 levels off, p = 3 grows faster than speed.
 struct ViscousNonlinear {
   static constexpr std::string_view kId = "viscous_nonlinear";
   static constexpr std::string_view kEquation = "c |qd|^p sign(qd)";

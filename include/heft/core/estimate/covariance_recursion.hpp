@@ -1,5 +1,5 @@
 /// @file
-/// The publication's covariance recursion of the instrumental variables.
+/// Covariance recursion of the instrumental variables, as Kawasaki and Nishimura (1984) print it.
 #pragma once
 
 #include <array>

@@ -15,7 +15,7 @@ namespace heft {
 /// φ += ẑ y arrive; the estimate is the back substitution U x = η.
 ///
 /// The update is Bennett's (J. M. Bennett, Triangular factors of modified matrices, Numerische Mathematik 7, 1965),
-/// with η carried as one more column of U. Friction stands first in the layout and a row touches its own pair and
+/// with η carried as one more column of U. Friction comes first in the layout and a row touches its own pair and
 /// the links from its own on, so the row of the last joint changes a corner of the factors only.
 ///
 /// A non-symmetric Φ has no safe pivots while little data is in: start from accumulated equations whose

@@ -51,7 +51,7 @@ class JointAccelerationModel {
     return Status::kOk;
   }
 
-  /// Forgets the past; the next input is taken as having stood for ever.
+  /// Forgets the past; the next input is taken as having been constant for ever.
   void reset() noexcept {
     acceleration_.setZero();
     started_ = false;

@@ -18,7 +18,7 @@ class MagnitudeGate {
   enum class Verdict : std::uint8_t {
     kAccept,
     kRefuse,
-    /// Accepted; and what was accepted before was far too large: sums that hold it should begin anew.
+    /// Accepted; and what was accepted before was far too large: sums that hold it should be reset.
     kAcceptAfresh
   };
 

@@ -15,8 +15,8 @@
 
 namespace heft {
 
-/// Estimates what was added to the terminal link: Δτ = R Δx + c Δm, the corrected equation (39') with the mass as
-/// a parameter of its own, in the contract's ten parameters, and the change of Coulomb and viscous friction of
+/// Estimates what was added to the terminal link: Δτ = R Δx + c Δm (README.md in this folder, (39')) with the
+/// mass as a parameter of its own, in the ten parameters of a link, and the change of Coulomb and viscous friction of
 /// the last joint, or of the last FrictionJoints joints. The friction of every joint whose row is used may change
 /// (a warmer gear, a heavier load): what has no parameter of its own then goes into the load.
 ///
@@ -47,7 +47,7 @@ class PayloadEstimator {
     /// of a change are followed within 12 s of motion. 1 for a load that does not change, or with restart().
     Scalar forgetting_factor{static_cast<Scalar>(0.9998)};
     Vector noise_std = Vector::Ones();  ///< of the torque residual of each joint [N·m, N]
-    /// Neighbouring samples that tell as much as one alone, because the residual is correlated in time; ≥ 1.
+    /// Neighbouring samples worth one independent sample, because the residual is correlated in time; ≥ 1.
     /// Does not move the estimate, but makes its standard deviations hold.
     Scalar correlated_samples{1};
     Scalar gate{

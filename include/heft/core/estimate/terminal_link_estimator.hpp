@@ -45,9 +45,9 @@ constexpr const char* to_string(EstimateSource source) noexcept {
 
 /// Estimates the parameters that rows k..n of an arm see, sample by sample, from measured torques.
 ///
-/// tau = Y x + ψ, in which the noise of the measured acceleration stands both in Y and, through the mass matrix,
+/// tau = Y x + ψ, in which the noise of the measured acceleration is both in Y and, through the mass matrix,
 /// in ψ; least squares is biased by it, instruments made from another acceleration are not (Kawasaki and
-/// Nishimura, (22)-(37), (46)-(54); section numbers of the corrected text are in src/core/estimate/terminal_link.md).
+/// Nishimura, 1984, (22)-(37), (46)-(54); equations with corrections and sections: README.md in this folder).
 ///
 /// Numbers handed out are always usable: the prior until least squares is determined by the data, least squares
 /// until the instrumental system passes its conditioning check, instrumental variables from then on.
@@ -77,7 +77,7 @@ class TerminalLinkEstimator {
     /// Weight of each row, inverse to its noise variance (the diagonal of P² in (47)); 1 costs nothing. Within
     /// kLargestWeight and its inverse.
     std::array<Scalar, kRows> row_weight = filled(Scalar(1));
-    Scalar forgetting_factor{1};  ///< λ a sample, 0.5 ≤ λ ≤ 1; held while the arm stands still
+    Scalar forgetting_factor{1};  ///< λ a sample, 0.5 ≤ λ ≤ 1; held while the arm is at rest
     int solve_every{50};  ///< samples from one solve to the next, ≥ 2 (information form and start-up)
     Scalar prior_precision{
         0};  ///< P₀⁻¹ relative to the information of one unit row, ≥ 0, all parameters alike
@@ -221,7 +221,7 @@ class TerminalLinkEstimator {
   /// The estimate in the order of TerminalLayout. Always usable; what it rests on is source().
   const Row& estimate() const noexcept { return estimate_; }
   EstimateSource source() const noexcept { return source_; }
-  /// kOk; kNotExcited or kSingular when the latest solve failed its check and an older estimate stands.
+  /// kOk; kNotExcited or kSingular when the latest solve failed its check and an older estimate is kept.
   Status status() const noexcept { return status_; }
   /// Conditioning of the latest solve, see StagedSolver::amplification.
   Scalar amplification() const noexcept { return amplification_; }
@@ -232,7 +232,7 @@ class TerminalLinkEstimator {
   /// The whole arm with the estimate in place of the nominal values of links k..n.
   ///
   /// Exact for rows k..n. Rows before k keep the nominal mass of the terminal link, which these rows cannot see
-  /// (section 6); a payload mass from PayloadEstimator goes in through corrected_for_payload().
+  /// (README.md, section 6); a payload mass from PayloadEstimator goes in through corrected_for_payload().
   ReducedParameters<Scalar, Description> reduced() const noexcept {
     ReducedParameters<Scalar, Description> all = nominal_;
     for_inertial([&](std::size_t link, std::size_t entry, std::size_t column) {
@@ -433,7 +433,7 @@ class TerminalLinkEstimator {
     return torque == Verdict::kRefuse;
   }
 
-  // Least squares is kept beside the instruments until these are trusted; alone when there are none.
+  // Least squares runs along with the instruments until these are trusted; alone when there are none.
   bool needs_least_squares() const noexcept {
     return config_.use_instruments ? source_ != EstimateSource::kInstrumental : !(kIsFactored && running_);
   }

@@ -35,12 +35,12 @@ class StateVariableFilter {
     return Status::kOk;
   }
 
-  /// Forgets the past; the next sample is taken as having stood for ever.
+  /// Forgets the past; the next sample is taken as having been constant for ever.
   void reset() noexcept { started_ = false; }
 
   /// Takes one sample.
   /// @param u       input, n
-  /// @param period  time since the last sample taken, > 0 [s]; the filter starts anew after a gap of ten time
+  /// @param period  time since the last sample taken, > 0 [s]; the filter restarts after a gap of ten time
   ///                constants. In less than 1e-4 of a time constant (1e-9 in double) an input cannot change: refused
   /// @return kNonFiniteInput (also for a number beyond kLargestInput) or kOutOfRange: state kept
   Status update(const Vector& u, Scalar period) noexcept {

@@ -11,7 +11,7 @@ namespace heft {
 ///
 ///   v = q̇_j + r q̇_i,   T = I_a (q̈_j + r q̈_i) + F_c sign(v) + F_v v,   τ_j += T,   τ_i += r T.
 ///
-/// The parts that depend on one joint alone may stand in that joint's own JointActuation instead.
+/// The parts that depend on one joint alone may be given in that joint's own JointActuation instead.
 template <typename Scalar>
 struct GearCoupling {
   int driving{0};              ///< joint i, counted from 0

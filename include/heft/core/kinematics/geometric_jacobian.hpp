@@ -2,8 +2,8 @@
 /// Where the tool is, how it moves with the joints, and what a load on it asks of them.
 ///
 /// Sources: B. Siciliano, L. Sciavicco, L. Villani, G. Oriolo, Robotics, as carried over by the thesis
-/// "Experimental identification of the joints stiffness of the UR5 robot arm" [1], whose equation numbers
-/// stand at the lines; the complementary stiffness after S. Chen and I. Kao, there [15].
+/// "Experimental identification of the joints stiffness of the UR5 robot arm" (UPC-ETSEIB, 2017), whose equation
+/// numbers are cited; the complementary stiffness after S. Chen and I. Kao (2000).
 #pragma once
 
 #include <array>
@@ -221,7 +221,7 @@ Eigen::Matrix<Scalar, N, 1> joint_torque(const GeometricJacobian<Scalar, N>& J,
 /// arm moves under it, K_C = ∂(Jᵀ w)/∂q. Element (i, j) is the change of joint i's torque with q_j.
 ///
 /// A wrench that keeps its direction in the base frame and one that turns with the tool have different K_C:
-/// the thesis states its wrench in tool axes, its weight hangs in the base frame. In both the force acts at
+/// the thesis above states its wrench in tool axes, its weight hangs in the base frame. In both the force acts at
 /// the tip point and the moment is about it. K_C of a force of constant direction is symmetric, it has a
 /// potential; with a moment, or with a wrench that turns, it is not.
 ///

@@ -40,8 +40,8 @@ Status joint_deflection(const Eigen::Matrix<Scalar, N, 1>& torque,
 
 /// Motor-side command that brings the links where they should be: q_cmd = q_des + τ / k.
 ///
-/// Where encoders sit on the motors, the controller holds θ = q_cmd, and the link stands at x = θ - τ / k.
-/// With the torque taken at the wanted pose, τ(q_des), the link stands there exactly; nothing is linearised.
+/// Where encoders sit on the motors, the controller holds θ = q_cmd, and the link is at x = θ - τ / k.
+/// With the torque taken at the wanted pose, τ(q_des), the link is there exactly; nothing is linearised.
 ///
 /// @param desired    n, where the links should be [rad; m]
 /// @param torque     n, what the drives have to deliver through the gears with the links there, along
