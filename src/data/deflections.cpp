@@ -132,7 +132,7 @@ void check_header(const Table& table, int num_joints, const std::string& robot_n
     for (const char* magnitude : {"f", "force", "load", "mass", "weight", "payload"}) {
       if (table.has(magnitude)) {
         table.fail(
-            "column '{}' says how much pulled but not where to: the wrench has no direction; expected "
+            "column '{}' gives the size of the force but not its direction: the wrench has no direction; expected "
             "components "
             "fx, fy, fz [N] (and mx, my, mz [N m] about the tip), in axes of the base or of the tool (column "
             "'frame'); replace it by them",

@@ -212,7 +212,7 @@ ExcitationDesign::Impl::Impl(const model::Robot& robot, const MotionLimits& limi
     const Closest found = bounds.closest_at_rest(options.start);
     if (!(found.slack > kRoom)) {
       throw ModelError(
-          fmt::format("robot \"{}\": start: standing there the arm passes a limit ({}); expected a "
+          fmt::format("robot \"{}\": start: at this pose the arm passes a limit ({}); expected a "
                       "position that can be held inside all limits with their margin of {} %",
                       robot.name, found.what, 100.0 * limits.margin));
     }

@@ -219,7 +219,7 @@ FrictionMotion friction_strokes(const model::Robot& robot, const MotionLimits& l
   const Closest at_rest = check.closest_at_rest(motion.pose);
   if (!(at_rest.slack > 0.0)) {
     throw NotIdentifiableError(
-        fmt::format("robot \"{}\": start: standing there the arm passes a limit ({}); expected a pose inside "
+        fmt::format("robot \"{}\": start: at this pose the arm passes a limit ({}); expected a pose inside "
                     "all limits with their "
                     "margin",
                     robot.name, at_rest.what));

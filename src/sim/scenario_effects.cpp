@@ -162,7 +162,8 @@ void read_effects(const SettingsReader& top, const model::Robot& acting, Simulat
     for (const auto& [effect, key] :
          {std::pair{"base_tilt", "base_tilt"}, std::pair{"payload_change", "payload"}}) {
       if (kind == effect && top.has(key)) {
-        reader.refuse("kind", fmt::format("both the effect \"{}\" and the key \"{}\" of the scenario", kind, key),
+        reader.refuse("kind",
+                      fmt::format("both the effect \"{}\" and the key \"{}\" of the scenario", kind, key),
                       "one of the two", "leave one out");
       }
     }

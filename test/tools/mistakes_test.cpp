@@ -144,7 +144,7 @@ const Mistake kOutputOverInput[] = {
     {"ModelOverWriteUrdfsModel",
      "$H identify --urdf scara --log a.csv --write-urdf new.urdf -o new.heft.json",
      3,
-     {"new.heft.json: -o and the model beside --write-urdf lead to the same place"}},
+     {"new.heft.json: -o and the model next to --write-urdf lead to the same place"}},
     {"ModelOverItself",
      "$H validate --model deep.json --log a.csv --json deep.json",
      3,

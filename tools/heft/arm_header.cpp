@@ -96,9 +96,9 @@ std::string effects_text(const model::Robot& robot) {
   return "  /// Motors that turn with two joints: driving, driven, ratio, rotor inertia, Coulomb, "
          "viscous.\n" +
          list_text("GearCoupling", "kCouplings", couplings) +
-         "  /// What acts at joints besides, for heft::EffectFeedForward: kind, joint, parameters.\n" +
+         "  /// What else acts at joints, for heft::EffectFeedForward: kind, joint, parameters.\n" +
          list_text("JointEffect", "kEffects", effects) +
-         "  /// Joints that give: joint, stiffness, damping, motor inertia.\n" +
+         "  /// Elastic joints: joint, stiffness, damping, motor inertia.\n" +
          list_text("Elasticity", "kElasticities", elasticities) +
          "  /// The torque channel reports the torque of this long ago [s].\n" +
          fmt::format("  static constexpr double kTorqueDelay = {};\n", literal(robot.torque_delay));

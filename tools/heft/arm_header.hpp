@@ -17,7 +17,7 @@ struct ArmHeaderNames {
 
 /// A header with `struct <type> { static constexpr heft::ArmModel<double, N> kModel; ... }`, a description
 /// that the compile-time dynamics take. Entries of rotations and axes within 1e-12 of 0 or ±1 are written as
-/// such, since those are what the compile-time dynamics eliminate. Beside kModel stand kCouplings, kEffects and
+/// such, since those are what the compile-time dynamics eliminate. Next to kModel are kCouplings, kEffects and
 /// kElasticities (arrays, empty when there are none), kTorqueDelay, kTipRotation and kTipPosition.
 /// @throws InputError when a name is not an identifier.
 std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names);

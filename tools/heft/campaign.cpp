@@ -187,7 +187,7 @@ double worst_of(const Eigen::VectorXd& values, const std::vector<bool>& counted,
   return worst;
 }
 
-/// In band: what the model misses. Unfiltered beside it, with what of that the sensor's noise alone makes.
+/// In band: what the model misses. The same unfiltered, with what of that the sensor's noise alone makes.
 void judge_torque(validate::Criterion& criterion, const validate::Score& score,
                   const CampaignSettings& settings) {
   Index at = 0, raw_at = 0;
@@ -338,10 +338,10 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   const data::MotionStream holdout(result.experiments[judged.front()].log);
   result.shares = identify::torque_shares(result.fit, result.beta_true, holdout);
   result.counted = identify::counted_parameters(result.fit, result.shares);
-  std::string weak, untold;
+  std::string weak, open;
   for (Index i = 0; i < result.shares.size(); ++i) {
     if (result.counted.counted[static_cast<std::size_t>(i)]) continue;
-    std::string& names = result.fit.determined[static_cast<std::size_t>(i)] ? weak : untold;
+    std::string& names = result.fit.determined[static_cast<std::size_t>(i)] ? weak : open;
     names += (names.empty() ? "" : ", ") + name_of(i);
   }
   Index at = 0;
@@ -360,7 +360,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
         fmt::format("not counted, move less than {:g} % of any joint's torque (most are 0 in truth): {}",
                     100.0 * identify::kCountedShare, weak));
   }
-  if (!untold.empty()) recovery.notes.push_back("not counted, the log does not tell them: " + untold);
+  if (!open.empty()) recovery.notes.push_back("not counted, the log does not determine them: " + open);
 
   // Torque on the motion not trained on.
   result.holdout = validate::score(result.fit.robot, holdout);

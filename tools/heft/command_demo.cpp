@@ -1,5 +1,5 @@
 /// @file
-/// heft demo: an arm on a path picks up a load that nobody told it of, finds it and carries on.
+/// heft demo: an arm on a path picks up an unknown load, finds its mass and carries on.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -212,7 +212,7 @@ void run(const Options& options) {
   if (!operations.empty()) json["operations"] = operations;
 
   page::Page page = new_page(
-      "An arm picks up a load nobody told it of",
+      "An arm picks up an unknown load",
       fmt::format("A simulated UR5 under computed torque at 1 kHz; {} kg in the gripper from {:.0f} s on.",
                   load.mass, kGrasp));
   page.verdict(fmt::format("The load weighs {:.3f} kg ± {:.3f} kg (in truth {:.3f} kg). With it in the model "
@@ -264,7 +264,8 @@ void run(const Options& options) {
   error_plot.y_label = "error [mrad]";
   error_plot.height = 340;
   error_plot.series = {
-      page::line("nobody tells the controller", without.time, error_level(without), page::Hue::kVermillion),
+      page::line("without the load in the model", without.time, error_level(without),
+                   page::Hue::kVermillion),
       page::line("with the estimated load", with.time, error_level(with), page::Hue::kBlue)};
   error_plot.marks = {grasp_mark()};
   page.plot(error_plot);
@@ -291,8 +292,8 @@ void run(const Options& options) {
     spec.width = 460;
     spec.height = 200;
     spec.series = {
-        page::line("nobody tells the controller", without.time, 1e3 * without.error.col(j),
-                   page::Hue::kVermillion),
+        page::line("without the load in the model", without.time, 1e3 * without.error.col(j),
+                     page::Hue::kVermillion),
         page::line("with the estimated load", with.time, 1e3 * with.error.col(j), page::Hue::kBlue)};
     spec.marks = {grasp_mark()};
     small.push_back(spec);

@@ -1,5 +1,5 @@
 /// @file
-/// heft excite: design a motion that makes the parameters visible, or strokes for friction, and make it safe.
+/// heft excite: design a motion that reveals the parameters, or strokes for friction, and make it safe.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -230,17 +230,19 @@ Action set_up_excite(CommandLine line) {
   add_robot_options(line, options->robot);
   add_safety_options(line, options->safety);
   line.add_option("--for", options->purpose,
-                  "parameters (a Fourier motion that shows them) or friction (strokes at constant speed both "
-                  "ways, at "
-                  "several speeds, joint by joint)")
+                  "parameters (a Fourier motion that reveals them) or friction (strokes at constant speed, "
+                  "both ways, at several speeds, joint by joint)")
       .type_name("WHAT")
       .one_of({"parameters", "friction"})
       .capture_default_str();
-  line.add_option("--duration", design.duration, "[s]").type_name("S").positive().capture_default_str();
-  line.add_option("--period", design.period, "[s] of the first harmonic (default: the duration)")
+  line.add_option("--duration", design.duration, "length of the motion [s]")
+      .type_name("S")
+      .positive()
+      .capture_default_str();
+  line.add_option("--period", design.period, "period of the first harmonic [s] (default: the duration)")
       .type_name("S")
       .positive();
-  line.add_option("--harmonics", design.harmonics, "a joint")
+  line.add_option("--harmonics", design.harmonics, "harmonics a joint")
       .type_name("N")
       .between(1, 40)
       .capture_default_str();
@@ -261,10 +263,10 @@ Action set_up_excite(CommandLine line) {
       .type_name("WHERE")
       .one_of({"motor", "joint"})
       .capture_default_str();
-  line.add_flag("--rotor-inertia", options->rotor_inertia, "rotor inertias are sought too");
-  line.add_flag("--offset", options->offset, "torque offsets are sought too");
+  line.add_flag("--rotor-inertia", options->rotor_inertia, "for a fit that includes rotor inertias");
+  line.add_flag("--offset", options->offset, "for a fit that includes torque offsets");
   line.add_flag("--payload-only", options->payload_only,
-                "the arm is known; only the last link's ten are sought");
+                "for a fit of the last link's ten parameters only, the arm being known");
   line.add_option("--given", options->given,
                   "log already recorded; the motion is designed to complement it; may be given several times")
       .type_name("LOG.csv")
@@ -278,14 +280,14 @@ Action set_up_excite(CommandLine line) {
       .type_name("Q,Q,...")
       .delimiter(',');
   line.add_option("--from", options->from,
-                  "where the arm stands: a safe way from there to the motion and back is put around it")
+                  "present pose of the arm: a safe way from there to the motion and back is added")
       .type_name("Q,Q,...")
       .delimiter(',');
   line.add_option("--payload", options->payload,
-                  "load on the flange that counts in every torque [kg; m in the tip frame]")
+                  "load on the flange, included in every torque [kg; m in the tip frame]")
       .type_name("MASS[,X,Y,Z]")
       .delimiter(',');
-  line.add_option("--speeds", options->friction.speeds, "--for friction: speeds of each joint")
+  line.add_option("--speeds", options->friction.speeds, "--for friction: number of speeds of each joint")
       .type_name("N")
       .between(1, 50)
       .capture_default_str();
@@ -308,8 +310,9 @@ Action set_up_excite(CommandLine line) {
       .type_name("N")
       .between(1, 10000)
       .capture_default_str();
-  line.add_option("--seed", design.seed, "of the random motions").type_name("N").capture_default_str();
-  line.add_option("--threads", design.threads, "(default: one a processor; the result does not depend on it)")
+  line.add_option("--seed", design.seed, "seed of the random motions").type_name("N").capture_default_str();
+  line.add_option("--threads", design.threads,
+                  "threads (default: one a processor; the result does not depend on it)")
       .type_name("N")
       .between(1, 256);
   line.add_option("--compare", options->compare, "random motions inside the same limits to compare with")
@@ -350,21 +353,21 @@ Action set_up_excite(CommandLine line) {
       "on the\n"
       "simulated arm and checked there. Where no safe motion is found, exit code 4 and the limit that stops "
       "it.\n"
-      "LIMITS.json; one number stands for all joints, what is left out comes from the URDF:\n"
+      "LIMITS.json; one number holds for all joints, what is left out comes from the URDF:\n"
       "  lower, upper    [rad, m]     velocity, acceleration, torque   [rad/s, rad/s², N·m; m, N]\n"
-      "  margin          share of every limit to spare (0.05)\n"
+      "  margin          fraction of every limit that is kept free (0.05)\n"
       "  tool_speed      [m/s] as --tool-speed\n"
       "  floor           [m] above the base origin that the arm stays above, or \"none\" (0; none for a base "
       "that hangs or\n"
       "                  leans by more than 45°)\n"
       "  clearance       [m] kept between links, from floor, box and obstacles (2 % of the arm's length)\n"
-      "  box             [[x, y, z], [x, y, z]] corners in the base frame that the arm stays inside\n"
+      "  box             [[x, y, z], [x, y, z]] corners of a box in the base frame that the arm stays in\n"
       "  obstacles       [{\"name\": \"table\", \"lower\": [x, y, z], \"upper\": [x, y, z]}, ...] boxes that "
-      "it stays outside\n"
+      "it stays out of\n"
       "  tool            [x, y, z] a point in the tip frame    tool_radius  [m] of the tool around the line "
       "to it (0.05)\n"
       "  start           position at both ends                 torque_noise standard deviation [N·m, N]\n"
-      "The JSON holds the motion's coefficients, and the same as \"reference\" of a scenario of heft "
+      "The JSON holds the coefficients of the motion, and the same as \"reference\" of a scenario of heft "
       "simulate;\n"
       "heft simulate --urdf R --replay exciting.csv -o log.csv runs the CSV.\n"
       "Example: heft excite --urdf ur10e --duration 20 --report exciting.html -o exciting.csv\n"

@@ -51,8 +51,8 @@ Action set_up_export(CommandLine line) {
   add_output_option(line, options->output, "the header (.hpp); - is standard output");
   line.footer(
       "The header needs heft's core alone. Its struct is a description for the compile-time dynamics:\n"
-      "a member kModel of type heft::ArmModel<double, N>, and beside it kCouplings, kEffects (for\n"
-      "heft::EffectFeedForward), kElasticities and kTorqueDelay with what a model holds besides rigid bodies "
+      "a member kModel of type heft::ArmModel<double, N>, and also kCouplings, kEffects (for\n"
+      "heft::EffectFeedForward), kElasticities and kTorqueDelay with what a model holds beyond rigid bodies "
       "and\n"
       "friction.\n"
       "Example: heft export --urdf ur5e --model fitted.json --namespace app -o ur5e.hpp");

@@ -18,7 +18,7 @@ constexpr int kUsualWidth = 80;
 
 int help_width() { return std::min(100, terminal_width(stdout, kUsualWidth)); }
 
-/// Help texts whose descriptions are wrapped beside the option's name.
+/// Help texts whose descriptions are wrapped in a column of their own.
 class WrappingFormatter : public CLI::Formatter {
  public:
   WrappingFormatter() : text_width_(static_cast<std::size_t>(help_width()) - kNameWidth) {

@@ -53,14 +53,14 @@ class Option {
  public:
   Option(CLI::Option* option, std::vector<DeclaredFile>* files) : option_(option), files_(files) {}
 
-  /// What stands for the value in the help text, such as FILE.
+  /// Placeholder of the value in the help text, such as FILE.
   Option& type_name(const std::string& name);
   /// Replaces the meaning in the help text.
   Option& description(const std::string& meaning);
   Option& required(bool is_required = true);
   /// May be given only together with `other`.
   Option& needs(const Option& other);
-  /// Letter between the values of a list, beside the space.
+  /// Letter between the values of a list, in addition to the space.
   Option& delimiter(char letter);
   /// Number of values of a list.
   Option& expected(int count);
@@ -89,7 +89,7 @@ class CommandLine {
  public:
   CommandLine(CLI::App& app, std::vector<DeclaredFile>& files) : app_(&app), files_(&files) {}
 
-  /// @param names    such as "-o,--output"; without dashes it is an argument told by its place
+  /// @param names    such as "-o,--output"; without dashes it is a positional argument
   /// @param value    gets what is given; its type says what can be given
   /// @param meaning  for the help text
   Option add_option(const std::string& names, std::string& value, const std::string& meaning);

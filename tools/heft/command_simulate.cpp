@@ -178,12 +178,11 @@ Action set_up_simulate(CommandLine line) {
       throw UsageError("--urdf and --model belong to --replay; a scenario names its own robot");
     }
   });
-  line.footer(
-      std::string(kScenarioKeys) +
-      "The scenario names its robot as --urdf does elsewhere; a relative path is looked for beside the "
-      "scenario first.\n"
-      "Example: heft simulate --scenario pick.json -o pick.csv\n"
-      "Example: heft simulate --urdf ur10e --replay exciting.csv -o log.csv");
+  line.footer(std::string(kScenarioKeys) +
+              "The scenario names its robot as --urdf does elsewhere; a relative path is looked up in the "
+              "folder of the scenario first.\n"
+              "Example: heft simulate --scenario pick.json -o pick.csv\n"
+              "Example: heft simulate --urdf ur10e --replay exciting.csv -o log.csv");
   return [options] {
     if (options->example) return host::write_file_atomically("-", kExampleScenario);
     run(*options);

@@ -48,7 +48,7 @@ void warn(const std::string& text);
 void note(const std::string& text);
 
 /// How far a long job has come, on standard error: on a terminal one line that counts up, once it takes over a second;
-/// elsewhere (a file, a pipe) a line every ten seconds. It never counts down: a stage that begins anew waits until it is
+/// elsewhere (a file, a pipe) a line every ten seconds. It never counts down: a stage that restarts waits until it is
 /// past what was shown.
 class Progress {
  public:
@@ -57,7 +57,7 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   /// @param done  0..1
-  /// @param what  stands behind the label; may be empty
+  /// @param what  printed behind the label; may be empty
   void update(double done, const std::string& what = {});
 
  private:

@@ -4,11 +4,11 @@
 
 namespace heft::tools {
 
-/// A scenario that runs as it stands, with every key explained; src/sim/README.md has the whole format.
+/// A scenario that runs as given, with every key explained; src/sim/README.md has the whole format.
 inline constexpr const char* kExampleScenario = R"json({
   // A scenario of heft simulate and heft track. Comments like this one are allowed. SI units: m, N, s, kg, rad.
   // "Per joint": a list with one number a joint, or one number for all. Joints count from 1.
-  "robot": "ur5e",            // name of a robot of heft, or a URDF beside this file
+  "robot": "ur5e",            // name of a robot of heft, or a URDF next to this file
   "duration": 8.0,            // [s]
   "sample_rate": 1000,        // of controller and sensors [Hz]
   "log_rate": 500,            // rows a second; left out: every sample

@@ -53,7 +53,7 @@ page::Table parameter_table(const excite::ExcitationDesign& design, const excite
 
 page::PlotSpec history_plot(const excite::Excitation& design, const std::string& label) {
   page::PlotSpec spec;
-  spec.title = "Cost over the winner's search";
+  spec.title = "Cost along the best search";
   spec.x_label = "iteration";
   spec.y_label = label;
   page::Series series{"", {}, {}};

@@ -12,7 +12,7 @@
 
 namespace heft::tools {
 
-/// What random motions inside the same limits would tell: medians.
+/// What random motions inside the same limits would reveal: medians.
 struct RandomMotions {
   int count{0};
   double condition{0.0}, mean_std{0.0}, volume_std{0.0};

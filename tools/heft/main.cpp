@@ -66,7 +66,7 @@ void look_at_files(const std::vector<GivenFile>& files) {
     }
     if (file.option == "--write-urdf") {
       const std::string model = urdf::side_file_of(file.path);
-      if (!model.empty()) plan.add_output("the model beside " + file.option, model);
+      if (!model.empty()) plan.add_output("the model next to " + file.option, model);
     }
   }
   plan.check();

@@ -125,7 +125,7 @@ std::string safety_text(const excite::Motion& motion) {
   text += fmt::format("Speed of tool and link origins: {}\n", speed);
   if (std::isfinite(use.link_distance)) {
     text += fmt::format(
-        "Links keep their clearance of {} (less for pairs that no pose parts further); nearest: {}, {}; {}\n",
+        "Links keep their clearance of {} (less for pairs that no pose separates further); nearest: {}, {}; {}\n",
         millimetres(limits.clearance), millimetres(use.link_distance), use.closest_links, floor_text(motion));
   } else {
     text += fmt::format("No two links can meet; {}\n", floor_text(motion));

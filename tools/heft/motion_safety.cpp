@@ -20,8 +20,8 @@ void add_safety_options(CommandLine line, SafetyOptions& options) {
   add_pose_options(line, options);
   line.add_option(
           "--tool-speed", options.tool_speed,
-          "[m/s] that the tool and every link origin stay below; the default is what Universal Robots' "
-          "controllers are delivered with, ISO 10218-1 allows 0.25 with people near the arm")
+          "speed limit of the tool and of every link origin [m/s]; the default is that of Universal Robots' "
+          "controllers as delivered; ISO 10218-1 allows 0.25 with people near the arm")
       .type_name("M/S")
       .positive()
       .capture_default_str();
@@ -40,7 +40,7 @@ excite::LimitsFile load_limits(const RobotOptions& robot_options, const model::R
   excite::LimitsFile file{excite::limits_of(robot, defaults), {}, {}};
   for (const std::string& text : file.limits.arm.notes) note(text);
   if (!options.limits.empty()) file = excite::read_limits(robot, options.limits, std::move(file.limits));
-  // What is said on the command line goes before what a file says.
+  // The command line takes precedence over the file.
   if (speed_given) file.limits.tool_speed = options.tool_speed;
   if (options.no_floor) file.limits.floor.reset();
   return file;

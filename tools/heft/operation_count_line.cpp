@@ -61,7 +61,7 @@ std::string operation_count_line() {
   }
   return fmt::format(
       "one estimator sample (6 joints, k = 5, 18 parameters): {:.1f} multiplications, {:.1f} additions, "
-      "solves included; the publication of 1984: about 1800 and 1500",
+      "solves included; Kawasaki and Nishimura (1984): about 1800 and 1500",
       static_cast<double>(total.mul) / counted, static_cast<double>(total.add) / counted);
 }
 

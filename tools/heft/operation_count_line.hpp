@@ -6,9 +6,9 @@
 
 namespace heft::tools {
 
-/// Multiplications and additions of one sample of the terminal-link estimator (publication's arm, rows 5 and 6,
+/// Multiplications and additions of one sample of the terminal-link estimator (Kawasaki and Nishimura's arm, rows 5 and 6,
 /// instrumental variables, information form), counted now by running the production code with a counting scalar,
-/// beside the publication's figure.
+/// and their own figure.
 std::string operation_count_line();
 
 }  // namespace heft::tools

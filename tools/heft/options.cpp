@@ -36,9 +36,8 @@ void add_robot_options(CommandLine line, RobotOptions& options) {
       .type_name("LINK")
       .needs(urdf);
   line.add_option("--mount", options.mount,
-                  "[rad] how the base stands: turned about the level world's x, then y, then z (default: "
-                  "0,0,0; a ceiling "
-                  "is 3.14159265358979,0,0)")
+                  "orientation of the base [rad]: rotation about the world's x, then y, then z axis "
+                  "(default: 0,0,0; ceiling: 3.14159265358979,0,0)")
       .type_name("ROLL,PITCH,YAW")
       .delimiter(',')
       .expected(3);
@@ -91,7 +90,7 @@ LoadedRobot load_robot_and_fit(const RobotOptions& options) {
   std::vector<std::string> notes;
   loaded.robot = urdf::load_urdf(urdf::resolve_robot(options.urdf), urdf_options, &notes);
   if (model) {
-    // How the base stands has just been said: that holds, not what the model was made with.
+    // The orientation of the base has just been given: it holds, not the one the model was made with.
     if (model->kinematics && !options.mount.empty()) model->kinematics->gravity = loaded.robot.gravity;
     model::apply(*model, loaded.robot, &notes);
   }
@@ -142,8 +141,7 @@ void add_log_options(CommandLine line, LogOptions& options) {
       .delimiter(',');
   line.add_option("--torque-at", options.torque_at,
                   "where the torque was measured: motor (rotor inertia and gear friction are in it) or joint "
-                  "(a sensor "
-                  "behind the gear)")
+                  "(a sensor behind the gear)")
       .type_name("WHERE")
       .one_of({"motor", "joint"})
       .capture_default_str();
@@ -156,7 +154,7 @@ void add_log_options(CommandLine line, LogOptions& options) {
 void add_accept_torque_option(CommandLine line, LogOptions& options) {
   line.add_flag(
       "--accept-torque", options.accept_torque,
-      "go on with torque that contradicts the robot: wrong sign, unit, order of joints, mounting (the "
+      "continue although the torque contradicts the robot: wrong sign, unit, order of joints, mounting (the "
       "result is marked bad)");
 }
 
@@ -263,16 +261,16 @@ void write_each(std::initializer_list<std::function<void()>> files) {
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
             const nlohmann::ordered_json& json, const page::Page& page,
             const std::function<void()>& write_output) {
-  const auto told = [&](const char* what, const std::string& path, const std::function<void()>& write) {
+  const auto announced = [&](const char* what, const std::string& path, const std::function<void()>& write) {
     return [&console, what, path, write] {
       if (path.empty() || !write) return;
       write();
       if (!host::is_standard_output(path)) console.print("{}: {}\n", what, path);
     };
   };
-  write_each({told("Written", output, write_output),
-              told("Results", options.json, [&] { write_json(options.json, json); }),
-              told("Report", options.report, [&] { page.write(options.report); })});
+  write_each({announced("Written", output, write_output),
+              announced("Results", options.json, [&] { write_json(options.json, json); }),
+              announced("Report", options.report, [&] { page.write(options.report); })});
 }
 
 void add_output_option(CommandLine line, std::string& output, const std::string& meaning, bool required) {

@@ -1,5 +1,5 @@
 /// @file
-/// Options that several commands share, and what they stand for.
+/// Options that several commands share, and what they mean.
 #pragma once
 
 #include <functional>
@@ -39,7 +39,7 @@ void add_robot_options(CommandLine line, RobotOptions& options);
 ///         model file does not know its kinematics.
 model::Robot load_robot(const RobotOptions& options);
 
-/// The same with what the model file tells of its fit.
+/// The same with the record of its fit from the model file.
 struct LoadedRobot {
   model::Robot robot;
   std::optional<model::FitRecord> fit;

@@ -16,7 +16,7 @@ struct ReproduceOptions {
 /// Kawasaki and Nishimura's terminal-link estimator: open loop, instruments, identifiability, closed loop.
 void reproduce_terminal_link(const ReproduceOptions& options);
 
-/// The thesis on the joint stiffness of the UR5: reach, dexterity, stiffness from the measured deflections.
+/// The thesis on the joint stiffness of the UR5 (UPC-ETSEIB, 2017): reach, dexterity, stiffness from the measured deflections.
 void reproduce_ur5_stiffness(const ReproduceOptions& options);
 
 }  // namespace heft::tools

@@ -32,7 +32,7 @@ using page::Table;
 
 constexpr const char* kPublication =
     "H. Kawasaki, K. Nishimura, Terminal-link parameter estimation and trajectory control of robotic "
-    "manipulators";
+    "manipulators, 1984";
 const std::vector<ProtocolMethod> kMethods = {
     ProtocolMethod::kLeastSquares,      ProtocolMethod::kLiteralQuasiDiagonal,
     ProtocolMethod::kInstrumentModel,   ProtocolMethod::kInstrumentDelayed,
@@ -311,7 +311,7 @@ struct Parameter {
   const char* unit_name;
   const char* file;
 };
-// SI to the publication's g, m, s is a factor of a thousand for all.
+// SI to Kawasaki and Nishimura's g, m, s is a factor of a thousand for all.
 constexpr std::array<Parameter, 4> kFigureParameters = {{{12, "g m²", "inertia6_33"},
                                                          {9, "g m", "moment6_x"},
                                                          {3, "g m²", "inertia5_22"},
@@ -423,14 +423,14 @@ void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& 
   };
   page.heading("Where the publication is contradicted");
   page.paragraph(
-      fmt::format("Section 5, the instruments as printed. Read literally, (33) puts the instrument rows into "
+      fmt::format("The instruments as printed. Read literally, (33) puts the instrument rows into "
                   "a block-diagonal matrix; (32) is then "
                   "least squares with a weight for each sample, and has the same kind of bias: e = {} in "
                   "scenario A, {} in B at 2000 and 20000 samples. "
                   "It does not converge. Stacked instruments, as the text means them, do.",
                   find("literal", "A"), find("literal", "B")));
   page.paragraph(
-      fmt::format("Section 6, the missing mass. Equation (39) says that a change of the terminal link shows "
+      fmt::format("The missing mass. Equation (39) says that a change of the terminal link shows "
                   "in its own eleven coefficients only. Its mass "
                   "also sits in the coefficients of every link inboard. Fitted over all six rows without any "
                   "noise, (39) gives {}; with the mass as "
@@ -512,8 +512,8 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
       "unit of the last digit. LSM "
       "figures are means over the seeds at the two N that the table names. Between these N the bias wanders "
       "with the part of the "
-      "motion that the window holds, and may leave the range; those values stand in brackets.");
-  page.heading("Further requirements, and figures of the corrected text");
+      "motion that the window holds, and may leave the range; those values are in brackets.");
+  page.heading("Further requirements, and figures of the corrected equations");
   page.table(claim_table(study.requirements));
   add_figures(study, folder, page);
   page.heading("Instruments");

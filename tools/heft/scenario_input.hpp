@@ -8,7 +8,7 @@
 
 namespace heft::tools {
 
-/// Reads a scenario whose robot is a URDF beside the scenario file, a URDF path, or a robot's name.
+/// Reads a scenario whose robot is a URDF next to the scenario file, a URDF path, or a robot's name.
 sim::Scenario read_scenario(const std::string& path);
 
 }  // namespace heft::tools

@@ -242,7 +242,7 @@ class ErrorMeasure {
   Base rms_, truth_;
 };
 
-/// Section 8: accelerations by differencing the encoders twice, nothing filtered.
+/// core/estimate/README.md, section 8: accelerations by differencing the encoders twice, nothing filtered.
 std::vector<EncoderEstimate> double_difference_estimates(const data::Log& log, const ErrorMeasure& error) {
   System<4> least_squares, desired;
   std::array<System<4>, 3> delayed;

@@ -1,5 +1,5 @@
 /// @file
-/// The closed loop in the manner of the publication's figures 4 and 5: its arm, simulated, with 250 g at the wrist.
+/// The closed loop in the manner of Kawasaki and Nishimura's figures 4 and 5: its arm, simulated, with 250 g at the wrist.
 #pragma once
 
 #include <array>

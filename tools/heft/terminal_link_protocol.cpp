@@ -35,7 +35,7 @@ struct Yardstick {
 Rows rows_at(const Motion& m) { return terminal_link::rows_at<kFirst>(m.q, m.qd, m.qdd); }
 
 Yardstick make_yardstick(const ProtocolSettings& settings) {
-  // Rows in the publication's parameters: W_p = W T⁻¹.
+  // Rows in the paper's parameters: W_p = W T⁻¹.
   const Eigen::Matrix<double, kBase, kBase>& inverse = publication_map_inverse();
   Yardstick y;
   Base squares = Base::Zero();

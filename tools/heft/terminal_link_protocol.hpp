@@ -1,5 +1,5 @@
 /// @file
-/// The reproduction protocol of the terminal-link publication: open-loop part, on given trajectories.
+/// Reproduction of Kawasaki and Nishimura (1984), open loop (core/estimate/README.md, section 10).
 #pragma once
 
 #include <functional>
@@ -14,11 +14,11 @@ struct FourierTrajectory {
   std::vector<std::vector<double>> frequency_hz, amplitude_rad, phase_rad;
 };
 
-/// The two trajectories of the protocol, embedded (reference vectors, terminal-link-trajectories.json).
+/// The two trajectories of the reproduction, embedded.
 FourierTrajectory exciting_trajectory();
 FourierTrajectory validation_trajectory();
 
-/// An estimator of the protocol.
+/// An estimator that is compared.
 enum class ProtocolMethod {
   kLeastSquares,          ///< LSM
   kInstrumentModel,       ///< IVM with the joint model (35)
@@ -30,7 +30,7 @@ enum class ProtocolMethod {
 inline constexpr int kNumProtocolMethods = 6;
 const char* to_string(ProtocolMethod method);
 
-/// Settings of a run of the protocol.
+/// Settings of a run.
 struct ProtocolSettings {
   bool rotor_inertia{
       false};  ///< scenario B: the torque computation contains the rotor inertia's share of the noise
@@ -48,21 +48,21 @@ struct ProtocolPoint {
   int samples{0};
   bool passed{true};  ///< IVM: the conditioning check of the estimator let it out
   double amplification{0};
-  double error{0};           ///< e of the protocol
+  double error{0};           ///< e of section 10
   double torque_error_5{0};  ///< rms on the validation trajectory, joint 5 [mN m]
   double torque_error_6{0};
   double inertia_33{0};                 ///< estimate of Ī⁶₃₃ [g m²]
-  std::vector<double> base_parameters;  ///< 18, in the publication's order, SI units
+  std::vector<double> base_parameters;  ///< 18, in the paper's order, SI units
 };
 
 /// Runs one scenario, one seed.
 std::vector<ProtocolPoint> run_protocol(const ProtocolSettings& settings);
 
-/// True base parameters with payload, 18, SI units, publication's order.
+/// True base parameters with payload, 18, SI units, the paper's order.
 std::vector<double> true_base_parameters();
 /// Nominal ones of a seed (±10 % off the parameters before the payload).
 std::vector<double> nominal_base_parameters(int seed);
-/// Names of the 18, as in the corrected text.
+/// Names of the 18, as in core/estimate/README.md, section 7.
 const std::vector<std::string>& base_parameter_names();
 /// Torque of the variation itself on the validation trajectory, joints 5 and 6 [mN m].
 std::pair<double, double> variation_torque();

@@ -227,7 +227,7 @@ MassFromDifference mass_from_difference(int seed) {
     instrumental[run] = iv.solution();
     least_squares[run] = ls.solution();
   }
-  // α4z + α5y of section 7 is one parameter of link 4; a mass at O5 moves it by 0.1 m times the mass.
+  // α4z + α5y (core/estimate/README.md, section 7) is one parameter of link 4; a mass at O5 moves it by 0.1 m times the mass.
   InertialParameters<double> unit{};
   unit[kMass] = 1;
   const LayoutVector<kFirst> slope =

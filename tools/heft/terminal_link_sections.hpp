@@ -1,5 +1,5 @@
 /// @file
-/// Checks of the corrected text's sections 5, 6 and 7 that are not rows of the protocol's table.
+/// Checks of core/estimate/README.md, sections 5, 6 and 7, that are not rows of the table in section 10.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@ namespace heft::tools {
 
 /// (39) against (39'): the terminal link's change fitted over all six rows on the validation trajectory, noise-free,
 /// with exact nominal values.
-/// In the publication's order and units: Δα (g m), ΔĪ 11, 22, 33, 12, 13, 23 (g m²), ΔF (mN m), Δd; then Δm (g).
+/// In Kawasaki and Nishimura's order and units: Δα (g m), ΔĪ 11, 22, 33, 12, 13, 23 (g m²), ΔF (mN m), Δd; then Δm (g).
 struct MassColumnCheck {
   std::vector<double> truth;         ///< 12
   std::vector<double> without_mass;  ///< 11, equation (39)

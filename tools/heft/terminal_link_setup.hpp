@@ -1,5 +1,5 @@
 /// @file
-/// The publication's arm, motor and noise as the reproduction protocol fixes them; shared by its parts.
+/// Kawasaki and Nishimura's arm, motor and noise as fixed in core/estimate/README.md, sections 9 and 10.
 #pragma once
 
 #include <array>
@@ -135,10 +135,10 @@ struct System {
   }
 };
 
-/// What the publication's measures need: the 18 base parameters of k = 5 and the error e of an estimate.
+/// What the measures of section 10 need: the 18 base parameters of k = 5 and the error e of an estimate.
 inline constexpr int kBase = 18;
 using Base = Eigen::Matrix<double, kBase, 1>;
-/// From the k = 5 layout to the publication's 18 base parameters (section 7). Linear.
+/// From the k = 5 layout to the 18 base parameters of core/estimate/README.md, section 7. Linear.
 Base to_publication(const LayoutVector<4>& x);
 const Eigen::Matrix<double, kBase, kBase>& publication_map();
 const Eigen::Matrix<double, kBase, kBase>& publication_map_inverse();

@@ -115,7 +115,7 @@ class TableMaker {
 
   void lsm_does_not_converge(bool b, const Expected& e) {
     for (const double period : study_.options.periods) {
-      // At 1 ms 2000 samples are two seconds: too short for any estimate, so ten seconds stand against twenty.
+      // At 1 ms 2000 samples are two seconds: too short for any estimate, so ten seconds are compared with twenty.
       const int first = period < 0.003 ? 10000 : 2000;
       const double at_first = error(b, period, ProtocolMethod::kLeastSquares, first).mean;
       const double at_last = error(b, period, ProtocolMethod::kLeastSquares, 20000).mean;

@@ -1,5 +1,5 @@
 /// @file
-/// The whole open-loop reproduction: all runs of the protocol, and the table of claims they are held against.
+/// The whole open-loop reproduction: all runs, and the table of claims they are compared with.
 #pragma once
 
 #include <array>
@@ -20,16 +20,16 @@ struct StudyOptions {
   std::function<void(double)> progress;  ///< share done, from the calling thread
 };
 
-/// One run of the protocol.
+/// One run.
 struct ProtocolRun {
   bool rotor_inertia{false};
   double period{0.005};
-  int trajectory{0};  ///< 0: the protocol's, else number of a random one
+  int trajectory{0};  ///< 0: the given one, else number of a random one
   int seed{1};
   std::vector<ProtocolPoint> points;
 };
 
-/// A row of the protocol's table, or one of its further requirements.
+/// A row of the table in core/estimate/README.md, section 10, or one of its further requirements.
 struct Claim {
   std::string id;        ///< short, for machines
   std::string text;      ///< what is claimed
@@ -42,7 +42,7 @@ struct Claim {
 
 struct Study {
   StudyOptions options;
-  std::vector<ProtocolRun> runs;        ///< the protocol's trajectory, σ = 10 rad/s²
+  std::vector<ProtocolRun> runs;        ///< on the given trajectory, σ = 10 rad/s²
   std::vector<ProtocolRun> other_runs;  ///< other exciting trajectories
   std::vector<ProtocolRun> quiet_runs;  ///< σ = 0.3 rad/s²
   std::vector<ProtocolRun> noise_free;
@@ -52,8 +52,8 @@ struct Study {
   std::vector<MassFromDifference> masses;  ///< one a seed
   std::vector<RankCheck> ranks;
   FormCheck forms;
-  std::vector<Claim> table;         ///< rows of the protocol's table
-  std::vector<Claim> requirements;  ///< further requirements and the corrected text's own figures
+  std::vector<Claim> table;         ///< rows of the table
+  std::vector<Claim> requirements;  ///< further requirements and figures of the corrected equations
   bool holds() const;
 };
 

@@ -1,4 +1,4 @@
-// Figures of the reproduction protocol's two trajectories.
+// Coefficients of the two trajectories of the reproduction.
 #include "terminal_link_protocol.hpp"
 
 namespace heft::tools {

@@ -1,5 +1,5 @@
 /// @file
-/// What the thesis says that its own numbers do not bear out.
+/// Claims of the thesis (UPC-ETSEIB, 2017) that its own numbers do not support.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -173,7 +173,7 @@ void add_notation(std::vector<Fault>& faults, const StiffnessStudy& stiffness) {
        "(97) to (99)",
        "Σ z zᵀ = σ E, and so n = 3 σ²",
        fmt::format("The trace of Σ z zᵀ is {:.0f} at every pose, of σ E it is 3 σ: n = 3 σ by (98), and 3 σ² "
-                   "only if σ stands for its square in (96) to (98)",
+                   "only if σ denotes its square in (96) to (98)",
                    trace),
        {trace},
        std::abs(trace - 6.0) < 1e-9});
@@ -281,7 +281,7 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
                     "with the wrist at 45° every stiffness comes out well",
                     fmt::format("With θ6 = 45° the load (135) puts {:.0e} N m on joint 5 (on the most loaded "
                                 "one {:.1f} N m): no reading "
-                                "at such a pose tells its stiffness",
+                                "at such a pose reveals its stiffness",
                                 fifth, largest),
                     {fifth, largest},
                     fifth < 1e-9 && largest > 1.0});
@@ -306,7 +306,7 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
        {static_cast<double>(stiffness.direct_negative)},
        stiffness.direct_negative > 0});
 
-  // The two-size stiffnesses tell what the components are that were taken as zero.
+  // The two-size stiffnesses predict the components that were taken as zero.
   double along = 0.0, across = 0.0, upright = 0.0, turned = 0.0,
          tilt = 0.0;  // sums of squares over the poses
   for (const stiffness::LoadedPose& pose : stiffness.tool) {

@@ -115,7 +115,7 @@ struct StiffnessStudy {
   stiffness::PrincipalDeflections principal;
 };
 
-/// How well a set of poses and an instrument tell the joints. Spreads are half the width that holds the middle 68 % of
+/// How well a set of poses and an instrument determine the joints. Spreads are half the width that holds the middle 68 % of
 /// all draws, over the true value.
 struct Precision {
   std::string poses, instrument;
@@ -158,7 +158,7 @@ struct SimulationStudy {
   int power_draws{0};
 };
 
-/// Something in the thesis that its own numbers do not bear out.
+/// A claim of the thesis that its own numbers do not support.
 struct Fault {
   std::string id;     ///< short, for machines
   std::string kind;   ///< "result", "data" or "slip"

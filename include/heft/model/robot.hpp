@@ -35,7 +35,7 @@ struct Robot {
   std::string tip_link;
   std::vector<RobotJoint> joints;
   std::vector<GearCoupling<double>> couplings{};   ///< motors that turn with two joints
-  std::vector<JointEffect<double>> effects{};      ///< what acts at joints in addition to the declared friction
+  std::vector<JointEffect<double>> effects{};  ///< what acts at joints in addition to the declared friction
   std::vector<Elasticity<double>> elasticities{};  ///< joints that give; then q is the motor's position
   double torque_delay{0.0};  ///< the torque channel reports τ(t - delay) at t, q is on time [s]
   std::array<double, 3> gravity{0.0, 0.0, -9.81};  ///< in the base frame [m/s²]

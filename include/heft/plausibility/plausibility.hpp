@@ -39,7 +39,7 @@ struct Finding {
 
 /// A joint's measured torque against what the robot's masses make it expect.
 struct JointExpectation {
-  double slope{0.0};       ///< measured over expected gravity and inertia torque, friction and offset fitted too
+  double slope{0.0};  ///< measured over expected gravity and inertia torque, friction and offset fitted too
   double slope_std{0.0};   ///< standard deviation of `slope`, with the uncertainty of the robot's masses
   double torque_rms{0.0};  ///< measured [N·m, N]
   double expected_rms{0.0};  ///< gravity and inertia torque [N·m, N]
