@@ -240,7 +240,9 @@ const Mistake kOutputNowhere[] = {
      3,
      {"standard output: results could not be written: No space left on device"},
      "robot.hpp"},
-    {"FullStandardOutputOfAHelpText", "$H identify --help >/dev/full", 3, {"No space left on device"}},
+    {"FullStandardOutputOfAHelpText", "$H export --help >/dev/full", 3, {"No space left on device"}},
+    // Longer than the buffer of a stream (4096 B): the write that fails is not the last one.
+    {"FullStandardOutputOfALongHelpText", "$H excite --help >/dev/full", 3, {"No space left on device"}},
     {"ClosedStandardOutput",
      "$H export --urdf scara -o robot.hpp >&-",
      3,

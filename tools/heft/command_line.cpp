@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "console.hpp"
 #include "spelling.hpp"
 #include "text_layout.hpp"
 
@@ -243,7 +244,9 @@ std::string CommandParser::parse(int argc, const char* const* argv) {
       refuse_leftovers();
       throw UsageError(error.what());
     }
-    app_->exit(error);  // --help, --version
+    std::ostringstream text;  // --help, --version
+    app_->exit(error, text, text);
+    print_to(stdout, text.str());
     return {};
   }
   return app_->get_subcommands().front()->get_name();
