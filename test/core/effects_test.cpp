@@ -114,7 +114,7 @@ void expect_formulas(Scalar tolerance) {
 TEST(EffectFeedForward, FollowsTheFormulasInDouble) { expect_formulas<double>(1e-12); }
 TEST(EffectFeedForward, FollowsTheFormulasInFloat) { expect_formulas<float>(2e-5F); }
 
-TEST(EffectFeedForward, BeginsAnewAfterAReset) {
+TEST(EffectFeedForward, RestartsAfterAReset) {
   EffectFeedForward<double, 1, 1> effects;
   ASSERT_EQ(effects.add({joint_effect_kind<Hysteresis>(), 0, {0.03}}), Status::kOk);
   const std::array<JointActuation<double>, 1> actuation{{{0, 2, 0, 0}}};
@@ -132,7 +132,7 @@ TEST(EffectFeedForward, BeginsAnewAfterAReset) {
   EXPECT_EQ(torque(7.0), 0.0);
 }
 
-TEST(EffectFeedForward, RefusesWhatItCannotHold) {
+TEST(EffectFeedForward, RefusesEffectsThatDoNotFit) {
   EffectFeedForward<double, 2, 1> effects;
   EXPECT_EQ(effects.add({joint_effect_kind<Offset>(), 2, {1.0}}), Status::kOutOfRange);
   EXPECT_EQ(effects.add({joint_effect_kind<Offset>(), -1, {1.0}}), Status::kOutOfRange);

@@ -259,7 +259,7 @@ TEST(JointDeflection, CommandPutsTheLinkWhereItShouldBe) {
   EXPECT_EQ(deflection[2], 0.0);
 }
 
-TEST(JointDeflection, RefusesWhatNoSpringIsAndLeavesTheAnswerAlone) {
+TEST(JointDeflection, RefusesImpossibleSpringsAndLeavesTheAnswerAlone) {
   const Eigen::Vector2d torque(1.0, 2.0), good(1e3, 1e4);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   Eigen::Vector2d answer(7.0, 8.0);

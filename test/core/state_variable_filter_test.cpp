@@ -51,7 +51,7 @@ TEST(StateVariableFilter, JitterDoesNotShowOnARamp) {
   }
 }
 
-TEST(StateVariableFilter, RefusesBadNumbersAndStartsAnewAfterAGap) {
+TEST(StateVariableFilter, RefusesBadNumbersAndRestartsAfterAGap) {
   StateVariableFilter<double, 1> filter;
   EXPECT_EQ(filter.configure(0.0), Status::kOutOfRange);
   ASSERT_EQ(filter.configure(10.0), Status::kOk);

@@ -357,7 +357,7 @@ TEST(Excitation, DesignForAGivenLogBringsWhatItLacks) {
   EXPECT_LT(design.optimize().score.condition, 30.0);
 }
 
-TEST(Excitation, FloorIsThatOfAStandingBaseOnly) {
+TEST(Excitation, HasAFloorOnlyWhereTheBaseIsUpright) {
   model::Robot robot = ur10e();
   EXPECT_EQ(limits_of(robot).floor, 0.0);
   robot.gravity = {0, 0, 9.81};

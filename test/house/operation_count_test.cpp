@@ -56,7 +56,7 @@ TEST(OperationCount, InformationFormWithItsSolves) {
   EXPECT_EQ(f.at("solve_every"), 50);
 }
 
-TEST(OperationCount, InformationFormBesideComputedTorque) {
+TEST(OperationCount, InformationFormAlongWithComputedTorque) {
   expect_mean(form("information", true), 440, 490);
 }
 

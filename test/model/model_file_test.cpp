@@ -103,7 +103,7 @@ TEST(ModelFile, RefusesKinematicsThatAreNone) {
               AllOf(HasSubstr("/kinematics/tip/rotation/0"), HasSubstr("a number")));
 }
 
-TEST(ModelFile, TellsWhenTheUrdfsJointsAreElsewhere) {
+TEST(ModelFile, NotesThatTheUrdfsJointsAreElsewhere) {
   const ModelFile model = parse_model(to_json(example()), "arm.json");
   Robot robot = test::planar_two_link();
   std::vector<std::string> notes;

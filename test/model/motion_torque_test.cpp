@@ -116,7 +116,7 @@ TEST(MotionTorque, AddsEveryEffectByItsFormula) {
   }
 }
 
-TEST(Dynamics, AddsWhatOneInstantTells) {
+TEST(Dynamics, AddsWhatOneInstantDetermines) {
   const Motion m = swing(20, 10.0);
   Robot robot = arm_with_friction();
   robot.effects = {effect_of<Stribeck>(0, {1.1, 0.4}), effect_of<LoadFriction>(1, {0.15})};
@@ -454,7 +454,7 @@ TEST(MotionTorque, ComesToRestAcrossAGap) {
   EXPECT_LT(torque.cwiseAbs().maxCoeff(), 100.0);
 }
 
-TEST(MotionTorque, RefusesWhatNoJointCanHave) {
+TEST(MotionTorque, RefusesImpossibleElasticitiesAndEffects) {
   const auto message = [](const std::function<void(Robot&)>& change) {
     Robot robot = arm_with_friction();
     change(robot);

@@ -204,7 +204,7 @@ TEST(UndeclaredEffects, BlockOnASlopeStartsWhenItsLoadFrictionIsOvercome) {
   EXPECT_NEAR(result.log.tau(last, 0), passed * (1.0 + mu) + Fc, 1e-9);
 }
 
-TEST(UndeclaredEffects, RefusesWhatDoesNotBelongToAJointOfTheArm) {
+TEST(UndeclaredEffects, RefusesEffectsThatDoNotFitTheArm) {
   model::Robot robot = test::slider(1.0);
   robot.effects = {effect("spring", 3, {1.0, 0.0})};
   EXPECT_THROW(loads_of(robot), ModelError);

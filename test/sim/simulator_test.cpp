@@ -301,7 +301,7 @@ TEST(Simulation, TorqueStopsAtItsLimit) {
   EXPECT_NEAR(log.qdd(0, 0), 4.0, 1e-14);
 }
 
-TEST(Simulation, AControllerIsToldTheTorqueThatCausedTheMeasuredAcceleration) {
+TEST(Simulation, AControllerGetsTheTorqueThatCausedTheMeasuredAcceleration) {
   class Recorder : public Controller {
    public:
     void control(double t, const Measurement& m, Eigen::Ref<VectorXd> torque) override {
@@ -403,7 +403,7 @@ std::string failure_of(const SimulationSettings& s) {
   return "";
 }
 
-TEST(Simulation, EndsWithJointAndTimeWhereTheSolverWouldTakeForEver) {
+TEST(Simulation, EndsWithJointAndTimeWhereTheSolverWouldNotEnd) {
   SimulationSettings s = tight(test::planar_two_link(), 0.1);
   s.controller = std::make_shared<Runaway>(1e9);
   EXPECT_THAT(failure_of(s),

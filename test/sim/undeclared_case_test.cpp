@@ -38,7 +38,7 @@ TEST(UndeclaredCase, WithoutEffectLeavesTheNoiseToTheDeclaredModel) {
   }
 }
 
-TEST(UndeclaredCase, EffectStandsAboveTheNoiseAtItsJoint) {
+TEST(UndeclaredCase, EffectExceedsTheNoiseAtItsJoint) {
   const UndeclaredCase c = make_undeclared_case("stribeck+spring", "scara4", 2);
   ASSERT_EQ(c.effects.size(), 2u);
   EXPECT_NE(c.effects[0].joint, c.effects[1].joint);

@@ -46,7 +46,7 @@ model::Robot diagnosed_scara() {
   return robot;
 }
 
-TEST(ExportedArm, CarriesWhatAModelHoldsBesides) {
+TEST(ExportedArm, HoldsEverythingOfAModel) {
   using Header = exported::DiagnosedScara;
   constexpr auto kEffects = Header::kEffects;
   const model::Robot robot = diagnosed_scara();

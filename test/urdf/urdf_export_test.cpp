@@ -411,7 +411,7 @@ TEST(UrdfExport, RefusesAMassNotAboveZero) {
               HasSubstr("link \"a\": mass 0 kg: expected above zero (and 1 more); not written"));
 }
 
-TEST(UrdfExport, RefusesAnInertiaThatNoBodyHas) {
+TEST(UrdfExport, RefusesAnImpossibleInertia) {
   model::Robot robot = load(kPlain);
   robot.joints[0].link[kIzz] = 0.5;  // about the centre of mass: 0.02, 0.02, 0.5
   EXPECT_THAT(refusal(robot), AllOf(HasSubstr("arm.urdf:3: link \"a\": Ixx+Iyy=0.04 < Izz=0.5 kg·m²"),
@@ -485,7 +485,7 @@ TEST(UrdfExport, RefusesAnotherRobotsFile) {
 
 // --- files ---
 
-TEST(UrdfExport, WhatUrdfHasNoTagForGoesToAModelFileBesideIt) {
+TEST(UrdfExport, WhatUrdfHasNoTagForGoesToAModelFileNextToIt) {
   const TemporaryFolder folder;
   const std::string original = folder.write("arm.urdf", kPlain);
   model::Robot robot = load_urdf(original);

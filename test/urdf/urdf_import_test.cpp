@@ -311,7 +311,7 @@ TEST(Urdf, IgnoresElementsOfOtherTools) {
   EXPECT_EQ(arm.num_joints(), 1);
 }
 
-TEST(Urdf, WarnsAboutImpossibleInertiaAndRefusesItWhenTold) {
+TEST(Urdf, WarnsAboutImpossibleInertiaAndRefusesItOnRequest) {
   struct Case {
     const char* inertia;
     const char* text;
@@ -434,7 +434,7 @@ TEST(UrdfRefusal, LoopWithoutARoot) {
             "links; cut the loop at one joint");
 }
 
-TEST(UrdfRefusal, LoopBesideATree) {
+TEST(UrdfRefusal, LoopNextToATree) {
   EXPECT_THAT(
       refusal(robot(link("base") + link("m") + link("a") + link("b") + link("c") + joint("jm", "base", "m") +
                     joint("j1", "a", "b") + joint("j2", "b", "c") + joint("j3", "c", "a"))),
