@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// What the search keeps off the limits for the sake of what happens between its samples. At 30 samples of the
+// Distance from the limits that the search keeps for the motion between its samples. At 30 samples of the
 // fastest harmonic a sine passes its highest sample by 1 − cos(π/30) = 0.55 %.
 constexpr double kReserve = 0.006;
 constexpr double kTorqueReserve = 0.01;
@@ -151,7 +151,7 @@ bool ExcitationDesign::Impl::evaluate(const VectorXd& x, double barrier, double&
   MatrixXd q = coarse.q * c, qd = coarse.qd * c, qdd = coarse.qdd * c;
   q.rowwise() += motion.start.transpose();
 
-  // First what is cheap.
+  // The cheap tests first.
   const double share = barrier / static_cast<double>(samples);
   double sum = 0.0;  // of logarithms of slacks, over samples
   MatrixXd by_q = MatrixXd::Zero(samples, joints), by_qd = by_q, by_qdd = by_q;

@@ -1,5 +1,5 @@
 /// @file
-/// What the parts of ExcitationDesign share.
+/// Shared by the parts of ExcitationDesign.
 #pragma once
 
 #include <memory>

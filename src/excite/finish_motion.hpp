@@ -1,5 +1,5 @@
 /// @file
-/// What every motion goes through last.
+/// The last steps of every motion.
 #pragma once
 
 #include <optional>

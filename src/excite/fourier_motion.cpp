@@ -21,7 +21,7 @@ void ExcitationTrajectory::evaluate(double t, VectorXd& q, VectorXd& qd, VectorX
     qdd += sine.col(k) * (w * c) - cosine.col(k) * (w * s);
     terms += sine.col(k).cwiseAbs() + cosine.col(k).cwiseAbs();
   }
-  // What rounding leaves at rest is no velocity: friction would take its sign.
+  // Rounding at rest is no velocity: friction would take its sign.
   for (Index j = 0; j < qd.size(); ++j) {
     if (std::abs(qd[j]) < 1e-14 * terms[j]) qd[j] = 0.0;
     if (std::abs(qdd[j]) < 1e-14 * terms[j] * omega * num_harmonics()) qdd[j] = 0.0;

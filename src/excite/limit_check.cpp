@@ -200,7 +200,7 @@ Closest LimitCheck::closest(const Samples& motion, double enough) const {
   Closest result{kInfinity, "", 0};
   Index row = 0;
   const auto meet = [&](double slack, const auto& name) {
-    // What is not a number is no kept limit.
+    // NaN does not keep a limit.
     if (!(slack >= result.slack)) result = {std::isnan(slack) ? -kInfinity : slack, name(), row};
   };
   for (; row < motion.q.rows(); ++row) {

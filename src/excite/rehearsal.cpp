@@ -1,4 +1,4 @@
-/// A motion on the simulated arm, and what came of it.
+/// A motion on the simulated arm, and its outcome.
 #include <algorithm>
 #include <cmath>
 #include <limits>

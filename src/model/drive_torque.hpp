@@ -1,5 +1,5 @@
 /// @file
-/// What lies between the rigid bodies' torque and the motors': actuation, gear couplings, joint effects.
+/// From the rigid bodies' torque to the motors': actuation, gear couplings, joint effects.
 #pragma once
 
 #include <fmt/format.h>

@@ -221,7 +221,7 @@ std::string place_of(const std::string& kind) {
   return {};
 }
 
-/// What a parameter of an effect must be.
+/// The values that a parameter of an effect may have.
 std::string range_of(const EffectParameter& parameter) {
   switch (parameter.range) {
     case EffectRange::kPositive: return fmt::format("a number above zero [{}]", parameter.unit);

@@ -100,7 +100,7 @@ std::vector<Hypothesis> Comparison::interchanges() const {
   for (int j = 0; j < num_joints(); ++j) {
     for (int k = j + 1; k < num_joints(); ++k) {
       if (dead(j) || dead(k)) continue;
-      // Noise of a torque is what is left of it where it fits better.
+      // The noise of a torque is its residual where it fits better.
       const double of_j = noise(j, {free_residual(j), joint(k).free_residual(j)});
       const double of_k = noise(k, {free_residual(k), joint(j).free_residual(k)});
       const double own = joint(j).misfit(j, 1.0, of_j, offset(joint(j), j)) +

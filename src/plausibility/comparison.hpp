@@ -1,5 +1,5 @@
 /// @file
-/// The likelihood of a log's torque under a robot, and what it gains when a contradiction is undone.
+/// The likelihood of a log's torque under a robot, and its gain when a contradiction is undone.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ namespace heft::plausibility {
 /// Columns of two joints that may be interchanged.
 enum class Columns { kTorque, kPosition, kBoth };
 
-/// A contradiction to undo, with what the likelihood gains by it.
+/// A contradiction to undo, with the gain of the likelihood.
 struct Hypothesis {
   Contradiction kind{Contradiction::kSign};
   int joint{-1}, other{-1};

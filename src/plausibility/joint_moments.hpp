@@ -1,5 +1,5 @@
 /// @file
-/// How well a torque fits a joint, from second moments of its regressor: likelihood, slope, what no masses explain.
+/// How well a torque fits a joint, from second moments of its regressor: likelihood, slope, and the part that no masses explain.
 #pragma once
 
 #include <vector>
@@ -31,7 +31,7 @@ class JointMoments {
   double effective_rows() const { return effective_; }
   double torque_rms(int torque) const;
   double expected_rms() const;
-  /// Rms of what is left of a torque when all parameters of the joint's row are free [N·m, N].
+  /// Rms residual of a torque when all parameters of the joint's row are free [N·m, N].
   /// @param friction  friction is among them
   double free_residual(int torque, bool friction = true) const;
   /// Minus twice the logarithm of the likelihood that sign × the torque is this joint's: ν ln(1 + χ²/ν) with ν

@@ -132,7 +132,7 @@ class Judge {
   double ratio(int j) const {
     return comparison_.torque_rms(j) / std::max(comparison_.joint(j).expected_rms(), 1e-12);
   }
-  /// The torque that masses make is more than what sensors get wrong.
+  /// The torque of the masses exceeds the errors of sensors.
   bool expected(int j) const { return comparison_.joint(j).expected_rms() > 2.0 * comparison_.floor(j); }
 
   void add_dead() {
@@ -154,7 +154,7 @@ class Judge {
                      dead.size() == 1 ? "this joint" : "these joints")});
   }
 
-  /// What concerns signs, order of joints, zeros or gravity.
+  /// Signs, order of joints, zeros and gravity.
   struct Structure {
     bool found{false}, clear{false};
     double gain{0.0};
@@ -163,7 +163,7 @@ class Judge {
   };
 
   Structure find_structure() const {
-    // Signs are each joint's own; together they compete with what concerns more than one joint.
+    // Signs are each joint's own; together they compete with contradictions of more than one joint.
     Structure signs;
     for (const Hypothesis& h : comparison_.signs()) {
       if (h.gain < kSignGain || comparison_.torque_rms(h.joint) < comparison_.floor(h.joint)) continue;

@@ -1,5 +1,5 @@
 /// @file
-/// The motion and torque of a log, low-passed and thinned out to what a comparison with masses needs.
+/// The motion and torque of a log, low-passed and thinned out as far as a comparison with masses allows.
 #pragma once
 
 #include <Eigen/Core>

@@ -51,7 +51,7 @@ Symmetric3 rotate(const Matrix3d& R, const Symmetric3& S) {
           R.row(1).dot(b), R.row(1).dot(c), R.row(2).dot(c)};
 }
 
-/// What stays the same about a link. Every link frame is first turned so that its joint axis is z.
+/// The constant data of a link. Every link frame is first turned so that its joint axis is z.
 struct LinkConstants {
   bool prismatic{false};
   Matrix3d rotation;  ///< axes of this link at q = 0 in the parent link frame
@@ -62,7 +62,7 @@ struct LinkConstants {
   double rotor_inertia{0.0};
 };
 
-/// What one evaluation works on; vectors in base axes, moments about the link's own origin.
+/// Work space of one evaluation; vectors in base axes, moments about the link's own origin.
 struct LinkState {
   Matrix3d R;                   ///< link axes in the base frame
   Vector3d r;                   ///< from the parent's origin to this one

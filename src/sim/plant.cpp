@@ -193,7 +193,7 @@ void Plant::accelerations(double t, const double* q, const double* qd, const dou
       for (std::size_t k = 0; k < load.load.effects.size(); ++k) {
         sum += load.load.effects[k]->torque(at, z + load.state_offset[k]);
       }
-      // The spring of an elastic joint is what its bodies get.
+      // Its bodies get the torque of the spring of an elastic joint.
       if (load.load_share > 0.0 && load.elastic >= 0) {
         sum += load.load_share * std::abs(spring_torque(load.elastic, q, qd)) * at.direction;
       }

@@ -61,7 +61,7 @@ class Plant : public System {
   bool is_dry(int joint) const { return is_dry_[static_cast<std::size_t>(joint)]; }
 
   /// Torque of everything that acts at a joint other than rigid bodies and rotors, after evaluate(): friction
-  /// and what holds a stuck joint.
+  /// and the torque that holds a stuck joint.
   double effect_torque(int joint) const;
 
   void initial_extra(double t, const double* q, const double* qd, double* z) const;
@@ -95,7 +95,7 @@ class Plant : public System {
   /// Break-away level of a joint at rest that passes `load` on to the bodies.
   double level(std::size_t joint, int direction, double load, double t, const double* q,
                const double* z) const;
-  /// What a joint at rest passes on to the bodies, after accelerations().
+  /// Torque that a joint at rest passes on to the bodies, after accelerations().
   double load_at_rest(std::size_t joint) const { return net_[joint] - excess_[joint]; }
   void accelerations(double t, const double* q, const double* qd, const double* z);
   /// Accelerations and excess for the torque net_.

@@ -151,7 +151,7 @@ void read_effects(const SettingsReader& top, const model::Robot& acting, Simulat
   std::vector<std::string> seen;
   for (const SettingsReader& reader : top.objects("effects")) {
     const std::string kind = reader.word("kind", kinds);
-    // What belongs to the arm as a whole is there once.
+    // An effect of the whole arm occurs once.
     for (const char* single : {"delay", "base_tilt", "payload_change", "wrist_coupling"}) {
       if (kind == single && std::find(seen.begin(), seen.end(), kind) != seen.end()) {
         reader.refuse("kind", fmt::format("\"{}\" a second time", kind), "it once",

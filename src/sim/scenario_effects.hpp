@@ -1,5 +1,5 @@
 /// @file
-/// The key "effects" of a scenario: what acts at joints, tool and base in addition to the declared friction.
+/// The key "effects" of a scenario: torques at joints, tool and base in addition to the declared friction.
 #pragma once
 
 #include "heft/model/robot.hpp"

@@ -1,5 +1,5 @@
 /// @file
-/// From true motion to what encoders, drives and accelerometers say.
+/// From true motion to the readings of encoders, drives and accelerometers.
 #pragma once
 
 #include <cstdint>

@@ -267,13 +267,13 @@ void check_same_chain(const model::Robot& file, const model::Robot& robot, const
   }
 }
 
-/// What is wrong with a link's parameters; empty when a body can have them.
+/// Why a link's parameters are physically impossible; empty when they are possible.
 std::string fault_of(const InertialParameters<double>& p) {
   if (!(p[kMass] > 0.0)) return fmt::format("mass {:.6g} kg: expected above zero", p[kMass]);
   return impossibility(to_body(p).about_com);
 }
 
-/// Refuses what cannot be written, and, unless allowed, what no robot has.
+/// Refuses values that cannot be written, and, unless allowed, impossible ones.
 class Checker {
  public:
   Checker(const Tree& tree, const std::string& name, bool allow_impossible, std::vector<std::string>& notes)

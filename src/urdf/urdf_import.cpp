@@ -217,7 +217,7 @@ void check_structure(const Document& document) {
 // -----------------------------------------------------------------------------------------------------
 // urdfdom, with its messages caught.
 
-/// Collects what urdfdom says through console_bridge, which would go to standard error otherwise.
+/// Collects the messages of urdfdom through console_bridge, which would go to standard error otherwise.
 class MessageCatcher : public console_bridge::OutputHandler {
  public:
   MessageCatcher() : previous_(console_bridge::getOutputHandler()), level_(console_bridge::getLogLevel()) {

@@ -21,7 +21,7 @@ namespace heft::excite {
 using regression::ModelStructure;
 using regression::RegressionColumns;
 
-/// What is to become small.
+/// The cost that the search minimises.
 enum class ExcitationCost {
   /// −log det F / 2b, F the information matrix of b base parameters: the mean logarithm of their standard
   /// deviations (of their principal axes, exactly), whatever the units.
@@ -114,7 +114,7 @@ class ExcitationDesign {
   const std::vector<std::string>& units() const;        ///< b
   const std::vector<std::string>& expressions() const;  ///< closed forms, b
   const Eigen::VectorXd& torque_noise() const;          ///< σ, n [N·m, N]
-  /// What the robot's present parameters make of the base parameters, b.
+  /// Base parameters that follow from the robot's present parameters, b.
   Eigen::VectorXd values() const;
   const RegressionColumns& columns() const;
   const std::vector<int>& kept() const;  ///< columns that represent the base parameters

@@ -1,5 +1,5 @@
 /// @file
-/// Motions that show what an arm is like, checked before anyone runs them: the facade of this room.
+/// Motions that reveal the parameters of an arm, checked before anyone runs them: the facade of this room.
 #pragma once
 
 #include <functional>
@@ -28,13 +28,13 @@ struct Payload {
 /// @throws ModelError for a mass that is negative or not finite
 model::Robot with_payload(model::Robot robot, const Payload& payload);
 
-/// What a motion is to show and where the arm is before it. Limits are separate: limits_of, read_limits.
+/// Purpose of a motion, and the pose of the arm before it. Limits are separate: limits_of, read_limits.
 struct Options {
   ExcitationOptions search;
   Payload payload;                      ///< carried along; counts in every torque
   std::optional<Eigen::VectorXd> from;  ///< the arm is here before and after, n [rad, m]
   double rate{100.0};                   ///< rows a second of the log [Hz]
-  bool rehearse{true};                  ///< run on the simulated arm and check what it did
+  bool rehearse{true};                  ///< run on the simulated arm and check the result
   /// Motion of logs already taken: q, q̇, q̈ (m × n) and the time that a row represents [s].
   struct Given {
     Eigen::MatrixXd q, qd, qdd;

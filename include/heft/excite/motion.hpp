@@ -49,7 +49,7 @@ Piece fourier_piece(const std::string& name, const ExcitationTrajectory& motion)
 Piece line_piece(const std::string& name, const Eigen::VectorXd& from, const Eigen::VectorXd& to,
                  double duration);
 
-/// The motion as a log: time, q, qd, qdd, and as tau what the robot's model predicts.
+/// The motion as a log: time, q, qd, qdd, and as tau the torque that the robot's model predicts.
 /// @param rate  rows a second
 data::Log log_of(const model::Robot& robot, const PiecewiseMotion& motion, double rate);
 
@@ -68,7 +68,7 @@ sim::SimulationSettings replay_settings(const model::Robot& robot,
 /// A motion as a simulator's reference.
 std::shared_ptr<const sim::Reference> reference_of(const PiecewiseMotion& motion, int num_joints);
 
-/// What a simulated arm made of a motion.
+/// Outcome of a motion on the simulated arm.
 struct Rehearsal {
   LimitUse use;                ///< of the simulated joints; torque is the simulated motors'
   double tracking_error{0.0};  ///< largest distance from the reference [rad, m]
@@ -79,7 +79,7 @@ struct Rehearsal {
   data::Log log;        ///< of the simulated arm
 };
 
-/// Runs the motion on the simulated arm and checks what it did: positions, velocities and torques within the limits
+/// Runs the motion on the simulated arm and checks the outcome: positions, velocities and torques within the limits
 /// (the margin is for the controller to use), at least half the clearance between links, from floor, box and obstacles,
 /// the speed of the tool, and that no collision shapes touch.
 Rehearsal rehearse(const model::Robot& robot, const MotionLimits& limits, const PiecewiseMotion& motion);

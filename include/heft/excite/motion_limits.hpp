@@ -1,5 +1,5 @@
 /// @file
-/// What a motion of an arm has to keep to.
+/// Limits of a motion.
 #pragma once
 
 #include <array>
@@ -16,12 +16,12 @@
 
 namespace heft::excite {
 
-/// Default of MotionLimits::tool_speed [m/s]: what Universal Robots' controllers are delivered with as the limit of
+/// Default of MotionLimits::tool_speed [m/s]: the setting with which Universal Robots' controllers are delivered as the limit of
 /// the tool's speed. It is a limit for an arm whose surroundings have been assessed, not one that makes contact with
 /// people safe: ISO 10218-1 allows 0.25 m/s ("reduced speed") where somebody is near the arm without other measures.
 inline constexpr double kToolSpeed = 1.5;
 
-/// What a motion has to keep to. Vectors of n.
+/// Limits of a motion. Vectors of n.
 struct MotionLimits {
   Eigen::VectorXd lower, upper;  ///< positions [rad, m], finite, lower < upper
   Eigen::VectorXd velocity;      ///< [rad/s, m/s], > 0 and finite
@@ -62,7 +62,7 @@ struct LimitUse {
   std::string worst;              ///< the limit nearest or passed, in words
 };
 
-/// What a pose and its velocities are in space.
+/// Positions and speeds in space that follow from a pose and its velocities.
 struct InSpace {
   double link_distance{0.0};      ///< smallest distance between two links that are watched [m]; NaN: none
   double link_spare{0.0};         ///< smallest distance beyond the clearance of its pair [m]; NaN: none
@@ -73,7 +73,7 @@ struct InSpace {
   std::string closest_links;
 };
 
-/// What limits_of fills in where the description of a robot says nothing.
+/// Values that limits_of takes where the description of a robot gives none.
 struct LimitDefaults {
   bool full_turns{false};  ///< keep ranges beyond ±π of a revolute joint; hoses and cables rarely allow them
   double tool_speed{kToolSpeed};
@@ -89,7 +89,7 @@ struct LimitDefaults {
 /// length.
 MotionLimits limits_of(const model::Robot& robot, const LimitDefaults& defaults = {});
 
-/// What a limits file (JSON) sets besides the limits.
+/// Further settings of a limits file (JSON).
 struct LimitsFile {
   MotionLimits limits;
   Eigen::VectorXd start;         ///< n, or size 0

@@ -8,7 +8,7 @@
 namespace heft::host {
 
 /// All files that a program is to read and to write, each with the option that named it. Declared first; check() then
-/// refuses what would lose data or fail after the work is done.
+/// refuses paths that would lose data or fail after the work is done.
 class FilePlan {
  public:
   void add_input(const std::string& option, const std::string& path);

@@ -17,7 +17,7 @@ enum class Verdict {
 /// "good", "doubtful" or "bad", as in JSON results.
 const char* to_string(Verdict verdict) noexcept;
 
-/// A verdict with what led to it.
+/// A verdict with its reasons.
 struct Judgement {
   Verdict verdict{Verdict::kGood};
   std::vector<std::string> reasons;  ///< full sentences without a full stop, worst first; empty when good

@@ -1,5 +1,5 @@
 /// @file
-/// Core's run-time dynamics behind run-time sizes: what the command and the host rooms call.
+/// Core's run-time dynamics behind run-time sizes, for the command and the host rooms.
 #pragma once
 
 #include <memory>

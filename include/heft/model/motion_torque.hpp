@@ -1,5 +1,5 @@
 /// @file
-/// Torque of a robot along a sampled motion: what Dynamics cannot say from one instant.
+/// Torque of a robot along a sampled motion, with everything that one instant does not determine.
 #pragma once
 
 #include <memory>

@@ -13,7 +13,7 @@
 
 namespace heft::plausibility {
 
-/// What a torque that contradicts the robot looks like.
+/// Kinds of contradiction between a torque and the robot.
 enum class Contradiction {
   kNoSignal,      ///< the torque of a joint never changes
   kSign,          ///< the torque of a joint has the opposite sign
@@ -34,10 +34,10 @@ struct Finding {
   int other{-1};         ///< kInterchanged: the other joint
   double value{0.0};     ///< kSign, kScale: measured over expected torque; kZero: to be added to q [rad]
   double evidence{0.0};  ///< fall of minus twice the log-likelihood when the contradiction is undone
-  std::string message;   ///< without the log's path: what it looks like, and what to do
+  std::string message;   ///< without the log's path: the likely cause, and what to do
 };
 
-/// A joint's measured torque against what the robot's masses make it expect.
+/// A joint's measured torque against the torque expected from the robot's masses.
 struct JointExpectation {
   double slope{0.0};  ///< measured over expected gravity and inertia torque, friction and offset fitted too
   double slope_std{0.0};   ///< standard deviation of `slope`, with the uncertainty of the robot's masses
@@ -64,7 +64,7 @@ struct Options {
 
 /// Compares the torque of a log with the robot it is said to belong to.
 ///
-/// Every joint is compared by itself with what the robot's masses make it expect, give or take a quarter of each
+/// Every joint is compared by itself with the torque expected from the robot's masses, give or take a quarter of each
 /// mass, some centimetres of each centre of mass and a payload of an eighth of the arm, plus friction that takes
 /// energy out and an offset. A contradiction is named when undoing it raises the likelihood far beyond what other
 /// explanations do; the likelihood is that of residuals correlated in time and of a model that is itself wrong

@@ -1,5 +1,5 @@
 /// @file
-/// The digital controller's side of a simulation: what it gets, what it answers.
+/// The digital controller's side of a simulation: its inputs and its output.
 #pragma once
 
 #include <memory>
@@ -10,7 +10,7 @@
 
 namespace heft::sim {
 
-/// What a controller is given at a sample. Vectors of n.
+/// Inputs of a controller at a sample. Vectors of n.
 struct Measurement {
   double time{0.0};         ///< nominal time of the sample [s]
   double sample_time{0.0};  ///< since the sample before [s]; the nominal one at the first sample

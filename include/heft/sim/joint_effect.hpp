@@ -1,5 +1,5 @@
 /// @file
-/// What acts at a joint in addition to the rigid bodies: friction, springs and the like, as small objects.
+/// Friction, springs and other torques at a joint in addition to those of the rigid bodies, as small objects.
 #pragma once
 
 #include <memory>

@@ -38,8 +38,8 @@ struct SolverSettings {
   double relative_tolerance{1e-8};
   double absolute_tolerance{1e-10};  ///< [rad, rad/s; m, m/s]
   double max_step{0.0};              ///< [s]; 0 leaves it to the solver
-  /// Steps that a simulated second may take, and a thousandth of that that a sample may; what is left over is saved
-  /// up, to 1e5. What takes more (a link of almost no inertia, gains without a torque limit) ends in SimulationError.
+  /// Steps that a simulated second may take, and a thousandth of that that a sample may; the rest is saved
+  /// up, to 1e5. A motion that takes more (a link of almost no inertia, gains without a torque limit) ends in SimulationError.
   double max_steps_per_second{5e5};
   /// Restart the multistep method at every controller sample instead of carrying its history across.
   /// Slower; there to be compared with.
@@ -58,7 +58,7 @@ enum class AccelerationSource {
   kDifferenced  ///< difference of the velocity channel through a first-order low-pass
 };
 
-/// Sensors and what the drive reports. A vector of n, or of size 0 for none (exact).
+/// Sensors and the signals of the drive. A vector of n, or of size 0 for none (exact).
 struct SensorSettings {
   Eigen::VectorXd encoder_quantum;  ///< position step [rad, m]; reading = round(q / step) · step
   Eigen::VectorXd position_noise;   ///< standard deviation before quantising [rad, m]
@@ -139,13 +139,13 @@ struct SimulationSettings {
   std::uint64_t seed{0};
   SolverSettings solver;
   /// Adds extras to the log: q_true1.., qd_true1.., qdd_true1.., tau_true1.. (motor torque), friction_true1..
-  /// (torque of everything that acts at a joint other than the rigid bodies and rotors, what holds a stuck joint
-  /// included), kinetic_energy, potential_energy. With elastic joints also qlink1.., qdlink1.., qddlink1..,
+  /// (torque of everything that acts at a joint other than the rigid bodies and rotors, the torque that holds a stuck
+  /// joint included), kinetic_energy, potential_energy. With elastic joints also qlink1.., qdlink1.., qddlink1..,
   /// the link's motion (q_true is the motor's); energies count motors and springs in.
   bool log_truth{false};
 };
 
-/// What a simulation gives.
+/// Result of a simulation.
 struct SimulationResult {
   /// Row k: sensor readings at the sample and the torque that acts from it on; qdd is taken just after the
   /// new torque has set in, so that with exact sensors a row satisfies the equations of motion.
@@ -154,7 +154,7 @@ struct SimulationResult {
   SolverCounts counts;
 };
 
-/// What the robot states: Coulomb, viscous and offset, sticking at the Coulomb level, and its joint effects
+/// Friction as the robot states it: Coulomb, viscous and offset, sticking at the Coulomb level, and its joint effects
 /// but for rotor inertias. The smooth sign gets its usual speed, 1e-3 rad/s or 5e-4 m/s.
 /// @throws ModelError for an effect on a joint that does not exist.
 std::vector<JointLoad> loads_of(const model::Robot& robot, SignModel sign = SignModel::kStickSlip);

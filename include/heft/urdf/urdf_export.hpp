@@ -26,7 +26,7 @@ struct UrdfExportOptions {
   std::optional<model::ModelFile> model;
 };
 
-/// What was done to the file, names in the order of the chain.
+/// Changes to the file, names in the order of the chain.
 struct UrdfExportReport {
   std::vector<std::string> changed_links;   ///< links whose `<inertial>` got other values
   std::vector<std::string> inserted_links;  ///< links that got an `<inertial>`
