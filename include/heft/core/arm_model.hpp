@@ -57,7 +57,7 @@ struct Joint {
   std::array<Scalar, 3> axis{Scalar(0), Scalar(0), Scalar(1)};
 };
 
-/// What the drive adds at a joint, everything on the link side of the gear.
+/// Contributions of the drive at a joint, everything on the link side of the gear.
 template <typename Scalar>
 struct JointActuation {
   Scalar rotor_inertia{

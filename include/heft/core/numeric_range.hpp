@@ -23,7 +23,14 @@ constexpr bool is_usable(const Scalar& value) noexcept {
   return value <= kLargest && value >= kSmallest;
 }
 
-/// The same for all entries of a vector or an array.
+/// Neither NaN nor infinite. A subtraction and a comparison, for any Scalar and in constant expressions; std::isfinite is
+/// neither, and calls libm on some targets. Not for code under -ffast-math, which removes it.
+template <typename Scalar>
+constexpr bool is_finite(const Scalar& value) noexcept {
+  return value - value == Scalar(0);
+}
+
+/// is_usable for all entries of a vector or an array.
 template <typename Values>
 constexpr bool all_usable(const Values& values) noexcept {
   for (const auto& value : values) {

@@ -10,6 +10,7 @@
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/friction/friction.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -22,12 +23,12 @@ struct JointReference {
   JointVector<Scalar, N> qdd = JointVector<Scalar, N>::Zero();
 };
 
-/// What the controller reports in addition to the torque.
+/// Results of the controller other than the torque.
 struct ControlRecord {
   std::uint32_t limited{0};  ///< bit i: torque of joint i was cut at its limit
 };
 
-/// Feedback on position and velocity, and torque limits; what the controllers below share.
+/// Feedback on position and velocity, and torque limits, shared by the controllers below.
 template <typename Scalar, int N>
 class JointFeedback {
  public:
@@ -65,7 +66,7 @@ class JointFeedback {
   /// Cuts a torque at the limits. A torque that is not finite is refused: kNonFiniteInput, `tau` unchanged.
   Status limit(const Vector& wanted, Vector& tau, ControlRecord& record) const noexcept {
     for (int i = 0; i < N; ++i) {
-      if (!(wanted[i] - wanted[i] == Scalar(0))) {
+      if (!is_finite(wanted[i])) {
         return Status::kNonFiniteInput;
       }
     }

@@ -16,7 +16,7 @@ namespace structural {
 
 /// Carries the difference between measured and commanded acceleration outward along with the inverse dynamics (it is
 /// linear in the joint accelerations, without velocities and gravity) and writes rows First..n-1 for both: the
-/// commanded motion is what the recursion computes anyway.
+/// recursion computes the commanded motion anyway.
 template <int First, typename Arm, typename WD, typename A, typename... Probes>
 struct SharedRows {
   using Scalar = typename Arm::Scalar;

@@ -65,7 +65,7 @@ constexpr Int<J == M ? 1 : 0> component(const UnitVector<M>&) {
   return {};
 }
 
-/// What a caller takes from the recursion on its way out: nothing. A visitor answers each link with the visitor of
+/// A caller that takes nothing from the recursion on its way out. A visitor answers each link with the visitor of
 /// the next, so that it can carry values whose types change from link to link.
 struct NoVisitor {
   template <int J, typename Frame, typename U, typename WD, typename A>

@@ -54,7 +54,7 @@ inline void lumped_regressor(const LinkRegressor<Scalar, N>& Y, const JointVecto
   }
 }
 
-/// The twelfth column of (39'): what a unit of terminal mass at O_{n-1} adds to every joint torque.
+/// The twelfth column of (39'): the torque of a unit of terminal mass at O_{n-1} in every joint.
 template <typename Scalar, int N>
 inline JointVector<Scalar, N> terminal_mass_column(const LinkRegressor<Scalar, N>& Y) noexcept {
   return Y.col(kParametersPerLink * (N - 1) + kMass);

@@ -1,5 +1,5 @@
 /// @file
-/// Rows k..n of the regressor in the parameters they can see: what the terminal-link estimator runs on.
+/// Rows k..n of the regressor in the parameters they can see, for the terminal-link estimator.
 ///
 /// Kawasaki and Nishimura, (46)-(50): row i touches links j ≥ i only, so rows k..n are a closed sub-problem.
 /// Columns are those of the reduced pseudo-inertias (see reduce()), seven a revolute link for k ≥ 2, and

@@ -8,6 +8,7 @@
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/effects/effects.hpp"
 #include "heft/core/friction/friction.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -38,7 +39,7 @@ class EffectFeedForward {
       return Status::kOutOfRange;
     }
     for (const Scalar value : effect.parameters) {
-      if (!(value - value == Scalar(0))) {
+      if (!is_finite(value)) {
         return Status::kNonFiniteInput;
       }
     }
@@ -104,7 +105,7 @@ class EffectFeedForward {
       sum[j] += joint_effect_torque(effect, point, actuation[static_cast<std::size_t>(j)]);
     }
     for (int j = 0; j < N; ++j) {
-      if (!(sum[j] - sum[j] == Scalar(0)) || !(q[j] - q[j] == Scalar(0))) {
+      if (!is_finite(sum[j]) || !is_finite(q[j])) {
         return Status::kNonFiniteInput;
       }
     }

@@ -1,7 +1,7 @@
 /// @file
-/// What every joint effect is made of: what it sees, what its parameters are called, where they may lie.
+/// The parts of every joint effect: its inputs, the names of its parameters and their ranges.
 ///
-/// A joint effect is a torque that the motor brings up on top of rigid body, Coulomb and viscous friction:
+/// A joint effect is a torque of the motor in addition to rigid body, Coulomb and viscous friction:
 /// motor torque = declared model + sum of effects, sign along positive q. Each effect is one struct in a file
 /// of its own in this folder, and one entry in effects.hpp. The struct states
 ///
@@ -15,7 +15,7 @@
 ///   torque(p, point, joint)   the effect's torque; equals columns times coefficients
 ///
 /// and may state `memory(p, z, travel)`, `memory_rate(p, z, direction, velocity)`, `memory_at_rest(p, held, joint)`
-/// (a state that the motion carries, starting at 0 or from what is seen to hold a joint at rest) and
+/// (a state that the motion carries, starting at 0 or from the torque seen to hold a joint at rest) and
 /// `kReplacesCoulomb` (its column, added to the Coulomb column, may take that one's place wholly).
 #pragma once
 
@@ -61,7 +61,7 @@ inline constexpr int kMaxEffectParameters = 4;
 template <typename Scalar>
 using EffectParameters = std::array<Scalar, kMaxEffectParameters>;
 
-/// What a shape's range is counted in.
+/// Unit of a shape's range.
 enum class ShapeScale : std::uint8_t {
   kAbsolute,  ///< as given
   kTopSpeed,  ///< the joint's largest speed

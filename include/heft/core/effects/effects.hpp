@@ -17,6 +17,7 @@
 #include "heft/core/effects/spring.hpp"
 #include "heft/core/effects/stribeck.hpp"
 #include "heft/core/effects/viscous_nonlinear.hpp"
+#include "heft/core/numeric_range.hpp"
 
 namespace heft {
 
@@ -90,7 +91,7 @@ constexpr int parameter_out_of_range(const JointEffect<Scalar>& effect) {
     for (std::size_t i = 0; i < given.size() && found < 0; ++i) {
       const Scalar& value = effect.parameters[i];
       const bool within =
-          value - value == Scalar(0) && (given[i].range != EffectRange::kPositive || value > Scalar(0)) &&
+          is_finite(value) && (given[i].range != EffectRange::kPositive || value > Scalar(0)) &&
           (given[i].range != EffectRange::kPart || (value >= Scalar(0) && value <= Scalar(1)));
       found = within ? -1 : static_cast<int>(i);
     }

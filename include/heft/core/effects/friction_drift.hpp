@@ -9,7 +9,7 @@
 namespace heft {
 
 /// Coulomb and viscous friction that fall while the joint warms up: F_c (1 + α_c e^{-t/T}), F_v (1 + α_v e^{-t/T}).
-/// What this effect adds is F_c α_c e^{-t/T} sign(q̇) + F_v α_v e^{-t/T} q̇; t from a cold joint.
+/// This effect adds F_c α_c e^{-t/T} sign(q̇) + F_v α_v e^{-t/T} q̇; t from a cold joint.
 struct FrictionDrift {
   static constexpr std::string_view kId = "friction_drift";
   static constexpr std::string_view kEquation = "Fc alpha_c exp(-t/T) sign(qd) + Fv alpha_v exp(-t/T) qd";

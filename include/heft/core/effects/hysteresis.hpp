@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "heft/core/effects/effect_point.hpp"
+#include "heft/core/numeric_range.hpp"
 
 namespace heft {
 
@@ -51,7 +52,7 @@ struct Hysteresis {
   static Scalar memory_at_rest(const EffectParameters<Scalar>& p, Scalar held,
                                const JointActuation<Scalar>& joint) {
     const Scalar most = joint.coulomb_friction * (Scalar(1) - p[1]);
-    if (!(most > Scalar(0)) || !(held - held == Scalar(0))) return Scalar(0);
+    if (!(most > Scalar(0)) || !is_finite(held)) return Scalar(0);
     return held > most ? Scalar(1) : held < -most ? Scalar(-1) : held / most;
   }
   /// z after `travel` in one direction, exactly: z ← s + (z - s) exp(-|travel|/x_0), s = sign(travel).

@@ -51,7 +51,7 @@ class JointAccelerationModel {
     return Status::kOk;
   }
 
-  /// Forgets the past; the next input is taken as having been constant for ever.
+  /// Forgets the past; the next input is taken as having been constant before.
   void reset() noexcept {
     acceleration_.setZero();
     started_ = false;

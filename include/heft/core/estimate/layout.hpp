@@ -1,5 +1,5 @@
 /// @file
-/// Which parameters a row touches: what lets the recursions skip known zeros.
+/// Which parameters a row touches, so that the recursions skip known zeros.
 #pragma once
 
 #include <array>

@@ -18,10 +18,10 @@ namespace heft {
 /// Estimates what was added to the terminal link: Δτ = R Δx + c Δm (README.md in this folder, (39')) with the
 /// mass as a parameter of its own, in the ten parameters of a link, and the change of Coulomb and viscous friction of
 /// the last joint, or of the last FrictionJoints joints. The friction of every joint whose row is used may change
-/// (a warmer gear, a heavier load): what has no parameter of its own then goes into the load.
+/// (a warmer gear, a heavier load): friction without a parameter of its own goes into the load.
 ///
 /// Runs on the residual of a model that is known to fit without payload, over rows k..n. On an arm like the UR5
-/// the mass shows from k ≤ 4 on; what the motion does not determine keeps the prior, zero, and is marked.
+/// the mass shows from k ≤ 4 on; a parameter that the motion does not determine keeps the prior, zero, and is marked.
 ///
 /// Follows a load that changes, with its default settings: the gate widens where innovations remain large, and the past
 /// is forgotten over some thousand samples. Where the moment of the change is known, restart() is faster.
@@ -197,7 +197,7 @@ class PayloadEstimator {
     return w;
   }
 
-  /// What was added: ten inertial parameters about the last link frame.
+  /// The added body: ten inertial parameters about the last link frame.
   InertialParameters<Scalar> payload() const noexcept {
     InertialParameters<Scalar> p{};
     for (std::size_t i = 0; i < 10; ++i) {

@@ -51,7 +51,7 @@ class RecursiveLeastSquares {
     Scalar gate_noise_share{1};
   };
 
-  /// What happened to a row.
+  /// Treatment of a row.
   struct Record {
     Scalar innovation{0};           ///< y − w x before the update
     Scalar innovation_variance{0};  ///< w P wᵀ + gate_noise_share · noise variance
@@ -144,7 +144,7 @@ class RecursiveLeastSquares {
       innovation -= w[j] * x_[j];
     }
     // The ranges of the inputs keep these finite; were they not, the row must not get into the factors.
-    if (!(information - information == Scalar(0)) || !(innovation - innovation == Scalar(0))) {
+    if (!is_finite(information) || !is_finite(innovation)) {
       return Status::kNonFiniteInput;
     }
     record.innovation = innovation;

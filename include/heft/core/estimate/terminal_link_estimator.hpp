@@ -26,7 +26,7 @@ enum class EstimatorForm : std::uint8_t {
   kFactored      ///< exact after every sample by rank-one updates of the factors
 };
 
-/// What the estimate handed out rests on.
+/// Source of the estimate handed out.
 enum class EstimateSource : std::uint8_t {
   kPrior,         ///< the nominal values: the data do not determine anything better yet
   kLeastSquares,  ///< start-up: least squares, biased where accelerations are noisy
@@ -96,7 +96,7 @@ class TerminalLinkEstimator {
     Scalar sign_width{0};  ///< of the Coulomb sign, see velocity_sign [rad/s]
   };
 
-  /// What happened to a sample.
+  /// Treatment of a sample.
   struct Record {
     std::array<Scalar, kRows> innovation{};  ///< torque minus prediction by the estimate before [N·m]
     std::array<bool, kRows> row_used{};  ///< false: refused by the gate, standstill or a non-finite number
@@ -218,7 +218,7 @@ class TerminalLinkEstimator {
     return status_;
   }
 
-  /// The estimate in the order of TerminalLayout. Always usable; what it rests on is source().
+  /// The estimate in the order of TerminalLayout. Always usable; source() says what it rests on.
   const Row& estimate() const noexcept { return estimate_; }
   EstimateSource source() const noexcept { return source_; }
   /// kOk; kNotExcited or kSingular when the latest solve failed its check and an older estimate is kept.

@@ -35,7 +35,7 @@ class StateVariableFilter {
     return Status::kOk;
   }
 
-  /// Forgets the past; the next sample is taken as having been constant for ever.
+  /// Forgets the past; the next sample is taken as having been constant before.
   void reset() noexcept { started_ = false; }
 
   /// Takes one sample.
@@ -88,7 +88,7 @@ class StateVariableFilter {
       x[i] = u[i] - Scalar(3) * slope / w + decay * p;
       xd[i] = slope + decay * (pd - w * p);
       xdd[i] = decay * (pdd - Scalar(2) * w * pd + w * w * p);
-      if (!(x[i] - x[i] == Scalar(0)) || !(xd[i] - xd[i] == Scalar(0)) || !(xdd[i] - xdd[i] == Scalar(0))) {
+      if (!is_finite(x[i]) || !is_finite(xd[i]) || !is_finite(xdd[i])) {
         return Status::kNonFiniteInput;
       }
     }

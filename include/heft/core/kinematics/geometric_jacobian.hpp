@@ -1,5 +1,5 @@
 /// @file
-/// Where the tool is, how it moves with the joints, and what a load on it asks of them.
+/// Pose of the tool, its motion with the joints, and the joint torques of a load on it.
 ///
 /// Sources: B. Siciliano, L. Sciavicco, L. Villani, G. Oriolo, Robotics, as carried over by the thesis
 /// "Experimental identification of the joints stiffness of the UR5 robot arm" (UPC-ETSEIB, 2017), whose equation
@@ -52,7 +52,7 @@ struct ChainKinematics {
 template <typename Scalar, int N>
 using GeometricJacobian = Eigen::Matrix<Scalar, 6, N>;
 
-/// Force [N], then moment about the tip point [N·m]: what the surroundings put on the tool.
+/// Force [N], then moment about the tip point [N·m]: from the surroundings on the tool.
 template <typename Scalar>
 using ToolWrench = Eigen::Matrix<Scalar, 6, 1>;
 

@@ -1,9 +1,10 @@
 /// @file
-/// What an elastic joint gives under torque, and the command that takes it back.
+/// Deflection of an elastic joint under torque, and the command that compensates for it.
 #pragma once
 
 #include <Eigen/Core>
 
+#include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -25,7 +26,7 @@ Status joint_deflection(const Eigen::Matrix<Scalar, N, 1>& torque,
                         const Eigen::Matrix<Scalar, N, 1>& stiffness,
                         Eigen::Matrix<Scalar, N, 1>& deflection) noexcept {
   for (int j = 0; j < N; ++j) {
-    if (!(torque[j] - torque[j] == Scalar(0)) || !(stiffness[j] == stiffness[j])) {
+    if (!is_finite(torque[j]) || !(stiffness[j] == stiffness[j])) {
       return Status::kNonFiniteInput;
     }
     if (!(stiffness[j] > Scalar(0))) {
@@ -57,7 +58,7 @@ Status compensated_command(const Eigen::Matrix<Scalar, N, 1>& desired,
                            const Eigen::Matrix<Scalar, N, 1>& stiffness,
                            Eigen::Matrix<Scalar, N, 1>& command) noexcept {
   for (int j = 0; j < N; ++j) {
-    if (!(desired[j] - desired[j] == Scalar(0))) {
+    if (!is_finite(desired[j])) {
       return Status::kNonFiniteInput;
     }
   }
