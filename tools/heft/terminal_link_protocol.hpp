@@ -32,8 +32,8 @@ const char* to_string(ProtocolMethod method);
 
 /// Settings of a run.
 struct ProtocolSettings {
-  bool rotor_inertia{
-      false};  ///< scenario B: the torque computation contains the rotor inertia's share of the noise
+  /// Scenario B: the torque computation contains the rotor inertia's share of the noise.
+  bool rotor_inertia{false};
   double period{0.005};             ///< sampling [s]
   double acceleration_noise{10.0};  ///< σ [rad/s²]
   int seed{1};

@@ -51,8 +51,8 @@ struct ReachStudy {
   stiffness::PoseValue maximum;  ///< [m]
   double turned_wrist{0.0};      ///< distance with the fifth joint at 180° [m]
   double ratio{0.0}, printed_ratio{0.8488}, turned_ratio{0.0};  ///< 850 mm over these distances
-  double urdf_distance{
-      0.0};  ///< largest difference of the distance from the base to heft's own ur5, over poses [m]
+  /// Largest difference of the distance from the base to heft's own ur5, over poses [m].
+  double urdf_distance{0.0};
   double planar_arm{0.0};  ///< largest relative error of (71), (77), (81) on a planar arm of two joints
 };
 
@@ -81,8 +81,8 @@ struct DexterityStudy {
   std::vector<stiffness::DexterityZone> zones;
   double matching_threshold{0.0};  ///< with which the zones are most like table 5
   std::vector<ZoneMatch> matches;
-  double zones_that_stay{
-      0.0};            ///< share of the high places of `as_printed` that are among as many highest of `sound`
+  /// Share of the high places of `as_printed` that are among as many highest of `sound`.
+  double zones_that_stay{0.0};
   double length{0.0};  ///< root mean square distance of the axes over the measured poses [m]
   stiffness::CharacteristicLength least;  ///< with the least condition number over all poses
   double in_metres{0.0};                  ///< largest 1/k_F of the map with L = 0.8488 m

@@ -60,8 +60,8 @@ struct Joint {
 /// Contributions of the drive at a joint, everything on the link side of the gear.
 template <typename Scalar>
 struct JointActuation {
-  Scalar rotor_inertia{
-      0};  ///< reflected inertia ρ²Iᵣ [kg·m²] (kg on a prismatic joint), felt by this joint alone
+  /// Reflected inertia ρ²Iᵣ [kg·m²] (kg on a prismatic joint), felt by this joint alone.
+  Scalar rotor_inertia{0};
   Scalar coulomb_friction{0};  ///< [N·m] (N)
   Scalar viscous_friction{0};  ///< [N·m·s/rad] (N·s/m)
   Scalar friction_offset{0};   ///< [N·m] (N)

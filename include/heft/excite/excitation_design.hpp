@@ -51,8 +51,8 @@ struct ExcitationOptions {
   /// Standard deviation of the torque of each joint, n [N·m, N]; size 0: 1 % of the torque limit, which must
   /// then be finite (else 1).
   Eigen::VectorXd torque_noise;
-  double sample_rate{
-      100.0};           ///< of the log that will be taken: how many rows the noise is averaged over [Hz]
+  /// Sample rate of the log to be recorded: over how many rows the noise is averaged [Hz].
+  double sample_rate{100.0};
   int starts{8};        ///< random motions that the search begins with
   int finalists{2};     ///< of which this many are searched to the end
   int iterations{400};  ///< of the search from one finalist

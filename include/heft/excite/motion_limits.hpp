@@ -43,8 +43,8 @@ struct MotionLimits {
   std::vector<collision::BoxObstacle> obstacles;  ///< that the arm stays outside
   double clearance{0.0};  ///< distance kept between links, and from floor, box and obstacles [m], ≥ 0
   Eigen::Vector3d tool{Eigen::Vector3d::Zero()};  ///< a point of the tool, in the tip frame [m]
-  double tool_radius{
-      0.05};  ///< of a capsule from the tip to that point, where that is not the tip itself [m]
+  /// Radius of a capsule from the tip to that point, where that is not the tip itself [m].
+  double tool_radius{0.05};
 };
 
 /// How near a motion comes to the limits, without the margin: 1 is the limit itself. Vectors of n.

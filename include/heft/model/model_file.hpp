@@ -90,8 +90,8 @@ struct BaseParameterRecord {
 /// How a model came out of its logs and how far to trust it: what `identify` found and `validate` repeats.
 struct FitRecord {
   std::string method;  ///< "wls", ...
-  std::string torque_at{
-      "motor"};  ///< where the torque was measured: "motor", or "joint" (a sensor behind the gear)
+  /// Where the torque was measured: "motor", or "joint" (a sensor behind the gear).
+  std::string torque_at{"motor"};
   std::vector<BaseParameterRecord> base_parameters;
   double condition_number{0.0};       ///< of the weighted base regressor, columns scaled to norm 1
   bool physically_consistent{false};  ///< every link is physically possible

@@ -50,14 +50,14 @@ class PayloadEstimator {
     /// Neighbouring samples worth one independent sample, because the residual is correlated in time; ≥ 1.
     /// Does not move the estimate, but makes its standard deviations hold.
     Scalar correlated_samples{1};
-    Scalar gate{
-        5};  ///< standard deviations, or times the usual innovation of that joint's row; 0 never rejects
+    /// Gate in standard deviations, or in usual innovations of that joint's row; 0 never rejects.
+    Scalar gate{5};
     /// How readily the gate lets in a change that lasts, see InnovationGate: with the default after 60 rows for one of
     /// 60 standard deviations. 0: a gate of fixed width, for a caller that watches rows_rejected itself.
     Scalar gate_widening{static_cast<Scalar>(0.01)};
     Scalar mass_prior{10};  ///< prior standard deviation of the mass [kg]
-    Scalar length_prior{
-        static_cast<Scalar>(0.3)};  ///< a length [m] that scales the priors of first moment and inertia
+    /// Length [m] that scales the priors of first moment and inertia.
+    Scalar length_prior{static_cast<Scalar>(0.3)};
     Scalar friction_prior{5};  ///< prior standard deviation of the friction changes [N·m], [N·m·s/rad]
     bool estimate_friction{true};
     /// Rows of slower joints are left out: at rest friction takes up any torque below its level, so such a row

@@ -38,8 +38,8 @@ class RecursiveLeastSquares {
 
   struct Config {
     Scalar forgetting_factor{1};  ///< λ a call of forget(), ≤ 1 with λᵖ ≥ 1e-12; 1 forgets nothing
-    Scalar noise_variance{
-        1};  ///< of the measurement, within kLargestWeight and its inverse [squared unit of y]
+    /// Variance of the measurement, within kLargestWeight and its inverse [squared unit of y].
+    Scalar noise_variance{1};
     /// Rejects a row whose innovation exceeds gate standard deviations. 0: never; then one wild row (w or y far too
     /// large) moves the estimate by as much as it asks for, and stays until it is forgotten, with λ = 1 for ever.
     Scalar gate{0};

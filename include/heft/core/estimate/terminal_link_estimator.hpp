@@ -79,11 +79,11 @@ class TerminalLinkEstimator {
     std::array<Scalar, kRows> row_weight = filled(Scalar(1));
     Scalar forgetting_factor{1};  ///< λ a sample, 0.5 ≤ λ ≤ 1; held while the arm is at rest
     int solve_every{50};  ///< samples from one solve to the next, ≥ 2 (information form and start-up)
-    Scalar prior_precision{
-        0};  ///< P₀⁻¹ relative to the information of one unit row, ≥ 0, all parameters alike
+    /// P₀⁻¹ relative to the information of one unit row, ≥ 0, all parameters alike.
+    Scalar prior_precision{0};
     bool use_instruments{true};  ///< false: least squares all along
-    Scalar max_amplification{
-        10};  ///< the instrumental system is trusted below this (StagedSolver::amplification)
+    /// The instrumental system is trusted below this (StagedSolver::amplification).
+    Scalar max_amplification{10};
     Scalar max_amplification_least_squares{30};  ///< and least squares below this
     int min_samples{200};                        ///< fewer samples never leave the prior
     /// A row whose innovation exceeds gate times its usual size is refused, as is one with numbers gate² times as large
