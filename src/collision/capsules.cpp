@@ -171,8 +171,7 @@ ArmCapsules arm_capsules(const model::Robot& robot, const std::vector<LinkShape>
   if (!estimated.empty()) {
     arm.notes.push_back(
         fmt::format("{}: the description has no collision shapes that can be read; capsules were fitted from "
-                    "the kinematics and "
-                    "inertias, check them",
+                    "the kinematics and inertias, check them",
                     estimated));
   }
   return arm;

@@ -72,8 +72,7 @@ class Table {
     if (read_number(at, text.data() + text.size(), value) != FieldProblem::kNone) {
       fail(
           "column '{}': found '{}'; expected a finite number in SI units (decimal point, no unit); correct "
-          "or remove "
-          "the row",
+          "or remove the row",
           name, shown(text));
     }
     return value;
@@ -124,18 +123,16 @@ void check_header(const Table& table, int num_joints, const std::string& robot_n
   if (joints != num_joints) {
     table.fail(
         "found joint columns q1 to q{}, robot '{}' has {} joints; expected q1 to q{} [rad, m]; give the file "
-        "of "
-        "this robot or name the right URDF",
+        "of this robot or name the right URDF",
         joints, robot_name, num_joints, num_joints);
   }
   if (!table.has_any(kForce) && !table.has_any(kMoment)) {
     for (const char* magnitude : {"f", "force", "load", "mass", "weight", "payload"}) {
       if (table.has(magnitude)) {
         table.fail(
-            "column '{}' gives the size of the force but not its direction: the wrench has no direction; expected "
-            "components "
-            "fx, fy, fz [N] (and mx, my, mz [N m] about the tip), in axes of the base or of the tool (column "
-            "'frame'); replace it by them",
+            "column '{}' gives the size of the force but not its direction: the wrench has no direction; "
+            "expected components fx, fy, fz [N] (and mx, my, mz [N m] about the tip), in axes of the base or "
+            "of the tool (column 'frame'); replace it by them",
             magnitude);
       }
     }
@@ -156,8 +153,7 @@ void check_header(const Table& table, int num_joints, const std::string& robot_n
   if (!table.has("d") && !table.has_any(kShift) && !table.has_any(kTurn)) {
     table.fail(
         "no deflection: found {}; expected some of dx, dy, dz [m], rx, ry, rz [rad], or d [m] with ux, uy, "
-        "uz; "
-        "add them",
+        "uz; add them",
         fmt::join(table.names(), ", "));
   }
 }
@@ -223,15 +219,13 @@ std::vector<Deflection> read_deflections(const std::string& path, int num_joints
     if (row.readings.empty()) {
       table.fail(
           "nothing was measured in this row; expected a value in one of dx, dy, dz, rx, ry, rz, d; fill it "
-          "or "
-          "remove the row");
+          "or remove the row");
     }
     for (const DeflectionReading& reading : row.readings) {
       if (std::abs(reading.value) > kMost) {
         table.fail(
-            "found a deflection of {:g} {}; expected at most {:g}: a linear stiffness is valid only for small "
-            "deflections; give "
-            "metres and radians (0.2 mm is 0.0002)",
+            "found a deflection of {:g} {}; expected at most {:g}: a linear stiffness is valid only for "
+            "small deflections; give metres and radians (0.2 mm is 0.0002)",
             reading.value, reading.rotation ? "rad" : "m", kMost);
       }
     }

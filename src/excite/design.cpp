@@ -98,8 +98,7 @@ void check(const model::Robot& robot, const MotionLimits& limits, const Excitati
   if (!whole && 30.0 * options.harmonics * periods > kMostSamples) {
     refuse(
         fmt::format("period: found {:g} s for a duration of {:g} s, expected a whole number of periods or "
-                    "fewer of them ({} "
-                    "harmonics of {:.4g} periods take too many samples)",
+                    "fewer of them ({} harmonics of {:.4g} periods take too many samples)",
                     options.period, options.duration, options.harmonics, periods));
   }
 }

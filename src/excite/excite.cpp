@@ -104,8 +104,7 @@ void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::op
   if (!motion.rehearsal->passed) {
     throw NotIdentifiableError(
         fmt::format("robot \"{}\": no safe motion: in simulation the arm passes a limit: {}; a larger margin "
-                    "(\"margin\" in the limits) "
-                    "leaves the controller more room",
+                    "(\"margin\" in the limits) leaves the controller more room",
                     motion.robot.name, motion.rehearsal->failure));
   }
 }

@@ -68,8 +68,7 @@ VectorXd roomiest_pose(const LimitCheck& check, std::uint64_t seed) {
   if (best.size() == 0) {
     throw NotIdentifiableError(
         fmt::format("robot \"{}\": limits: no pose found in {} tries at which the arm is inside all of "
-                    "them, so there is no safe "
-                    "motion; last missed: {}; widen that limit",
+                    "them, so there is no safe motion; last missed: {}; widen that limit",
                     check.robot.name, kPosesTried, missed));
   }
   return best;
@@ -136,8 +135,7 @@ Profile safe_profile(const LimitCheck& check, const VectorXd& pose, Index joint,
   }
   throw NotIdentifiableError(fmt::format(
       "robot \"{}\": {}: no safe stroke, however slow; the limit that stops it: {}; take another pose "
-      "(--start) or widen that "
-      "limit",
+      "(--start) or widen that limit",
       check.robot.name, joint_name(check.robot, joint),
       found.what.empty() ? fmt::format("room of {:.3g} rad or m only", interval.width()) : found.what));
 }
@@ -220,8 +218,7 @@ FrictionMotion friction_strokes(const model::Robot& robot, const MotionLimits& l
   if (!(at_rest.slack > 0.0)) {
     throw NotIdentifiableError(
         fmt::format("robot \"{}\": start: at this pose the arm passes a limit ({}); expected a pose inside "
-                    "all limits with their "
-                    "margin",
+                    "all limits with their margin",
                     robot.name, at_rest.what));
   }
   std::vector<int> joints = options.joints;

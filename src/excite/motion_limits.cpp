@@ -133,8 +133,7 @@ LimitsFile read_limits(const model::Robot& robot, const std::string& path, Motio
     if (read.lower[j] >= read.upper[j]) {
       throw ModelError(
           fmt::format("{}: {}: found lower {} and upper {} [rad, m], expected lower < upper; what the file "
-                      "leaves out comes from "
-                      "the URDF",
+                      "leaves out comes from the URDF",
                       path, joint_name(robot, j), read.lower[j], read.upper[j]));
     }
   }

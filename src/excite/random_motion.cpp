@@ -118,8 +118,7 @@ ExcitationTrajectory ExcitationDesign::Impl::random_motion(std::uint64_t seed) c
   }
   throw NotIdentifiableError(
       fmt::format("robot \"{}\": limits: {} random motions were tried and none is safe however small; the "
-                  "limit that stops "
-                  "the last: {}; widen it",
+                  "limit that stops the last: {}; widen it",
                   columns.robot().name, motions, last_stop));
 }
 

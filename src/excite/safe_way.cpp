@@ -143,8 +143,7 @@ Piece timed_line(const LimitCheck& check, const std::string& name, const VectorX
   }
   throw NotIdentifiableError(
       fmt::format("robot \"{}\": {}: no safe motion on the way, however slow; the limit that stops it: {}; "
-                  "widen it or take another "
-                  "pose",
+                  "widen it or take another pose",
                   check.robot.name, name, found.what));
 }
 
@@ -179,8 +178,7 @@ std::vector<Piece> safe_way(const model::Robot& robot, const MotionLimits& limit
   if (way.empty()) {
     throw NotIdentifiableError(
         fmt::format("robot \"{}\": {}: no safe way was found between the poses; the straight one is stopped "
-                    "by: {}; take another "
-                    "pose or widen that limit",
+                    "by: {}; take another pose or widen that limit",
                     robot.name, name, stopped));
   }
   for (std::size_t k = 0; k + 1 < way.size(); ++k)

@@ -159,8 +159,8 @@ Excitation ExcitationDesign::Impl::optimize(const std::function<void(double)>& p
   const auto refuse = [&](const MatrixXd& information, const std::string& motion) {
     throw NotIdentifiableError(fmt::format(
         "robot \"{}\": {} of {} harmonics over {:.4g} s determines all {} parameters; undetermined: {}. More "
-        "harmonics "
-        "(--harmonics), a shorter period, which makes accelerations larger, or wider limits are needed",
+        "harmonics (--harmonics), a shorter period, which makes accelerations larger, or wider limits are "
+        "needed",
         columns.robot().name, motion, options.harmonics, options.duration, b(),
         weakest(information + given_noise)));
   };

@@ -142,8 +142,7 @@ void check_folder(const std::string& path, const std::string& option) {
       if (!S_ISDIR(status.st_mode)) {
         throw InputError(
             fmt::format("{}: found a file of this name ({}), expected a folder that can be made or written "
-                        "to; give another one "
-                        "with {}",
+                        "to; give another one with {}",
                         folder, option, option));
       }
       return refuse_folder(path, option, folder, try_writing(folder));
@@ -230,8 +229,7 @@ void FilePlan::check() const {
       if (!clashes(input)) continue;
       throw InputError(
           fmt::format("{}: {} is the same file as {} of {}: writing it would destroy what the result is "
-                      "computed from; give "
-                      "another name to {}",
+                      "computed from; give another name to {}",
                       output.path, output.option, input.path, input.option, output.option));
     }
     for (const Entry& other : seen) {

@@ -17,11 +17,11 @@ using Eigen::Index;
 
 /// Over the elastic joints, on the stack.
 template <int kSize>
-using Deflections = Eigen::Matrix < double,
-      kSize, 1, 0, kSize<0 ? kMaxJoints : kSize, 1>;
+inline constexpr int kMost = kSize < 0 ? kMaxJoints : kSize;
 template <int kSize>
-using Coupled = Eigen::Matrix < double,
-      kSize, kSize, 0, kSize < 0 ? kMaxJoints : kSize, kSize<0 ? kMaxJoints : kSize>;
+using Deflections = Eigen::Matrix<double, kSize, 1, 0, kMost<kSize>, 1>;
+template <int kSize>
+using Coupled = Eigen::Matrix<double, kSize, kSize, 0, kMost<kSize>, kMost<kSize>>;
 
 /// Rows so far apart that a joint rings longer than this between them [rad] say nothing of its ringing.
 constexpr double kLongestRinging = 300.0;

@@ -340,8 +340,7 @@ class Judge {
             : "motor currents in amperes; name the columns i1.. and give --torque-constant";
     findings_.push_back({Contradiction::kScale, true, -1, -1, *mean_slope(), 0.0,
                          fmt::format("the torques are {:.2g} of what {} needs to carry and move its masses "
-                                     "(joint {}: {:.3g} N·m rms, "
-                                     "expected {:.3g}); this looks like {}",
+                                     "(joint {}: {:.3g} N·m rms, expected {:.3g}); this looks like {}",
                                      large ? *mean_slope() : ratio(j), robot_.name, j + 1,
                                      comparison_.torque_rms(j), comparison_.joint(j).expected_rms(), looks)});
   }
@@ -412,8 +411,8 @@ class Judge {
     findings_.push_back(
         {Contradiction::kModelTorque, false, -1, -1, median(rise), 0.0,
          "the torque shows no friction in any joint, as the torque that a controller computes from its own "
-         "model; give "
-         "what the drives measured, or --torque-at joint if sensors behind the gears measured it"});
+         "model; give what the drives measured, or --torque-at joint if sensors behind the "
+         "gears measured it"});
   }
 
   const model::Robot& robot_;

@@ -204,8 +204,7 @@ std::shared_ptr<const Reference> make_fourier(const FourierMotion& motion) {
   };
   require(same(motion.amplitude) && same(motion.frequency_hz) && same(motion.phase),
           "Fourier reference: found amplitude, frequency and phase of unequal size, expected one row per "
-          "joint and "
-          "the same number of terms in each; make the three lists alike");
+          "joint and the same number of terms in each; make the three lists alike");
   return std::make_shared<Fourier>(motion);
 }
 

@@ -352,8 +352,7 @@ class Run {
               std::find_if(happened.begin(), happened.end(), [](int event) { return event != 0; });
           throw SimulationError(fmt::format(
               "simulation: joint {} at t = {:.9g} s: found 100 changes between sticking and slipping at one "
-              "time; "
-              "expected a few; check that friction levels and torques are finite and within reason",
+              "time; expected a few; check that friction levels and torques are finite and within reason",
               plant_.joint_of_root(static_cast<int>(root - happened.begin())) + 1, t_));
         }
         const std::vector<int>& events = integrator_.events();

@@ -194,9 +194,8 @@ void judge_torque(validate::Criterion& criterion, const validate::Score& score,
   validate::judge(criterion, score.in_band_percent_of_max.maxCoeff(&at));
   const double raw = score.percent_of_max.maxCoeff(&raw_at);
   criterion.notes.push_back(fmt::format(
-      "worst: joint {}, band {:.3g} Hz; unfiltered {:.2f} % in joint {}, of which the torque "
-      "sensor's own noise makes "
-      "{:.2f} %",
+      "worst: joint {}, band {:.3g} Hz; unfiltered {:.2f} % in joint {}, of which the torque sensor's own "
+      "noise makes {:.2f} %",
       at + 1, score.band, raw, raw_at + 1, 100.0 * settings.torque_noise / score.max_torque[raw_at]));
 }
 

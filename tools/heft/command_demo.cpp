@@ -216,8 +216,8 @@ void run(const Options& options) {
       fmt::format("A simulated UR5 under computed torque at 1 kHz; {} kg in the gripper from {:.0f} s on.",
                   load.mass, kGrasp));
   page.verdict(fmt::format("The load weighs {:.3f} kg ± {:.3f} kg (in truth {:.3f} kg). With it in the model "
-                           "the tracking error "
-                           "falls from {:.2f} to {:.2f} mrad; it was {:.2f} mrad before the grasp.",
+                           "the tracking error falls from {:.2f} to {:.2f} mrad; it was {:.2f} mrad before "
+                           "the grasp.",
                            mass, half, load.mass, 1e3 * after_without, 1e3 * after_with, 1e3 * before),
                judgement);
   page.facts({{"mass found", fmt::format("{:.3f} kg", mass),
@@ -338,19 +338,14 @@ void run(const Options& options) {
   if (!operations.empty()) page.note(operations);
   page.note(
       "Encoders of 2e-5 rad, velocity from differences, torque noise of 0.5 and 0.1 N·m; the controller "
-      "knows the rigid bodies "
-      "of the arm and its friction to about 5 %.");
+      "knows the rigid bodies of the arm and its friction to about 5 %.");
   page.note(
       "The estimator sees encoder positions and the torque the drives report, nothing else. Positions pass a "
-      "causal filter that gives "
-      "velocity and acceleration, the torque passes the same filter; the residual of the arm's own model is "
-      "explained by ten "
-      "inertial parameters of a body at the last link and a change of the last joint's friction, by "
-      "recursive least squares. "
-      "Residuals several times their usual size over some samples say that the load is another; what was "
-      "known is then "
-      "forgotten and the new load is weighed afresh. The interval is 1.96 standard deviations, from the "
-      "residuals' own size and "
+      "causal filter that gives velocity and acceleration, the torque passes the same filter; the residual "
+      "of the arm's own model is explained by ten inertial parameters of a body at the last link and a "
+      "change of the last joint's friction, by recursive least squares. Residuals several times their usual "
+      "size over some samples say that the load is another; what was known is then forgotten and the new "
+      "load is weighed afresh. The interval is 1.96 standard deviations, from the residuals' own size and "
       "correlation.");
   console.print(
       "The load weighs {:.3f} kg ± {:.3f} kg (in truth {:.3f} kg), found {:.2f} s after the grasp.\n", mass,

@@ -81,8 +81,7 @@ std::string random_text(const excite::ExcitingMotion& motion, const ExciteWordin
   const RandomMotions& random = *wording.random;
   return fmt::format(
       "{} random motions inside the same limits{}: median condition number {}, standard deviation {}: this "
-      "one has "
-      "{} % less",
+      "one has {} % less",
       random.count, wording.given.empty() ? "" : ", with the given logs", page::number(random.condition, 3),
       page::number(random.mean_std, 3),
       page::number(less(motion.excitation.score.mean_std, random.mean_std), 3));

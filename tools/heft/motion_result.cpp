@@ -208,11 +208,9 @@ void add_safety(const excite::Motion& motion, page::Page& page) {
   page.table(limit_table(motion), "Largest values on the way and their share of the limit.");
   page.note(
       "Torque is what the model predicts, friction included; the design keeps it inside its limit for "
-      "friction of "
-      "either sign. Links are kept apart as capsules around their collision shapes; the rehearsal looks at "
-      "the shapes "
-      "themselves. This is a check of a model, not a safety function: run a new motion slowly first, with a "
-      "hand at the stop.");
+      "friction of either sign. Links are kept apart as capsules around their collision shapes; the "
+      "rehearsal looks at the shapes themselves. This is a check of a model, not a safety function: run a "
+      "new motion slowly first, with a hand at the stop.");
   const excite::SpaceRecord space = excite::in_space(motion.robot, limits, log);
   excite::SpaceRecord simulated;
   if (motion.rehearsal) simulated = excite::in_space(motion.robot, limits, motion.rehearsal->log);

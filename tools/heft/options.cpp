@@ -21,8 +21,7 @@ namespace heft::tools {
 void add_robot_options(CommandLine line, RobotOptions& options) {
   Option urdf = line.add_option("--urdf", options.urdf,
                                 "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...); a "
-                                "model file that knows "
-                                "its robot needs none")
+                                "model file that knows its robot needs none")
                     .type_name("ROBOT")
                     .names_file(FileUse::kRobot);
   line.add_option("--model", options.model,

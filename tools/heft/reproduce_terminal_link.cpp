@@ -321,12 +321,9 @@ void add_figures(const Study& study, const ReportFolder& folder, page::Page& pag
   page.heading("Estimates against the number of samples (the publication's figures 2 and 3)");
   page.paragraph(
       "Four of the eighteen base parameters, LSM against IVM with the joint model (35). The band holds all "
-      "seeds, the "
-      "line is their mean from where all of them are on the drawing, the dashed line the truth. LSM settles "
-      "quickly, on a wrong value; IVM scatters at first and "
-      "converges. Scenario B, in which the torque is computed from the motor input and carries the rotor's "
-      "share of the "
-      "acceleration noise.");
+      "seeds, the line is their mean from where all of them are on the drawing, the dashed line the truth. "
+      "LSM settles quickly, on a wrong value; IVM scatters at first and converges. Scenario B, in which the "
+      "torque is computed from the motor input and carries the rotor's share of the acceleration noise.");
   for (const double period : study.options.periods) {
     std::vector<PlotSpec> plots;
     for (const Parameter& p : kFigureParameters) {
@@ -349,13 +346,10 @@ void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, page::P
                carried = rms_of_all(loop.runs[4]), whole = rms_of_all(loop.runs[5]);
   page.paragraph(fmt::format(
       "The publication's arm with rotors, Coulomb friction that sticks, encoders of 131072 steps a turn and "
-      "torque noise, simulated in "
-      "continuous time and controlled at 1 kHz; nominal values within ±10 %. All controllers get the same "
-      "bandwidth of 4 Hz: the PD "
-      "gains are the computed torque's times the mean inertia of each joint. Estimates come from 20 s of the "
-      "exciting trajectory, "
-      "errors from another one. Position-velocity feedback leaves {:.1f} mrad, computed torque with the k = "
-      "5 estimate {:.1f} mrad "
+      "torque noise, simulated in continuous time and controlled at 1 kHz; nominal values within ±10 %. All "
+      "controllers get the same bandwidth of 4 Hz: the PD gains are the computed torque's times the mean "
+      "inertia of each joint. Estimates come from 20 s of the exciting trajectory, errors from another one. "
+      "Position-velocity feedback leaves {:.1f} mrad, computed torque with the k = 5 estimate {:.1f} mrad "
       "({:.0f} %), with the payload carried into every row {:.1f} mrad ({:.0f} %), with all rows estimated "
       "{:.1f} mrad ({:.0f} %).",
       1e3 * pd, 1e3 * k5, 100 * k5 / pd, 1e3 * carried, 100 * carried / pd, 1e3 * whole, 100 * whole / pd));
@@ -402,14 +396,11 @@ void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, page::P
   folder.csv("closed_loop_estimates.csv", encoders);
   page.note(
       "The publication saw LSM and IVM give nearly the same values in this experiment. So does the "
-      "simulation once position is "
-      "filtered before it is differentiated: there is then little noise left to be biased by, and what "
-      "remains is common to both "
-      "(reversals, the nonlinearity of the filtered equations). Only where encoders are differenced twice "
-      "without a filter "
-      "do instruments decide, and then an acceleration one sample old is none: it shares encoder readings "
-      "with the present one. It takes "
-      "three samples, or the desired acceleration.");
+      "simulation once position is filtered before it is differentiated: there is then little noise left to "
+      "be biased by, and what remains is common to both (reversals, the nonlinearity of the filtered "
+      "equations). Only where encoders are differenced twice without a filter do instruments decide, and "
+      "then an acceleration one sample old is none: it shares encoder readings with the present one. It "
+      "takes three samples, or the desired acceleration.");
 }
 
 void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& page) {
@@ -505,14 +496,11 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
   page.table(claim_table(study.table));
   page.note(
       "How printed digits are treated: a value is compared after rounding to the digits its range is printed "
-      "with. A single figure that "
-      "is itself an rms over seeds (the two IVM errors) counts as met within a quarter either way, since two "
-      "such figures "
-      "over some tens of seeds differ that much now and then; single noise-free figures count within one "
-      "unit of the last digit. LSM "
-      "figures are means over the seeds at the two N that the table names. Between these N the bias wanders "
-      "with the part of the "
-      "motion that the window holds, and may leave the range; those values are in brackets.");
+      "with. A single figure that is itself an rms over seeds (the two IVM errors) counts as met within a "
+      "quarter either way, since two such figures over some tens of seeds differ that much now and then; "
+      "single noise-free figures count within one unit of the last digit. LSM figures are means over the "
+      "seeds at the two N that the table names. Between these N the bias wanders with the part of the motion "
+      "that the window holds, and may leave the range; those values are in brackets.");
   page.heading("Further requirements, and figures of the corrected equations");
   page.table(claim_table(study.requirements));
   add_figures(study, folder, page);
@@ -520,22 +508,19 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
   page.table(instrument_table(study), "Error e, rms over seeds");
   page.note(
       "Anything correlated with the acceleration and independent of this sample's noise will do: the joint "
-      "model (35) fitted to an "
-      "earlier run, the mean of three earlier measured accelerations (the noise is white here), the desired "
-      "acceleration, forward "
-      "dynamics with the running estimate. At 5 ms they agree within the scatter from 20 s on.");
+      "model (35) fitted to an earlier run, the mean of three earlier measured accelerations (the noise is "
+      "white here), the desired acceleration, forward dynamics with the running estimate. At 5 ms they agree "
+      "within the scatter from 20 s on.");
   page.table(base_table(study),
              "The eighteen base parameters, scenario B, 5 ms, 20000 samples; g m², g m, mN m, g m²/s; mean ± "
              "standard deviation over seeds");
   page.heading("Start-up: what the estimator hands out");
   page.paragraph(
       "The production estimator with its default settings. Below about three seconds of this motion the "
-      "instrumental system is poorly "
-      "conditioned and its solution worthless now and then; the estimator hands out the nominal values until "
-      "least squares is "
-      "determined, least squares until the instrumental system passes its conditioning check, instrumental "
-      "variables from then "
-      "on. Counts are seeds. Duration decides, not the number of samples.");
+      "instrumental system is poorly conditioned and its solution worthless now and then; the estimator "
+      "hands out the nominal values until least squares is determined, least squares until the instrumental "
+      "system passes its conditioning check, instrumental variables from then on. Counts are seeds. Duration "
+      "decides, not the number of samples.");
   page.table(startup_table(study, false, false), "Scenario A, 5 ms");
   page.table(startup_table(study, true, true), "Scenario B, 1 ms");
   page.heading("The mass that (39) forgets");

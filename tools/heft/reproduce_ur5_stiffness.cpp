@@ -589,10 +589,8 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   page.heading("Dexterity");
   page.paragraph(
       "1/k_F says how evenly the joints move the tool: 1 in every direction alike, 0 in a singular pose. "
-      "Full frames are "
-      "the zones of table 5, dashed ones the regions found. Numbers are the six measured poses. They lie in "
-      "the zone by θ2 "
-      "and θ3, but the map holds for a wrist at 45°, and theirs was not.");
+      "Full frames are the zones of table 5, dashed ones the regions found. Numbers are the six measured "
+      "poses. They lie in the zone by θ2 and θ3, but the map holds for a wrist at 45°, and theirs was not.");
   MapSpec map = dexterity_map_plot(study, false);
   page.plot(map);
   folder.figure("figure_30.svg", map);
@@ -603,17 +601,15 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   folder.figure("dexterity_of_poses.svg", poses);
   page.note(fmt::format(
       "Poses 1 and 5 have θ5 = 0 and are singular, pose 6 nearly so. Length: {:.3f} m, the root mean square "
-      "distance of "
-      "the joint axes from the tool over the six poses; over all poses k_F is least with {:.3f} m.",
+      "distance of the joint axes from the tool over the six poses; over all poses k_F is least with {:.3f} "
+      "m.",
       study.dexterity.length, study.dexterity.least.length));
 
   page.heading("Stiffness from the measured tables");
   page.paragraph(
       "Least squares of the compliances on the six mean readings of tables 7 to 12. The UR5 has gears of one "
-      "size in joints "
-      "1 to 3 and of a smaller one in 4 to 6; with one compliance for each size two numbers remain, which "
-      "six readings "
-      "can bear. Five or six cannot.");
+      "size in joints 1 to 3 and of a smaller one in 4 to 6; with one compliance for each size two numbers "
+      "remain, which six readings can bear. Five or six cannot.");
   page.table(stiffness_table(s), "Stiffness [kN m/rad] with 95 % intervals");
   folder.csv("stiffness.csv", stiffness_table(s));
   page.table(fit_table(s));
@@ -623,8 +619,7 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   folder.figure("figure_38.svg", figure_38);
   page.note(
       "Joint 6 is not there: no reading at the tool moves with it. The intervals of single joints rest on "
-      "one spare "
-      "reading and go beyond the drawing; two of the five best values are negative.");
+      "one spare reading and go beyond the drawing; two of the five best values are negative.");
   PlotSpec readings = readings_plot(s);
   page.plot(readings);
   folder.figure("readings.svg", readings);
@@ -635,19 +630,16 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   folder.figure("figure_41.svg", figure_41);
   page.note(
       fmt::format("The direct method needs the whole deflection. As in the thesis, the displacement is put "
-                  "along (1, 1, 0) of the tool, "
-                  "the rotation about z is the difference of the two sets over 0.5 m, all else is zero. {} "
-                  "of {} values are negative. With "
-                  "one pose and the whole deflection read, least squares and the direct method are the same "
-                  "computation; they differ "
-                  "only in how poses are put together.",
+                  "along (1, 1, 0) of the tool, the rotation about z is the difference of the two sets over "
+                  "0.5 m, all else is zero. {} of {} values are negative. With one pose and the whole "
+                  "deflection read, least squares and the direct method are the same computation; they "
+                  "differ only in how poses are put together.",
                   s.direct_negative, s.direct.stiffness.size()));
 
   page.heading("The tool at pose 3");
   page.paragraph(
       fmt::format("With the two stiffnesses found, a force of 1 N moves the tool by {:.1f} µm in the softest "
-                  "and {:.1f} µm in the "
-                  "stiffest direction.",
+                  "and {:.1f} µm in the stiffest direction.",
                   1e6 * s.principal.magnitudes[0], 1e6 * s.principal.magnitudes[2]));
   std::vector<PlotSpec> ellipses = ellipse_plots(s);
   page.plots("Displacement of the tool under a force of 1 N, all directions", ellipses);
@@ -677,12 +669,10 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   folder.csv("simulated_precision.csv", precision_table(simulation));
   page.note(
       "The direct method inverts J at each pose and suffers where 1/k_F is small. Least squares never "
-      "inverts J: stacked poses "
-      "do nearly as well out of the zones, and the nine poses of table 13 do better than the six that were "
-      "measured. What "
-      "matters to least squares is that the load bends each joint and that the reading sees it. 1/k_F knows "
-      "neither: with "
-      "θ6 = 45° the load puts no torque on joint 5 at all.");
+      "inverts J: stacked poses do nearly as well out of the zones, and the nine poses of table 13 do better "
+      "than the six that were measured. What matters to least squares is that the load bends each joint and "
+      "that the reading sees it. 1/k_F knows neither: with θ6 = 45° the load puts no torque on joint 5 at "
+      "all.");
 
   page.heading("What the model leaves");
   page.paragraph(s.of_tool.verdict);
@@ -693,8 +683,7 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   folder.csv("effects_both.csv", trial_table(s.of_both, s.unseen_in_both));
   page.note(
       "p: how often the best of all effects does as well on residuals shuffled among the poses. An effect is "
-      "accepted below "
-      "0.05 if it takes a tenth of the error on poses left out at least. None is.");
+      "accepted below 0.05 if it takes a tenth of the error on poses left out at least. None is.");
   page.table(correlation_table(s.of_tool, s.of_both), "Correlation of the residual with the pose");
   folder.csv("correlations.csv", correlation_table(s.of_tool, s.of_both));
   page.table(
@@ -704,23 +693,19 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   folder.csv("power.csv", power_table(simulation));
   page.paragraph(
       "So each effect that a reading at the tool can show would nearly always have been named at these six "
-      "poses, had it been "
-      "the only cause and of that size. None was. Several together, stiffnesses that differ within a gear "
-      "size, or tables that "
-      "are not what they say remain, and six numbers cannot separate these: two go into the stiffnesses, and "
-      "each cause takes "
-      "one or two more. The second set does not help, since it repeats the first.");
+      "poses, had it been the only cause and of that size. None was. Several together, stiffnesses that "
+      "differ within a gear size, or tables that are not what they say remain, and six numbers cannot "
+      "separate these: two go into the stiffnesses, and each cause takes one or two more. The second set "
+      "does not help, since it repeats the first.");
   page.table(plan_table(simulation),
              fmt::format("What would decide: half width of the 95 % interval of each joint's compliance [%], "
-                         "poses with 1/k_F "
-                         "of at least {:.2f} chosen best of 400; –: not seen",
+                         "poses with 1/k_F of at least {:.2f} chosen best of 400; –: not seen",
                          simulation.plans.empty() ? 0.0 : simulation.plans.front().least_dexterity));
   folder.csv("plans.csv", plan_table(simulation));
   page.note(
       fmt::format("\"Errors as large as now\": {:.0f} µm, what the six poses leave. Joint 5 stays worst: the "
-                  "load has a lever of 82 mm "
-                  "about it. The load should be stated in base axes, hung at more than one point, and the "
-                  "full deflection read.",
+                  "load has a lever of 82 mm about it. The load should be stated in base axes, hung at more "
+                  "than one point, and the full deflection read.",
                   1e6 * simulation.unexplained));
 
   page.heading("What does not reproduce or is inconsistent");
@@ -730,8 +715,7 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   folder.csv("inconsistencies.csv", all_faults(study.faults));
   page.note(
       "No number of figures 38 to 41 is printed; they are rebuilt in kind. All evidence is computed from the "
-      "tables; nothing "
-      "was adjusted to fit.");
+      "tables; nothing was adjusted to fit.");
   page.write(folder.file("report.html"));
 }
 

@@ -66,8 +66,7 @@ void add_reach(std::vector<Fault>& faults, const ReachStudy& reach, const Dexter
        fmt::format(
            "With 0.8488 m the map reaches {:.2f}. The printed values (0.0035 to 0.005) come back only with "
            "lengths in millimetres over 0.8488: then it reaches {:.4f}. With the root mean square distance "
-           "of "
-           "the axes, {:.3f} m, it reaches {:.2f}",
+           "of the axes, {:.3f} m, it reaches {:.2f}",
            dexterity.in_metres, most, dexterity.length, dexterity.sound.dexterity.maxCoeff()),
        {dexterity.in_metres, most, dexterity.sound.dexterity.maxCoeff()},
        most > 0.004 && most < 0.007 && dexterity.in_metres > 0.1});
@@ -77,9 +76,8 @@ void add_reach(std::vector<Fault>& faults, const ReachStudy& reach, const Dexter
        "3.2.1, second table 3",
        "1019.2 mm is the maximum reach, global because a norm is convex",
        fmt::format("The arm reaches {:.1f} mm. At the printed pose all slopes vanish, but the distance "
-                   "curves upwards in "
-                   "one direction ({:+.3f} m/rad²): a saddle. A norm is convex in the position, not in the "
-                   "joint angles",
+                   "curves upwards in one direction ({:+.3f} m/rad²): a saddle. A norm is convex in the "
+                   "position, not in the joint angles",
                    1e3 * reach.maximum.value, reach.curvature),
        {reach.maximum.value, reach.slope, reach.curvature},
        reach.maximum.value > reach.distance + 0.01 && reach.slope < 1e-6 && reach.curvature > 0.01});
@@ -89,8 +87,7 @@ void add_reach(std::vector<Fault>& faults, const ReachStudy& reach, const Dexter
        "text at figure 30",
        "1/k_F is high from 0.0035 to 0.005 and low from 0.001 to 0.005",
        fmt::format("The second range holds the first. {:.0f} % of the map would be low, {:.0f} % of it high "
-                   "at the same "
-                   "time. 0.001 to 0.0005 may be meant",
+                   "at the same time. 0.001 to 0.0005 may be meant",
                    100 * dexterity.share_called_bad, 100 * dexterity.share_called_good),
        {dexterity.share_called_bad, dexterity.share_called_good},
        dexterity.share_called_good > 0.0 && dexterity.share_called_bad > dexterity.share_called_good});
@@ -110,8 +107,7 @@ void add_reach(std::vector<Fault>& faults, const ReachStudy& reach, const Dexter
                     "text before table 5",
                     "there is a singularity at θ3 = 0",
                     fmt::format("There is (1/k_F = {:.4f}). The folded arm, θ3 = 180°, is singular as well "
-                                "({:.4f}) and is not named, "
-                                "though the zones end only 8° before it",
+                                "({:.4f}) and is not named, though the zones end only 8° before it",
                                 dexterity.straight, dexterity.folded),
                     {dexterity.straight, dexterity.folded},
                     dexterity.straight < 1e-9 && dexterity.folded < 1e-9});
@@ -187,8 +183,8 @@ void add_notation(std::vector<Fault>& faults, const StiffnessStudy& stiffness) {
                     "(100), (101)",
                     "L² is the mean of the distances of the axes",
                     fmt::format("L² would then be metres; the mean of the squares is meant. At pose 4 that "
-                                "gives {:.3f} m; as printed "
-                                "the number is {:.3f} with metres and {:.1f} with millimetres",
+                                "gives {:.3f} m; as printed the number is {:.3f} with metres and {:.1f} with "
+                                "millimetres",
                                 std::sqrt(square), std::sqrt(plain), std::sqrt(1e3 * plain)),
                     {std::sqrt(square), std::sqrt(plain)},
                     std::abs(std::sqrt(square) - std::sqrt(plain)) > 0.01});
@@ -223,8 +219,7 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
        fmt::format(
            "Poses {} have θ5 = 0 and are exactly singular, pose 6 (θ5 = 6°) has 1/k_F = {:.2f}. J⁻¹ does not "
            "exist at two of six poses: figure 41 cannot have come from these angles. The zones were sought "
-           "with "
-           "the wrist at 45°, the poses were measured without",
+           "with the wrist at 45°, the poses were measured without",
            fmt::join(singular, " and "), values.back()),
        values, singular == std::vector<std::string>{"1", "5"}});
 
@@ -246,8 +241,7 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
        fmt::format(
            "The tool point lies on the axis of joint 6, which therefore moves no reading: its column of B is "
            "{:.0e} of the largest, and BᵀB has no inverse. If what was not read counts as read and zero, "
-           "joints "
-           "{} get compliances below zero",
+           "joints {} get compliances below zero",
            last / most, fmt::join(below_zero, " and ")),
        {last / most},
        last < 1e-12 * most && !stiffness.own.joints[5].determined});
@@ -329,9 +323,8 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
        "the deflection lies along (1, 1, 0) of the tool, the rotation about z; all else is negligible",
        fmt::format(
            "With the stiffnesses found the tool goes {:.2f} times as far across that direction and {:.2f} "
-           "times "
-           "as far along z (rms over the poses), and turns {:.2f} times as far about x and y as about z. The "
-           "text has the displacement along z \"over\" the resolution; below must be meant",
+           "times as far along z (rms over the poses), and turns {:.2f} times as far about x and y as about "
+           "z. The text has the displacement along z \"over\" the resolution; below must be meant",
            across, upright, tilt),
        {across, upright, tilt},
        std::max({across, upright, tilt}) > 0.5});
@@ -363,8 +356,8 @@ void add_load(std::vector<Fault>& faults, const model::Kinematics& kinematics,
   const Vector3d mended = kinematics.tip(q).rotation.transpose() * down;
   faults.push_back({"pose-4", "data", "table 6, pose 4", "θ6 = -51°",
                     fmt::format("θ2 + θ3 + θ4 + θ6, which levels the tool, is {} at poses 1 to 6. With θ6 = "
-                                "-1° pose 4 would have the "
-                                "weight along ({:.2f}, {:.2f}, {:.2f}) of the tool like the others",
+                                "-1° pose 4 would have the weight along ({:.2f}, {:.2f}, {:.2f}) of the tool "
+                                "like the others",
                                 roll_list, mended.x(), mended.y(), mended.z()),
                     rolls, std::abs(rolls[3]) > 40.0 && std::abs(mended.y() + 1.0) < 0.15});
   faults.push_back({"not-level", "data", "table 6, poses 2 to 4 and 6",
@@ -422,8 +415,8 @@ void add_readings(std::vector<Fault>& faults, const Ur5Measurements& m) {
          "tables 16 and 18",
          "deflections of the cantilever's end without sign",
          fmt::format("All {} are loaded minus unloaded, in every other table it is the other way round: the "
-                     "end went {:.3f} "
-                     "and {:.3f} mm against the direction in which the tool went {:.3f} and {:.3f} mm",
+                     "end went {:.3f} and {:.3f} mm against the direction in which the tool went {:.3f} and "
+                     "{:.3f} mm",
                      lost, -mean_difference(table(m, 16)), -mean_difference(table(m, 18)),
                      mean_difference(table(m, 9)), mean_difference(table(m, 11))),
          {static_cast<double>(lost)},
@@ -443,8 +436,8 @@ void add_readings(std::vector<Fault>& faults, const Ur5Measurements& m) {
         {"work-negative", "data", "tables 7 to 12 with 14 to 19",
          "force and moment (135) bend an arm of springs by what both tables say",
          fmt::format("F d + M (d_end - d)/0.5 m is what the load gives, from readings alone. It is negative "
-                     "at poses {}: no "
-                     "stiffness whatever does that. Load, direction or one of the tables is not as stated",
+                     "at poses {}: no stiffness whatever does that. Load, direction or one of the tables is "
+                     "not as stated",
                      fmt::join(negative, " and ")),
          work, !negative.empty()});
   }
@@ -499,10 +492,9 @@ void add_readings(std::vector<Fault>& faults, const Ur5Measurements& m) {
                     "tables 7 to 12 against 14 to 19",
                     "the deflection of the cantilever's end was measured separately, six times a pose",
                     fmt::format("{} of 12 series are a series at the tool plus a constant, to the "
-                                "micrometre, in all six columns, {} more "
-                                "in all but one: {}. Single readings scatter by {:.1f} µm; independent ones "
-                                "would agree like this once "
-                                "in {:.0e} series. They are not independent measurements",
+                                "micrometre, in all six columns, {} more in all but one: {}. Single readings "
+                                "scatter by {:.1f} µm; independent ones would agree like this once in {:.0e} "
+                                "series. They are not independent measurements",
                                 all_six, all_but_one, list, sigma, 1.0 / chance),
                     {static_cast<double>(all_six), static_cast<double>(all_but_one), chance},
                     all_six >= 5 && chance < 1e-4});
