@@ -189,6 +189,38 @@ class MovingSpan {
 
 }  // namespace
 
+void refuse_unsound(const Log& log) {
+  const std::string& path = log.path;
+  const Index rows = log.time.size();
+  const auto check = [&](const Eigen::MatrixXd& matrix, std::string_view name, bool required) {
+    if (matrix.cols() == 0 && !required) return;
+    if (matrix.cols() != log.q.cols() || matrix.cols() == 0 || matrix.rows() != rows) {
+      throw DataError(
+          fmt::format("{}: {} is {} x {}; expected {} rows as time has and a column for each joint", path,
+                      name, matrix.rows(), matrix.cols(), rows));
+    }
+    for (Index c = 0; c < matrix.cols(); ++c) {
+      for (Index k = 0; k < rows; ++k) {
+        if (!std::isfinite(matrix(k, c))) {
+          throw DataError(fmt::format("{}: row {}, column '{}{}': found {}; expected a finite number", path,
+                                      k + 1, name, c + 1, matrix(k, c)));
+        }
+      }
+    }
+  };
+  check(log.q, "q", true);
+  check(log.tau, "tau", false);
+  check(log.qd, "qd", false);
+  check(log.qdd, "qdd", false);
+  for (Index k = 0; k < rows; ++k) {
+    if (!std::isfinite(log.time[k]) || (k > 0 && !(log.time[k] > log.time[k - 1]))) {
+      throw DataError(fmt::format(
+          "{}: row {}, column 'time': found {}{}; expected finite time that increases with every row", path,
+          k + 1, log.time[k], k > 0 ? fmt::format(" after {}", log.time[k - 1]) : ""));
+    }
+  }
+}
+
 struct MotionStream::Impl {
   /// Columns of a pass, by group, in this order in a RowBuffer.
   struct Layout {
@@ -242,7 +274,6 @@ struct MotionStream::Impl {
   void prepare_memory(bool every_rate);
   void prepare_file(const LogFile& file, bool every_rate);
   OpenSource open(Wanted wanted) const;
-  void check_memory() const;
   void first_pass();
   void find_gaps_of_log();
   void find_motion();
@@ -342,47 +373,13 @@ MotionStream::Impl::OpenSource MotionStream::Impl::open(Wanted wanted) const {
   return open;
 }
 
-/// What a reader would have refused in a log that comes from memory.
-void MotionStream::Impl::check_memory() const {
-  const Log& log = *memory;
-  const std::string& path = log.path;
-  const Index rows = log.time.size();
-  const auto check = [&](const Eigen::MatrixXd& matrix, std::string_view name, bool required) {
-    if (matrix.cols() == 0 && !required) return;
-    if (matrix.cols() != log.q.cols() || matrix.cols() == 0 || matrix.rows() != rows) {
-      throw DataError(
-          fmt::format("{}: {} is {} x {}; expected {} rows as time has and a column for each joint", path,
-                      name, matrix.rows(), matrix.cols(), rows));
-    }
-    for (Index c = 0; c < matrix.cols(); ++c) {
-      for (Index k = 0; k < rows; ++k) {
-        if (!std::isfinite(matrix(k, c))) {
-          throw DataError(fmt::format("{}: row {}, column '{}{}': found {}; expected a finite number", path,
-                                      k + 1, name, c + 1, matrix(k, c)));
-        }
-      }
-    }
-  };
-  check(log.q, "q", true);
-  check(log.tau, "tau", false);
-  check(log.qd, "qd", false);
-  check(log.qdd, "qdd", false);
-  for (Index k = 0; k < rows; ++k) {
-    if (!std::isfinite(log.time[k]) || (k > 0 && !(log.time[k] > log.time[k - 1]))) {
-      throw DataError(fmt::format(
-          "{}: row {}, column 'time': found {}{}; expected finite time that increases with every row", path,
-          k + 1, log.time[k], k > 0 ? fmt::format(" after {}", log.time[k - 1]) : ""));
-    }
-  }
-}
-
 /// Checks every row, fits the even grid, finds ranges, bandwidth, top speeds and standstill.
 void MotionStream::Impl::first_pass() {
   // 1. Every row once: format, time stamps, ranges.
   OpenSource pass;
   std::vector<MovingSpan> spans;
   if (memory) {
-    check_memory();
+    refuse_unsound(*memory);
     prepare_memory(true);
     summary.path = memory->path;
     pass.source = std::make_unique<MemorySource>(memory->time, memory_columns);
@@ -469,8 +466,8 @@ void MotionStream::Impl::first_pass() {
     options.prefer_logged = logged = false;
     summary.velocity_logged = summary.acceleration_logged = false;
     spans.assign(static_cast<std::size_t>(n), MovingSpan());
-    summary.notes.push_back(
-        fmt::format("{}: {}; velocity and acceleration are derived from position instead", summary.path, reason));
+    summary.notes.push_back(fmt::format("{}: {}; velocity and acceleration are derived from position instead",
+                                        summary.path, reason));
   }
   if (pass.file) {
     pass.file->check_length();

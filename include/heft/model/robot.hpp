@@ -11,6 +11,7 @@
 #include "heft/core/effects/effects.hpp"
 #include "heft/core/effects/elasticity.hpp"
 #include "heft/core/friction/gear_coupling.hpp"
+#include "heft/core/joint_spec.hpp"
 
 namespace heft::model {
 
@@ -44,6 +45,15 @@ struct Robot {
   std::array<double, 3> tip_position{0, 0, 0};
 
   int num_joints() const { return static_cast<int>(joints.size()); }
+  /// Kind and limits of the joints, base first: what a log of this robot is checked against.
+  std::vector<JointSpec> joint_specs() const {
+    std::vector<JointSpec> specs;
+    specs.reserve(joints.size());
+    for (const RobotJoint& joint : joints) {
+      specs.push_back({joint.joint.type, joint.lower, joint.upper, joint.velocity_limit, joint.effort_limit});
+    }
+    return specs;
+  }
 };
 
 /// The same arm as the fixed-size model that core works on.

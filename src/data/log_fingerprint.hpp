@@ -1,0 +1,50 @@
+/// @file
+/// Finds samples that two logs share, in bounded memory.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace heft::data {
+
+/// Hashes of all runs of eight rows of a log: bits of position and torque, not of time. Of a long log a sample is
+/// kept, chosen by the hash itself, so that two logs with the same runs keep the same ones (A. Broder, On the
+/// resemblance and containment of documents, 1997).
+class LogFingerprint {
+ public:
+  /// Rows in a run.
+  static constexpr int kRun = 8;
+
+  /// The next rows; tau may have no columns.
+  void add(const Eigen::Ref<const Eigen::MatrixXd>& q, const Eigen::Ref<const Eigen::MatrixXd>& tau);
+  /// Called once after the last row.
+  void finish();
+
+  long rows() const { return rows_; }
+
+  /// Relation of this log to another.
+  enum class Relation { kNone, kSame, kPart, kWhole, kOverlap };
+  Relation relation_to(const LogFingerprint& other) const;
+
+ private:
+  struct Run {
+    std::uint64_t hash;
+    bool moves;  ///< q changes in at least half of its rows
+    bool operator<(const Run& other) const { return hash < other.hash; }
+    bool operator==(const Run& other) const { return hash == other.hash; }
+  };
+  void keep(const Run& run);
+  void thin_out();
+
+  std::vector<Run> runs_;
+  std::uint64_t mask_{0};  ///< kept are hashes without these bits
+  std::array<std::uint64_t, kRun> recent_{};
+  std::array<bool, kRun> changed_{};
+  std::vector<double> last_q_;
+  long rows_{0};
+};
+
+}  // namespace heft::data
