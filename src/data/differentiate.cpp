@@ -9,10 +9,10 @@
 
 #include <fmt/format.h>
 #include <Eigen/Core>
-#include <unsupported/Eigen/FFT>
 
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/statistics/spectrum.hpp"
 #include "motion_steps.hpp"
 
 namespace heft::data {
@@ -133,29 +133,6 @@ Eigen::VectorXd even_grid(const Eigen::VectorXd& time, double sample_rate) {
 
 /// Joints whose rms deviation from their mean is less than this rest for certain [rad, m].
 constexpr double kRestingDeviation = 5e-3;
-
-/// Spectrum of |x - mean|² behind a Hann window, padded with zeros to `length` samples.
-class Periodogram {
- public:
-  explicit Periodogram(Index length) : windowed_(static_cast<std::size_t>(length)) {
-    fft_.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-  }
-  const std::vector<std::complex<double>>& of(const Eigen::Ref<const Eigen::VectorXd>& x, double mean) {
-    const Index n = x.size();
-    for (Index k = 0; k < n; ++k) {
-      const double turn = (static_cast<double>(k) + 0.5) / static_cast<double>(n);
-      windowed_[static_cast<std::size_t>(k)] =
-          (0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * turn)) * (x[k] - mean);
-    }
-    fft_.fwd(spectrum_, windowed_);
-    return spectrum_;
-  }
-
- private:
-  Eigen::FFT<double> fft_;
-  std::vector<double> windowed_;
-  std::vector<std::complex<double>> spectrum_;
-};
 
 /// Number of the spectral line below and at which lies all but 1e-4 of the power.
 Index last_line(const Eigen::Ref<const Eigen::VectorXd>& power) {
@@ -486,7 +463,7 @@ double motion_bandwidth(const Eigen::MatrixXd& q_uniform, double sample_rate) {
 
   Index length = 16;
   while (length < n) length *= 2;  // a power of two keeps the transform fast for any log length
-  Periodogram periodogram(length);
+  statistics::Periodogram periodogram(length);
   Eigen::VectorXd power;
   Index line = 0;
   for (Index joint = 0; joint < q_uniform.cols(); ++joint) {
@@ -529,7 +506,7 @@ void BandwidthEstimate::add(const Eigen::Ref<const Eigen::MatrixXd>& q) {
 void BandwidthEstimate::add_stretch() {
   fresh_ = 0;
   if (power_.size() == 0) return;
-  Periodogram periodogram(kWhole);
+  statistics::Periodogram periodogram(kWhole);
   for (Index joint = 0; joint < mean_.size(); ++joint) {
     const std::vector<std::complex<double>>& spectrum =
         periodogram.of(stretch_.col(joint).head(filled_), mean_[joint]);

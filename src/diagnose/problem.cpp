@@ -6,6 +6,7 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -428,8 +429,8 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
     if (!(1.0 / tail(c, c) > 1e-5 * whole(columns_ + c, columns_ + c))) return trial;
   }
 
-  // Robust covariance: scores s_b = X_bᵀ W r_b of each block, V = A⁻¹ (Σ s_b s_bᵀ) A⁻¹ B/(B-1).
-  MatrixXd meat = MatrixXd::Zero(k, k);
+  // Robust covariance from the scores X_bᵀ W r_b of each block.
+  MatrixXd shares(k, static_cast<Index>(blocks));
   MatrixXd naive = tail;
   const MatrixXd bottom = fit.inverse.bottomRows(k);
   int used = 0;
@@ -450,12 +451,10 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
       }
       for (Index c = 0; c < p; ++c) score[places_[s][static_cast<std::size_t>(c)]] += w * r[c];
     }
-    const VectorXd part = bottom * score;
-    meat += part * part.transpose();
-    used += score.squaredNorm() > 0.0;
+    if (score.squaredNorm() > 0.0) shares.col(used++) = bottom * score;
   }
   if (used < 4) return trial;
-  meat *= static_cast<double>(used) / static_cast<double>(used - 1);
+  const MatrixXd meat = statistics::sandwich_covariance(shares.leftCols(used));
   trial.std = meat.diagonal().cwiseSqrt();
   const int t = tested > 0 ? tested : k;
   VectorXd in_deviations = trial.coefficients.head(t);

@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
-#include <numbers>
 
 #include <fmt/format.h>
-#include <unsupported/Eigen/FFT>
+
+#include "heft/statistics/spectrum.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -54,24 +53,13 @@ Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
   Structure line;
   Index length = 1;
   while (static_cast<double>(length) < 4.0 * table.sample_rate) length *= 2;
-  VectorXd power = VectorXd::Zero(length / 2);
-  int pieces = 0;
-  Eigen::FFT<double> fft;
+  statistics::Spectrum spectrum(length);
   for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
-    for (Index at = table.run_begin[r]; at + length <= table.run_begin[r + 1]; at += length / 2) {
-      VectorXd x(length);
-      for (Index k = 0; k < length; ++k) {
-        const double hann = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * static_cast<double>(k) /
-                                                 static_cast<double>(length));
-        x[k] = hann * residual[at + k];
-      }
-      Eigen::VectorXcd X(length);
-      fft.fwd(X, x);
-      power += X.head(length / 2).cwiseAbs2();
-      ++pieces;
-    }
+    for (Index i = table.run_begin[r]; i < table.run_begin[r + 1]; ++i) spectrum.add(residual[i]);
+    spectrum.interrupt();
   }
-  if (pieces < 3) return line;
+  if (spectrum.segments() < 3) return line;
+  const VectorXd power = spectrum.power().head(length / 2);
   Index peak = 1;
   for (Index k = 2; k + 3 < power.size(); ++k) {
     if (power[k] > power[peak]) peak = k;

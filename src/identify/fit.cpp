@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <set>
 
 #include <fmt/format.h>
@@ -14,8 +13,9 @@
 #include "heft/identify/robust.hpp"
 #include "heft/identify/total_least_squares.hpp"
 #include "heft/model/physical_links.hpp"
-#include "heft/statistics/block_jackknife.hpp"
+#include "heft/regression/block_groups.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
 #include "heft/statistics/residual_moments.hpp"
 #include "heft/statistics/residual_statistics.hpp"
 
@@ -136,15 +136,14 @@ Eigen::VectorXd weights_of(const Eigen::VectorXd& noise) {
   return noise.cwiseMax(floor).cwiseAbs2().cwiseInverse();
 }
 
-struct Jackknife {
+struct Spread {
   Eigen::MatrixXd covariance;
   int blocks{0};
-  double length{0.0};
 };
 
 /// Delete-a-block covariance of a weighted least squares estimate, blocks joined to at least `length`.
-Jackknife jackknife(const regression::BlockFactors& factors, const Eigen::VectorXd& weights,
-                    const Solution& solution, double length, double edge_factor) {
+Spread spread_of(const regression::BlockFactors& factors, const Eigen::VectorXd& weights,
+                 const Solution& solution, double length, double edge_factor) {
   struct Group {
     Eigen::MatrixXd A;
     Eigen::VectorXd g;
@@ -153,35 +152,31 @@ Jackknife jackknife(const regression::BlockFactors& factors, const Eigen::Vector
   const auto b = solution.beta.size();
   const Eigen::VectorXd inverse = solution.scale.cwiseInverse();
   Eigen::MatrixXd A = solution.ridge * Eigen::MatrixXd::Identity(b, b);
-  std::map<std::pair<int, long>, Group> groups;
-  for (int k = 0; k < factors.num_blocks(); ++k) {
-    const auto key =
-        std::pair(factors.log_of(k), static_cast<long>(std::floor((factors.begin_of(k) + 1e-9) / length)));
-    Group& group =
-        groups.try_emplace(key, Group{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)}).first->second;
-    for (int j = 0; j < factors.num_joints(); ++j) {
-      const regression::TriangularFactor& factor = factors.factor(k, j);
-      if (factor.rows() == 0) continue;
-      const Eigen::MatrixXd R = factor.R() * inverse.asDiagonal();
-      group.A.noalias() += weights[j] * (R.transpose() * R);
-      group.g.noalias() += weights[j] * (R.transpose() * (factor.z() - factor.R() * solution.beta));
+  std::vector<Group> groups;
+  for (const std::vector<int>& members : regression::groups_of(factors, length)) {
+    Group& group = groups.emplace_back(Group{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)});
+    for (const int k : members) {
+      for (int j = 0; j < factors.num_joints(); ++j) {
+        const regression::TriangularFactor& factor = factors.factor(k, j);
+        if (factor.rows() == 0) continue;
+        const Eigen::MatrixXd R = factor.R() * inverse.asDiagonal();
+        group.A.noalias() += weights[j] * (R.transpose() * R);
+        group.g.noalias() += weights[j] * (R.transpose() * (factor.z() - factor.R() * solution.beta));
+      }
     }
   }
-  Jackknife out;
-  out.length = length;
-  out.covariance = Eigen::MatrixXd::Zero(b, b);
-  for (const auto& [key, group] : groups) A += group.A;
-  for (const auto& [key, group] : groups) {
+  for (const Group& group : groups) A += group.A;
+  Eigen::MatrixXd changes(b, static_cast<Eigen::Index>(groups.size()));
+  Spread out;
+  for (const Group& group : groups) {
     if (group.A.trace() <= 0.0) continue;
     // Without this block: (A − A_b) d = −g_b, since the whole gradient vanishes at the estimate.
     const Eigen::VectorXd d = solve_symmetric(A - group.A, -group.g);
-    if (!d.allFinite()) continue;
-    out.covariance.noalias() += d * d.transpose();
-    ++out.blocks;
+    if (d.allFinite()) changes.col(out.blocks++) = d;
   }
-  if (out.blocks >= 2)
-    out.covariance *= edge_factor * static_cast<double>(out.blocks - 1) / static_cast<double>(out.blocks);
-  out.covariance = inverse.asDiagonal() * out.covariance * inverse.asDiagonal();
+  out.covariance = inverse.asDiagonal() *
+                   statistics::jackknife_covariance(changes.leftCols(out.blocks), edge_factor) *
+                   inverse.asDiagonal();
   return out;
 }
 
@@ -413,12 +408,12 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
   const statistics::ResidualStatistics residual{result.noise_std, moments.correlation_time(), 0.0};
   const double length = std::max(residual.block_length(duration_of(logs)), factors.block_length());
   const double edge_factor = residual.edge_factor(length);
-  const Jackknife spread = jackknife(factors, weights, solution, length, edge_factor);
+  const Spread spread = spread_of(factors, weights, solution, length, edge_factor);
 
   result.beta = solution.beta;
   result.covariance = spread.covariance;
   result.blocks = spread.blocks;
-  result.block_length = spread.length;
+  result.block_length = length;
   if (options.method == Method::kTls) {
     // The gradient of least squares does not vanish there: it has a spread of its own.
     const TotalLeastSquaresSpread tls =

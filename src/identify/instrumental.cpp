@@ -15,6 +15,7 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/regression/block_groups.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
 
 namespace heft::identify {
 namespace {
@@ -295,13 +296,6 @@ Comparison compare(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
   return c;
 }
 
-/// (B − 1)/B Σ δ δᵀ.
-Eigen::MatrixXd jackknife_covariance(const Eigen::MatrixXd& without, double edge_factor) {
-  const auto B = static_cast<double>(without.cols());
-  if (B < 2.0) return Eigen::MatrixXd::Zero(without.rows(), without.rows());
-  return edge_factor * (B - 1.0) / B * (without * without.transpose());
-}
-
 }  // namespace
 
 // ---------------------------------------------------------------------------------------------- instruments
@@ -482,7 +476,8 @@ InstrumentalEstimate solve_instrumental(const InstrumentSums& sums, const Eigen:
   const Comparison c = compare(sums, weights, start, condition_limit, length, false);
   InstrumentalEstimate estimate;
   estimate.beta = start + c.frame.T * c.u;
-  estimate.covariance = c.frame.T * jackknife_covariance(c.without, edge_factor) * c.frame.T.transpose();
+  estimate.covariance =
+      c.frame.T * statistics::jackknife_covariance(c.without, edge_factor) * c.frame.T.transpose();
   estimate.groups = static_cast<int>(c.without.cols());
   estimate.left_out = c.frame.left_out;
   estimate.relevance = c.relevance;
@@ -590,7 +585,8 @@ BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
   order.resize(static_cast<std::size_t>(std::max(1, std::min(k, B / kGroupsPerDirection))));
   const Eigen::MatrixXd P = noise.vectors(Eigen::all, order);
   const Eigen::VectorXd part = P.transpose() * d;
-  const Eigen::MatrixXd V = jackknife_covariance(P.transpose() * (c.without - c.plain_without), edge_factor);
+  const Eigen::MatrixXd V =
+      statistics::jackknife_covariance(P.transpose() * (c.without - c.plain_without), edge_factor);
 
   // Rank-revealing once more: a direction in which the two estimates do not differ at all (an offset is its
   // own instrument) has no variance either.
@@ -610,8 +606,9 @@ BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
   }
   test.biased = test.p_value < 0.01 && test.torque_difference > 0.1;
   // How far apart the two would be by chance alone.
-  const double chance = std::sqrt(jackknife_covariance(c.without - c.plain_without, edge_factor).trace() /
-                                  std::max(c.frame.residual, 1e-300));
+  const double chance =
+      std::sqrt(statistics::jackknife_covariance(c.without - c.plain_without, edge_factor).trace() /
+                std::max(c.frame.residual, 1e-300));
   const std::string figures = fmt::format("p = {:.2g}, torque differs by {:.1f} % of the residual",
                                           test.p_value, 100.0 * test.torque_difference);
   if (test.biased) {

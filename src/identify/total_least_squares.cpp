@@ -8,6 +8,7 @@
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/regression/block_groups.hpp"
+#include "heft/statistics/jackknife.hpp"
 
 namespace heft::identify {
 TotalLeastSquaresFit total_least_squares(const regression::TriangularFactor& data,
@@ -119,15 +120,15 @@ TotalLeastSquaresSpread total_least_squares(const regression::BlockFactors& fact
   out.groups = static_cast<int>(B);
   out.covariance = Eigen::MatrixXd::Zero(factors.num_columns(), factors.num_columns());
   if (B < 2) return out;
+  Eigen::MatrixXd changes(factors.num_columns(), static_cast<Eigen::Index>(B));
   regression::TriangularFactor before(factors.num_columns());
   for (std::size_t i = 0; i < B; ++i) {
     regression::TriangularFactor rest = before;
     rest.add(after[i + 1]);
-    const Eigen::VectorXd moved = total_least_squares(rest, options).beta - out.fit.beta;
-    out.covariance.noalias() += moved * moved.transpose();
+    changes.col(static_cast<Eigen::Index>(i)) = total_least_squares(rest, options).beta - out.fit.beta;
     before.add(groups[i]);
   }
-  out.covariance *= edge_factor * static_cast<double>(B - 1) / static_cast<double>(B);
+  out.covariance = statistics::jackknife_covariance(changes, edge_factor);
   return out;
 }
 

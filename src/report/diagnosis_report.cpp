@@ -5,14 +5,14 @@
 #include <filesystem>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <tuple>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <unsupported/Eigen/FFT>
 
 #include "heft/diagnose/judgement.hpp"
+#include "heft/statistics/binned_means.hpp"
+#include "heft/statistics/spectrum.hpp"
 #include "page_lines.hpp"
 #include "torque_score.hpp"
 
@@ -99,7 +99,7 @@ page::PlotSpec over_bins(const std::string& title, const std::string& x_label, c
                          const std::string& unit) {
   Eigen::MatrixXd both(before.size(), 2);
   both << before, after;
-  const BinnedMeans bins = binned_means(x, both);
+  const statistics::BinnedMeans bins = statistics::binned_means(x, both);
   page::PlotSpec spec;
   spec.title = title;
   spec.x_label = x_label;
@@ -116,8 +116,8 @@ page::PlotSpec spectrum(const Traces& log, int joint, const std::string& unit) {
   spec.y_label = fmt::format("amplitude density [{}/√Hz]", unit);
   spec.log_x = spec.log_y = true;
   const double rate = rate_of(log);
-  const AmplitudeDensity before = amplitude_density(log.before.col(joint), rate),
-                         after = amplitude_density(log.after.col(joint), rate);
+  const statistics::AmplitudeDensity before = statistics::amplitude_density(log.before.col(joint), rate),
+                                     after = statistics::amplitude_density(log.after.col(joint), rate);
   spec.series = {page::line("before", before.frequency, before.density, kBefore),
                  page::line("after", after.frequency, after.density, kAfter)};
   return spec;
@@ -276,82 +276,6 @@ std::vector<page::Fact> facts_of(const Diagnosis& diagnosis) {
 }
 
 }  // namespace
-
-AmplitudeDensity amplitude_density(const Eigen::VectorXd& signal, double rate) {
-  constexpr Index kFewest = 64;
-  AmplitudeDensity result;
-  if (signal.size() < kFewest || !(rate > 0.0)) return result;
-  Index length = kFewest / 4;
-  while (4 * length <= signal.size() / 2) length *= 2;
-  const Eigen::VectorXd window = Eigen::VectorXd::NullaryExpr(length, [length](Index k) {
-    return 0.5 -
-           0.5 * std::cos(2.0 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(length));
-  });
-  const double mean = signal.mean();
-  Eigen::FFT<double> fft;
-  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-  Eigen::VectorXd power = Eigen::VectorXd::Zero(length / 2 + 1);
-  int segments = 0;
-  for (Index from = 0; from + length <= signal.size(); from += length / 2, ++segments) {
-    const Eigen::VectorXd segment = (signal.segment(from, length).array() - mean) * window.array();
-    Eigen::VectorXcd transform;
-    fft.fwd(transform, segment);
-    power += transform.cwiseAbs2();
-  }
-  // One-sided density S = 2 |X|² / (rate Σ w²).
-  power *= 2.0 / (rate * window.squaredNorm() * static_cast<double>(segments));
-  const double band = std::exp2(1.0 / 24.0), resolution = rate / static_cast<double>(length);
-  std::vector<double> frequency, density;
-  // The lowest bin still holds the mean's leakage.
-  for (Index k = 2; k <= length / 2;) {
-    const double end = std::max(static_cast<double>(k) * band, static_cast<double>(k) + 0.5);
-    Index last = k;
-    double sum = 0.0;
-    for (; last <= length / 2 && static_cast<double>(last) < end; ++last) sum += power[last];
-    const auto count = static_cast<double>(last - k);
-    frequency.push_back(0.5 * static_cast<double>(k + last - 1) * resolution);
-    density.push_back(std::sqrt(sum / count));
-    k = last;
-  }
-  result.frequency = Eigen::Map<Eigen::VectorXd>(frequency.data(), static_cast<Index>(frequency.size()));
-  result.density = Eigen::Map<Eigen::VectorXd>(density.data(), static_cast<Index>(density.size()));
-  return result;
-}
-
-BinnedMeans binned_means(const Eigen::VectorXd& x, const Eigen::MatrixXd& values) {
-  constexpr int kBins = 240;
-  BinnedMeans result;
-  result.means.resize(0, values.cols());
-  if (x.size() == 0) return result;
-  const double low = x.minCoeff(), width = (x.maxCoeff() - low) / kBins;
-  if (!(width > 0.0)) return result;
-  // Columns: count, sum of x, sums of the values.
-  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(kBins, 2 + values.cols());
-  for (Index i = 0; i < x.size(); ++i) {
-    const Index bin = std::min<Index>(kBins - 1, static_cast<Index>((x[i] - low) / width));
-    sums(bin, 0) += 1.0;
-    sums(bin, 1) += x[i];
-    sums.row(bin).tail(values.cols()) += values.row(i);
-  }
-  const double enough = std::max(4.0, static_cast<double>(x.size()) / (6.0 * kBins));
-  std::vector<Eigen::RowVectorXd> merged;
-  Eigen::RowVectorXd open = Eigen::RowVectorXd::Zero(sums.cols());
-  for (Index bin = 0; bin < kBins; ++bin) {
-    open += sums.row(bin);
-    if (open[0] < enough) continue;
-    merged.push_back(open);
-    open.setZero();
-  }
-  if (!merged.empty()) merged.back() += open;
-  result.x.resize(static_cast<Index>(merged.size()));
-  result.means.resize(result.x.size(), values.cols());
-  for (Index k = 0; k < result.x.size(); ++k) {
-    const Eigen::RowVectorXd& sum = merged[static_cast<std::size_t>(k)];
-    result.x[k] = sum[1] / sum[0];
-    result.means.row(k) = sum.tail(values.cols()) / sum[0];
-  }
-  return result;
-}
 
 page::Page diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   constexpr std::size_t kMostRefusals = 20;

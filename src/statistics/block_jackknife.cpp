@@ -6,6 +6,7 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
 
 namespace heft::statistics {
 
@@ -79,11 +80,12 @@ BlockJackknife::Result BlockJackknife::solve(const std::vector<int>& members, in
   result.blocks = static_cast<int>(sums.size());
   result.interval_factor = interval_factor(result.blocks - 1);
   if (result.blocks < 2) return result;
-  for (const Sum& sum : sums) {
-    const Eigen::VectorXd d = solve_symmetric(A - sum.A, r - sum.r) - result.estimate;
-    result.covariance.noalias() += d * d.transpose();
+  Eigen::MatrixXd changes(A.rows(), result.blocks);
+  for (Eigen::Index b = 0; b < changes.cols(); ++b) {
+    const Sum& sum = sums[static_cast<std::size_t>(b)];
+    changes.col(b) = solve_symmetric(A - sum.A, r - sum.r) - result.estimate;
   }
-  result.covariance *= static_cast<double>(result.blocks - 1) / static_cast<double>(result.blocks);
+  result.covariance = jackknife_covariance(changes);
   return result;
 }
 

@@ -12,8 +12,9 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
-#include "heft/statistics/block_jackknife.hpp"
+#include "heft/statistics/correlation.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
 #include "heft/statistics/residual_statistics.hpp"
 
 namespace heft::stiffness {
@@ -566,15 +567,14 @@ Problem::Fit Problem::fit(const std::vector<DeflectionTerm>& which, double edge_
     f.residual -= f.x[static_cast<Index>(i)] * W_.col(f.index[i]);
     f.innovation -= f.x[static_cast<Index>(i)] * Ww_.col(f.index[i]);
   }
-  const auto B = static_cast<double>(blocks_.size());
-  f.covariance = MatrixXd::Zero(r.size(), r.size());
-  for (const Sums& s : blocks_) {
+  MatrixXd changes(r.size(), static_cast<Index>(blocks_.size()));
+  for (Index b = 0; b < changes.cols(); ++b) {
+    const Sums& s = blocks_[static_cast<std::size_t>(b)];
     const VectorXd x = least_squares(A - pick(s.ZW, f.index), r - pick(s.Zy, f.index));
-    // V = (B − 1)/B Σ (x₍b₎ − x)(x₍b₎ − x)ᵀ
-    f.covariance += (x - f.x) * (x - f.x).transpose();
+    changes.col(b) = x - f.x;
     f.held_out += s.yy - 2.0 * x.dot(pick(s.Wy, f.index)) + x.dot(pick(s.WW, f.index) * x);
   }
-  f.covariance *= edge_factor * (B - 1.0) / B;
+  f.covariance = statistics::jackknife_covariance(changes, edge_factor);
   f.held_out = std::max(f.held_out, 0.0);
   return f;
 }

@@ -11,7 +11,6 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
-#include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "heft/stiffness/dexterity.hpp"
 

@@ -2,18 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <functional>
 #include <limits>
-#include <numbers>
 #include <queue>
 
 #include <fmt/format.h>
-#include <unsupported/Eigen/FFT>
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/motion_torque.hpp"
+#include "heft/statistics/correlation.hpp"
+#include "heft/statistics/spectrum.hpp"
 
 namespace heft::validate {
 
@@ -48,80 +47,6 @@ class LargestValues {
  private:
   std::size_t capacity_;
   std::priority_queue<double, std::vector<double>, std::greater<>> heap_;
-};
-
-/// Welch's averaged spectrum of one signal about its mean: Hann segments, half overlapping.
-class Spectrum {
- public:
-  explicit Spectrum(Index length) : length_(length), power_(Eigen::VectorXd::Zero(length / 2 + 1)) {
-    window_ = Eigen::VectorXd::NullaryExpr(length, [length](Index k) {
-      return 0.5 -
-             0.5 * std::cos(2.0 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(length));
-    });
-    fft_.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-    fft_.fwd(window_transform_, window_);
-    pending_.reserve(static_cast<std::size_t>(length));
-  }
-  void add(double value) {
-    sum_ += value;
-    ++count_;
-    pending_.push_back(value);
-    if (static_cast<Index>(pending_.size()) == length_) {
-      const Eigen::Map<const Eigen::VectorXd> segment(pending_.data(), length_);
-      const Eigen::VectorXd windowed = segment.cwiseProduct(window_);
-      Eigen::VectorXcd transform;
-      fft_.fwd(transform, windowed);
-      power_ += transform.cwiseAbs2();
-      // A Hann window leaks the mean into the two lowest bins alone.
-      low_[0] += transform[0];
-      low_[1] += transform[1];
-      ++segments_;
-      pending_.erase(pending_.begin(), pending_.begin() + length_ / 2);
-    }
-  }
-  /// Signals on both sides of a break share no segment.
-  void interrupt() { pending_.clear(); }
-
-  long segments() const { return segments_; }
-  /// Mean |FFT|² of a segment, the mean of the whole signal taken out.
-  Eigen::VectorXd power() const {
-    const double mean = count_ > 0 ? sum_ / static_cast<double>(count_) : 0.0;
-    Eigen::VectorXd power = power_ / static_cast<double>(segments_);
-    for (Index k = 0; k < 2; ++k) {
-      const std::complex<double> W = window_transform_[k];
-      // |X − m W|² = |X|² − 2 m Re(X W*) + m² |W|²
-      power[k] += -2.0 * mean * std::real(low_[static_cast<std::size_t>(k)] * std::conj(W)) /
-                      static_cast<double>(segments_) +
-                  mean * mean * std::norm(W);
-      power[k] = std::max(power[k], 0.0);
-    }
-    return power;
-  }
-  /// Autocorrelation at lags 0, 1, ... of half a segment, from a power() of this spectrum; 1 at lag 0.
-  Eigen::VectorXd autocorrelation(const Eigen::VectorXd& power) const {
-    // The inverse transform of |X|² is the circular autocovariance of the windowed segment; the window's own
-    // takes its shape out. Circular wrapping is negligible while both ends of the window are near 0.
-    Eigen::FFT<double> fft;
-    fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-    Eigen::VectorXd of_signal, of_window;
-    const Eigen::VectorXcd signal_power = power.cast<std::complex<double>>();
-    const Eigen::VectorXcd window_power = window_transform_.cwiseAbs2().cast<std::complex<double>>();
-    fft.inv(of_signal, signal_power, length_);
-    fft.inv(of_window, window_power, length_);
-    const Index lags = length_ / 4;
-    Eigen::VectorXd rho = of_signal.head(lags).cwiseQuotient(of_window.head(lags));
-    return rho / rho[0];
-  }
-
- private:
-  Index length_;
-  Eigen::VectorXd window_, power_;
-  Eigen::VectorXcd window_transform_;
-  std::array<std::complex<double>, 2> low_{};
-  std::vector<double> pending_;
-  Eigen::FFT<double> fft_;
-  double sum_{0.0};
-  long count_{0}, segments_{0};
 };
 
 /// Segments of up to ten seconds, at least four in the log.
@@ -193,13 +118,12 @@ struct TorqueScorer::Impl {
     score.correlated_share = score.correlated_below = score.correlation_time =
         Eigen::VectorXd::Constant(n, kNaN);
     for (Index j = 0; j < n; ++j) {
-      const Spectrum& spectrum = spectra[static_cast<std::size_t>(j)];
+      const statistics::Spectrum& spectrum = spectra[static_cast<std::size_t>(j)];
       if (spectrum.segments() < 2) continue;
-      const Eigen::VectorXd power = spectrum.power();
+      const Eigen::VectorXd power = spectrum.power_about_mean();
       const Eigen::VectorXd rho = spectrum.autocorrelation(power);
-      double time = 1.0;
-      for (Index k = 1; k < rho.size() && rho[k] > 0.05; ++k) time += 2.0 * rho[k];
-      score.correlation_time[j] = time / setup.sample_rate;
+      score.correlation_time[j] =
+          statistics::correlated_samples([&](Index lag) { return rho[lag]; }, rho.size()) / setup.sample_rate;
       // Bins 1 .. L/2 − 1: the mean and the highest frequency stand alone.
       const Eigen::VectorXd inner = power.segment(1, power.size() - 2);
       std::vector<double> upper(inner.data() + inner.size() / 2, inner.data() + inner.size());
@@ -236,7 +160,7 @@ struct TorqueScorer::Impl {
   Eigen::VectorXd squares, sum, torque_sum, torque_squares, band_squares, shift;
   Eigen::VectorXd moving_squares, moving_band_squares;
   std::vector<LargestValues> largest;
-  std::vector<Spectrum> spectra;
+  std::vector<statistics::Spectrum> spectra;
   Index segment{0}, margin{0}, fresh{0};
   Eigen::MatrixXd buffer;
   Eigen::VectorXd buffer_time;
@@ -278,7 +202,7 @@ void TorqueScorer::add_grid(const Eigen::Ref<const Eigen::VectorXd>& time,
   for (Index k = 0; k < time.size(); ++k) {
     if (s.in_gap(time[k])) {
       if (!s.was_in_gap) {
-        for (Spectrum& spectrum : s.spectra) spectrum.interrupt();
+        for (statistics::Spectrum& spectrum : s.spectra) spectrum.interrupt();
       }
       s.was_in_gap = true;
       continue;

@@ -1,8 +1,6 @@
 /// What is said about a diagnosis: sentence, tables, JSON, page. From results made by hand.
 #include <cmath>
 #include <limits>
-#include <numbers>
-#include <random>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -371,43 +369,6 @@ TEST(DiagnosisPage, ShowsFourPlotsOfTheJointWithAnEffect) {
   EXPECT_THAT(html, AllOf(HasSubstr("Joint 1: Stribeck friction (validation log)"), HasSubstr("Over time"),
                           HasSubstr("Against velocity"), HasSubstr("Against position"), HasSubstr("Spectrum"),
                           HasSubstr("cuts its error on the validation log"), Not(HasSubstr("http://"))));
-}
-
-TEST(AmplitudeDensity, MeetsTheClosedForms) {
-  // White noise of variance s² has s √(2 / rate); a sine of amplitude A has the power A²/2 under its peak.
-  constexpr double kRate = 250.0, kSigma = 0.3;
-  std::mt19937 random(3);
-  std::normal_distribution<double> normal(0.0, kSigma);
-  Eigen::VectorXd noise(20000), sine(20000);
-  for (Eigen::Index i = 0; i < noise.size(); ++i) {
-    noise[i] = 5.0 + normal(random);
-    sine[i] = 2.0 * std::sin(2.0 * std::numbers::pi * 11.0 * static_cast<double>(i) / kRate);
-  }
-  const report::AmplitudeDensity white = report::amplitude_density(noise, kRate);
-  EXPECT_NEAR(std::sqrt(white.density.cwiseAbs2().mean()), kSigma * std::sqrt(2.0 / kRate),
-              0.1 * kSigma * 0.09);
-  const report::AmplitudeDensity line = report::amplitude_density(sine, kRate);
-  Eigen::Index peak = 0;
-  line.density.maxCoeff(&peak);
-  EXPECT_NEAR(line.frequency[peak], 11.0, 0.2);
-  double power = 0.0;
-  for (Eigen::Index k = 1; k + 1 < line.frequency.size(); ++k) {
-    power += line.density[k] * line.density[k] * 0.5 * (line.frequency[k + 1] - line.frequency[k - 1]);
-  }
-  EXPECT_NEAR(power, 2.0, 0.1);
-  EXPECT_EQ(report::amplitude_density(noise.head(20), kRate).frequency.size(), 0);
-}
-
-TEST(BinnedMeans, AverageWhatFallsTogether) {
-  const Eigen::VectorXd x = Eigen::VectorXd::LinSpaced(4801, -1.0, 1.0);
-  Eigen::MatrixXd values(x.size(), 2);
-  values.col(0) = 3.0 * x;
-  values.col(1).setConstant(2.0);
-  const report::BinnedMeans bins = report::binned_means(x, values);
-  ASSERT_GT(bins.x.size(), 100);
-  EXPECT_LT((bins.means.col(0) - 3.0 * bins.x).cwiseAbs().maxCoeff(), 1e-12);
-  EXPECT_LT((bins.means.col(1).array() - 2.0).abs().maxCoeff(), 1e-12);
-  EXPECT_EQ(report::binned_means(Eigen::VectorXd::Constant(10, 1.0), Eigen::MatrixXd::Ones(10, 1)).x.size(), 0);
 }
 
 }  // namespace

@@ -8,6 +8,8 @@
 
 #include <Eigen/Core>
 
+#include "heft/statistics/correlation.hpp"
+
 namespace heft::statistics {
 
 /// Sums of residual products for lags up to kLags rows, per joint.
@@ -37,18 +39,19 @@ class ResidualMoments {
     }
   }
 
-  /// Time that tells as much as one independent sample, T (1 + 2 Σ ρ(k)) up to the first ρ below 0.05 [s].
+  /// T times correlated_samples() of each joint, T being the shortest time between its rows [s].
   Eigen::VectorXd correlation_time() const {
     Eigen::VectorXd out(static_cast<Eigen::Index>(joints_.size()));
     for (std::size_t j = 0; j < joints_.size(); ++j) {
       const Series& s = joints_[j];
-      double sum = 1.0;
       const double variance = s.rows > 0 ? s.products[0] / static_cast<double>(s.rows) : 0.0;
-      for (std::size_t lag = 1; lag <= kLags && s.pairs[lag] > 10 && variance > 0.0; ++lag) {
-        const double rho = s.products[lag] / static_cast<double>(s.pairs[lag]) / variance;
-        if (rho < 0.05) break;
-        sum += 2.0 * rho;
-      }
+      const double sum = correlated_samples(
+          [&](Eigen::Index k) {
+            const auto lag = static_cast<std::size_t>(k);
+            if (s.pairs[lag] <= 10 || !(variance > 0.0)) return 0.0;
+            return s.products[lag] / static_cast<double>(s.pairs[lag]) / variance;
+          },
+          kLags + 1);
       out[static_cast<Eigen::Index>(j)] = s.period < 1e9 ? s.period * sum : 0.0;
     }
     return out;

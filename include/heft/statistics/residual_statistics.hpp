@@ -6,16 +6,18 @@
 
 #include <Eigen/Core>
 
+#include "heft/statistics/correlation.hpp"
+
 namespace heft::statistics {
 
 /// Scatter of measured minus modelled torque behind the causal low-pass, over samples in which the joint
 /// moves.
 struct ResidualStatistics {
   Eigen::VectorXd std;               ///< per joint [N·m, N]
-  Eigen::VectorXd correlation_time;  ///< per joint: time that tells as much as one independent sample [s]
+  Eigen::VectorXd correlation_time;  ///< per joint: see correlation.hpp [s]
   double cutoff{0.0};                ///< of the low-pass [Hz]
 
-  /// Samples of this period that tell as much as one, in the joint where they are most; ≥ 1.
+  /// Samples of this period that hold as much information as one, in the joint where they are most; ≥ 1.
   double correlated_samples(double period) const;
   /// Length of blocks whose sums may count as independent of one another: three times the longest
   /// correlation time, at least 1 s and at most a tenth of `duration` (else too few blocks would be left)
@@ -26,12 +28,5 @@ struct ResidualStatistics {
   /// length L.
   double edge_factor(double block) const;
 };
-
-/// Time that tells as much as one independent sample, T (1 + 2 Σ ρ(k)), ρ being the autocorrelation of the
-/// residual, summed up to its first value below 0.05.
-/// @param residual  one column of samples; NaN where there is none
-/// @param period    mean time between samples T [s]
-/// @return [s]; `period` for fewer than 10 samples or none
-double correlation_time(const Eigen::VectorXd& residual, double period);
 
 }  // namespace heft::statistics
