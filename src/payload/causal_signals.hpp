@@ -18,6 +18,7 @@
 
 #include <Eigen/Core>
 
+#include "beyond_regressor.hpp"
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/core/friction/friction.hpp"
@@ -62,7 +63,9 @@ class CausalSignals {
   /// @param cutoff       of the slow filter [Hz]
   /// @param sample_rate  [Hz]
   CausalSignals(const model::Dynamics& dynamics, double cutoff, double sample_rate)
-      : dynamics_(dynamics), columns_(std::make_unique<StateVariableFilter<double, N * 14 * N>>()) {
+      : dynamics_(dynamics),
+        beyond_(dynamics.robot()),
+        columns_(std::make_unique<StateVariableFilter<double, N * 14 * N>>()) {
     const model::Robot& robot = dynamics.robot();
     for (int i = 0; i < N; ++i) {
       torque_limit_[i] = kImplausibleTorque * robot.joints[static_cast<std::size_t>(i)].effort_limit;
@@ -74,7 +77,7 @@ class CausalSignals {
                   slow_torque_.configure(cutoff) == Status::kOk;
   }
 
-  /// Takes row k of a log that holds torque.
+  /// Takes row k of a log that holds torque, always of the same log.
   Taken take(const data::Log& log, Eigen::Index k) {
     const Vector q = log.q.row(k).transpose();
     const Vector tau = log.tau.row(k).transpose();
@@ -104,11 +107,21 @@ class CausalSignals {
     if (!motion_.settled()) return Taken::kSettling;
     regressor_ = dynamics_.regressor(motion_.value(), motion_.derivative(), motion_.second_derivative());
     for (int i = 0; i < N; ++i) regressor_(i, 11 * N + i) = sign_.value()[i];
+    Vector linear = torque_.value();
+    if (beyond_.any()) {
+      // At the motion behind the fast filter, as the columns are: a sign that turns over there has moved a torque by the
+      // same delay as the filter of the torque, and the slow filter takes off the difference in shape.
+      linear -= beyond_.torque(time - log.time[0], motion_.value(), motion_.derivative(),
+                               motion_.second_derivative(),
+                               log.qd.cols() == N ? kMeasuredSignWidth : kDerivedSignWidth);
+      regressor_.template leftCols<10 * N>() =
+          dynamics_.regressor(beyond_.link_q(), beyond_.link_qd(), beyond_.link_qdd()).leftCols(10 * N);
+    }
     const double slow_period = time - slow_time_;
     slow_time_ = time;
     if (columns_->update(Eigen::Map<const Eigen::Matrix<double, N * 14 * N, 1>>(regressor_.data()),
                          slow_period) != Status::kOk ||
-        slow_torque_.update(torque_.value(), slow_period) != Status::kOk) {
+        slow_torque_.update(linear, slow_period) != Status::kOk) {
       return Taken::kRefused;
     }
     return columns_->settled() ? Taken::kReady : Taken::kSettling;
@@ -118,7 +131,7 @@ class CausalSignals {
   Eigen::Map<const Regressor> regressor() const {
     return Eigen::Map<const Regressor>(columns_->value().data());
   }
-  /// Filtered torque [N·m, N].
+  /// Filtered torque, less what the robot's own torque holds beyond its 14 n parameters [N·m, N].
   const Vector& tau() const { return slow_torque_.value(); }
   /// Filtered velocity of joint i and filtered sign of it: the viscous and the Coulomb column.
   double velocity(int i) const { return regressor()(i, 12 * N + i); }
@@ -126,6 +139,7 @@ class CausalSignals {
 
  private:
   const model::Dynamics& dynamics_;
+  BeyondRegressor beyond_;
   StateVariableFilter<double, N> motion_, torque_, sign_, slow_torque_;
   std::unique_ptr<StateVariableFilter<double, N * 14 * N>> columns_;
   Regressor regressor_;

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "beyond_regressor.hpp"
 #include "causal_signals.hpp"
 #include "change_detector.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
@@ -202,10 +203,12 @@ class Run {
   };
 
  public:
-  Run(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options)
-      : dynamics_(robot), log_(log), options_(options), x_(dynamics_.parameters()), T_(to_flange(robot)) {
-    if (options_.torque_at_joint) x_.segment(10 * n_, 3 * n_).setZero();
-  }
+  Run(const model::Robot& robot, data::Log log, const PayloadRunOptions& options)
+      : dynamics_(as_measured(robot, options.torque_at_joint)),
+        log_(std::move(log)),
+        options_(options),
+        x_(dynamics_.parameters()),
+        T_(to_flange(robot)) {}
 
   PayloadRun run() {
     PayloadRun result;
@@ -592,7 +595,7 @@ class Run {
   model::Dynamics dynamics_;
   const int n_{dynamics_.num_joints()};
   const int parameters_{10 + 2 * n_};  ///< of the load, and the change of friction of each joint
-  const data::Log& log_;
+  data::Log log_;
   PayloadRunOptions options_;
   Eigen::VectorXd x_;
   Eigen::Matrix<double, 10, 10> T_;
@@ -610,7 +613,8 @@ class Run {
 
 PayloadRun run_payload(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
   check(robot, log, options);
-  return Run(robot, log, options).run();
+  const double delay = options.torque_at_joint ? 0.0 : robot.torque_delay;
+  return Run(robot, with_late_motion(log, delay), options).run();
 }
 
 }  // namespace heft::payload

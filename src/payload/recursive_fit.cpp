@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "beyond_regressor.hpp"
 #include "causal_signals.hpp"
 #include "heft/core/estimate/recursive_least_squares.hpp"
 #include "heft/data/differentiate.hpp"
@@ -193,7 +194,12 @@ std::unique_ptr<Recursion> make_recursion(int joints) {
 class Fit {
  public:
   Fit(const model::Robot& robot, const std::vector<data::Log>& logs, const RecursiveFitOptions& options)
-      : dynamics_(robot), logs_(logs), options_(options), recursion_(make_recursion<1>(n_)) {}
+      : dynamics_(as_measured(robot, options.torque_at_joint)),
+        logs_(logs),
+        options_(options),
+        recursion_(make_recursion<1>(n_)) {
+    for (data::Log& log : logs_) log = with_late_motion(std::move(log), dynamics_.robot().torque_delay);
+  }
 
   RecursiveFit run() {
     RecursiveFit fit;
@@ -205,7 +211,6 @@ class Fit {
     cutoff_ = fit.residual.cutoff;
     const model::Robot& robot = dynamics_.robot();
     prior_ = dynamics_.parameters();
-    if (options_.torque_at_joint) prior_.segment(10 * n_, 3 * n_).setZero();
     const Eigen::VectorXd variance = prior_deviations(robot, logs_, options_.torque_at_joint).cwiseAbs2();
 
     // 1. A first fit with one twentieth of the torque as the noise.
@@ -393,7 +398,7 @@ class Fit {
 
   model::Dynamics dynamics_;
   const int n_{dynamics_.num_joints()};
-  const std::vector<data::Log>& logs_;
+  std::vector<data::Log> logs_;
   RecursiveFitOptions options_;
   std::unique_ptr<Recursion> recursion_;
   Eigen::VectorXd prior_;

@@ -1,0 +1,13 @@
+/// @file
+/// A robot without what was found beyond rigid bodies and declared friction.
+#pragma once
+
+#include "heft/model/robot.hpp"
+
+namespace heft::model {
+
+/// The robot with rigid bodies, rotor inertia and declared friction alone: without gear couplings, joint effects, elastic
+/// joints and delay of the torque channel.
+Robot without_effects(Robot robot);
+
+}  // namespace heft::model
