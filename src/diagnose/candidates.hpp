@@ -2,6 +2,7 @@
 /// What could be missing: candidate effects with the columns they add.
 #pragma once
 
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -9,7 +10,7 @@
 #include <Eigen/Core>
 
 #include "base_model.hpp"
-#include "heft/core/effects/effects.hpp"
+#include "heft/core/effects/arm_effects.hpp"
 #include "problem.hpp"
 
 namespace heft::diagnose {
@@ -25,18 +26,20 @@ inline constexpr std::size_t kRunsThatAgree = 3;
 
 /// One effect on one joint (or the whole arm) at its best shape.
 struct Candidate {
-  std::string kind;
+  explicit Candidate(EffectKind which) : effect(which) {}
+
+  EffectKind effect;
   int joint{-1};      ///< counted from 0; -1: the whole arm
-  int effect{-1};     ///< place in JointEffectTypes; -1: not a joint effect
   double shape{0.0};  ///< the value that the torque is not linear in
   int tried{1};       ///< shapes compared, for multiplicity
   Columns columns;
   int replaces{-1};  ///< base column that its column stands in for; -1: it comes on top of the base
   Trial trial;
-  bool stale{false};         ///< judged before another effect was taken
-  std::vector<int> entries;  ///< payload_change: inertial parameters that the coefficients are
-  double second{0.0};        ///< another shape (damping; beside a first memory: that one's distance)
-  double level{0.0};         ///< friction that it makes up in the last fit [N·m, N]
+  bool stale{false};          ///< judged before another effect was taken
+  std::vector<int> entries;   ///< payload change: inertial parameters that the coefficients are
+  GearCoupling<double> pair;  ///< wrist coupling: which joints, and the ratio
+  double second{0.0};         ///< another shape (damping; beside a first memory: that one's distance)
+  double level{0.0};          ///< friction that it makes up in the last fit [N·m, N]
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
   /// A second memory, which takes its part from the first one of its joint; as a candidate its columns are its own and
   /// those of the first one at the distance that goes with it.
@@ -45,7 +48,14 @@ struct Candidate {
   std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;            ///< contact [N]
   std::vector<int> event_runs;
+
+  bool has_memory() const { return joint_effect_has_memory(effect.joint_effect()); }
 };
+
+/// The same effect in the same place, whatever its form.
+inline bool same_place(const Candidate& a, const Candidate& b) {
+  return a.effect == b.effect && a.joint == b.joint && a.pair.driven == b.pair.driven;
+}
 
 /// The memory that the friction of a joint has already.
 struct FirstMemory {
@@ -65,6 +75,8 @@ struct Workbench {
   /// logs × n: torque that friction holds a resting joint with when the log begins; not finite where it moves
   const Eigen::MatrixXd* held;
   std::vector<FirstMemory> memories;  ///< n: what each joint's friction remembers already
+  /// Pairs of joints that may share a motor, with the ratio.
+  std::span<const GearCoupling<double>> pairs;
 };
 
 /// Best candidate of every kind of joint effect on a joint, judged; an effect that can take the place of the Coulomb
@@ -85,21 +97,5 @@ Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joi
 /// that its coefficient is what it takes over from it.
 Eigen::MatrixXd second_memory_columns(const Workbench& bench, const Candidate& second,
                                       const Candidate& first);
-
-/// Candidates of the whole arm, judged: delay, base tilt, payload change, couplings.
-std::vector<Candidate> arm_candidates(const Workbench& bench);
-
-/// Elastic joints, judged.
-/// @param joints  n: which to try
-std::vector<Candidate> elasticity_candidates(const Workbench& bench, const std::vector<bool>& joints);
-
-/// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.
-Columns tilt_columns(const Workbench& bench);
-
-/// Two horizontal directions in the base frame, square to gravity; x and y for gravity along -z.
-std::pair<Eigen::Vector3d, Eigen::Vector3d> horizontal_directions(const model::Robot& robot);
-
-/// Outer forces that come and go, found in the residual.
-Candidate contact_candidate(const Workbench& bench);
 
 }  // namespace heft::diagnose

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <limits>
 #include <set>
 
 #include <fmt/format.h>
 
+#include "arm_search.hpp"
 #include "engine.hpp"
-#include "heft/core/effects/effects.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "joint_check.hpp"
@@ -63,7 +63,8 @@ VectorXd fall(const Trial& trial) {
 }
 
 int parameters_of(const Candidate& c) {
-  return static_cast<int>(c.trial.coefficients.size()) + (c.tried > 1 ? 1 : 0);
+  // Of an event begin and length are chosen as well as its force.
+  return static_cast<int>(c.trial.coefficients.size() + 2 * c.events.size()) + (c.tried > 1 ? 1 : 0);
 }
 
 /// Robust chi-square of the coefficients against what they cost.
@@ -80,12 +81,13 @@ int tried_of(const std::vector<Candidate>& candidates) {
 
 /// The same effect in the same place, and in the same form.
 bool same_effect(const Candidate& a, const Candidate& b) {
-  return a.kind == b.kind && a.joint == b.joint && (a.replaces >= 0) == (b.replaces >= 0) &&
-         a.displacement == b.displacement && a.beside == b.beside;
+  return same_place(a, b) && (a.replaces >= 0) == (b.replaces >= 0) && a.displacement == b.displacement &&
+         a.beside == b.beside;
 }
 
 std::string name_of(const Candidate& c) {
-  return c.joint >= 0 ? fmt::format("{} on joint {}", c.kind, c.joint + 1) : c.kind;
+  return c.joint >= 0 ? fmt::format("{} on joint {}", c.effect.id(), c.joint + 1)
+                      : std::string(c.effect.id());
 }
 
 std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, double cutoff) {
@@ -217,6 +219,23 @@ model::Robot bare(model::Robot robot, std::vector<std::string>& taken_out) {
   return robot;
 }
 
+/// Pairs of joints that may share a motor, each once.
+std::vector<GearCoupling<double>> pairs_of(const model::Robot& robot, const DiagnoseOptions& options) {
+  constexpr int kWristBends = 4, kWristTurns = 5;
+  std::vector<GearCoupling<double>> pairs;
+  for (const auto* list : {&options.couplings, &robot.couplings}) {
+    for (const GearCoupling<double>& c : *list) {
+      const bool known = std::any_of(pairs.begin(), pairs.end(), [&](const GearCoupling<double>& p) {
+        return p.driving == c.driving && p.driven == c.driven;
+      });
+      if (!known) pairs.push_back(c);
+    }
+  }
+  if (pairs.empty() && robot.num_joints() > kWristTurns)
+    pairs.push_back({.driving = kWristBends, .driven = kWristTurns});
+  return pairs;
+}
+
 /// The whole diagnosis while it grows.
 class Session {
  public:
@@ -225,6 +244,7 @@ class Session {
       : options_(options) {
     std::vector<std::string> taken_out;
     robot_ = bare(robot, taken_out);
+    pairs_ = pairs_of(robot, options);
     if (!taken_out.empty()) {
       notes_.push_back(
           fmt::format("the model's own {}: not taken over but looked for anew, since what is missing is told "
@@ -236,7 +256,7 @@ class Session {
     judged_ = streams_of(validate, cutoff_);
     judged_table_ = table_of(robot_, judged_);
     train_table_ = table_of(robot_, train_);
-    engine_ = std::make_unique<Engine>(robot_, train_table_);
+    engine_ = std::make_unique<Engine>(robot_, train_table_, pairs_);
     if (!(engine_->problem().counted().maxCoeff() > 0.0)) {
       throw NotIdentifiableError(
           "no joint moves in the training logs; expected a motion in which every joint moves; record one, "
@@ -280,14 +300,14 @@ class Session {
     unexplained(result);
     std::erase_if(refusals_, [&](const Refusal& r) {
       return std::any_of(result.findings.begin(), result.findings.end(),
-                         [&](const Finding& f) { return f.kind == r.kind && f.joint == r.joint; });
+                         [&](const Finding& f) { return f.effect == r.effect && f.joint == r.joint; });
     });
     std::stable_sort(refusals_.begin(), refusals_.end(),
                      [](const Refusal& a, const Refusal& b) { return a.gain > b.gain; });
     // What was refused in two forms is told once, as its stronger one.
     std::vector<Refusal> once;
     for (Refusal& r : refusals_) {
-      const auto same = [&](const Refusal& o) { return o.kind == r.kind && o.joint == r.joint; };
+      const auto same = [&](const Refusal& o) { return o.effect == r.effect && o.joint == r.joint; };
       if (std::none_of(once.begin(), once.end(), same)) once.push_back(std::move(r));
     }
     result.refusals = std::move(once);
@@ -329,7 +349,7 @@ class Session {
       if (hz == tried || hz >= highest) continue;
       tried = hz;
       const std::vector<data::MotionStream> streams = streams_of(train, hz > 0.0 ? hz : 5.0);
-      const Engine engine(robot_, table_of(robot_, streams));
+      const Engine engine(robot_, table_of(robot_, streams), pairs_);
       double logs = 0.0;
       const VectorXd rms = rms_error(engine.table(), engine.predicted());
       for (Index j = 0; j < rms.size(); ++j) logs += std::log(std::max(1e-12, rms[j]));
@@ -344,27 +364,26 @@ class Session {
   std::string objection(const Candidate& c, int tried, const VectorXd& noise_floor,
                         const std::vector<Candidate>& taken) const {
     if (!c.refused.empty()) return c.refused;
-    const auto in_place = std::count_if(taken.begin(), taken.end(), [&](const Candidate& e) {
-      return e.kind == c.kind && e.joint == c.joint;
-    });
+    const auto in_place =
+        std::count_if(taken.begin(), taken.end(), [&](const Candidate& e) { return same_place(e, c); });
     if (in_place > (c.beside ? 1 : 0)) return "is in the model already";
     if (!c.trial.valid) return "this motion cannot tell it from the rest of the model";
     if (c.joint >= 0 ? leaves_unexplained(c.joint) : !unexplained_joints_.empty() && !explains_joints(c))
       return "the arm model does not explain this joint";
-    if (c.kind == "friction_drift" && c.shape < kQuickestWarming)
+    if (c.effect.is<FrictionDrift>() && c.shape < kQuickestWarming)
       return "too quick for a joint that warms up";
-    if (c.kind == "spring") {
+    if (c.effect.is<Spring>()) {
       const auto q = engine_->table().q.col(c.joint);
       const double slope = std::abs(c.trial.coefficients[0]) * 0.5 * (q.maxCoeff() - q.minCoeff());
       const double middle =
           c.trial.coefficients[0] * 0.5 * (q.maxCoeff() + q.minCoeff()) + c.trial.coefficients[1];
       if (slope < 0.25 * std::abs(middle)) return "is an offset rather than a spring";
     }
-    if (options_.joint_sensor && c.kind == "rotor_inertia")
+    if (options_.joint_sensor && c.effect.is<RotorInertia>())
       return "a sensor behind the gear does not feel the rotor";
     if (!(c.trial.p_value * tried < kLevel)) return "chance explains it";
-    if (c.kind == "contact") return {};
-    const bool in_time = c.kind == "payload_change" || c.kind == "friction_drift";
+    if (c.effect.is<Contact>()) return {};
+    const bool in_time = c.effect.is<PayloadChange>() || c.effect.is<FrictionDrift>();
     if (!in_time && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
     if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";
     // Several runs that agree say what one run leaves open.
@@ -374,7 +393,7 @@ class Session {
     Index main = 0;
     const double size = fall(c.trial).maxCoeff(&main);
     if (!(size > (agreed ? kSizeInRuns : kSizeThatMatters))) return "too small to matter";
-    if (c.kind == "delay" && (fall(c.trial).array() > 0.5 * kSizeThatMatters).count() < 2) {
+    if (c.effect.is<Delay>() && (fall(c.trial).array() > 0.5 * kSizeThatMatters).count() < 2) {
       return "shows in one joint only: a late channel is late for all";
     }
     const double rows = engine_->problem().counted()[main];
@@ -407,7 +426,7 @@ class Session {
   /// coupling or a tilted base does; events would only follow the error of a joint that nothing explains.
   static bool explains_joints(const Candidate& c) {
     constexpr double kMostOfIt = 0.5;
-    return c.kind != "contact" && c.kind != "payload_change" && c.trial.joint_before.size() > 0 &&
+    return !c.effect.is<Contact>() && !c.effect.is<PayloadChange>() && c.trial.joint_before.size() > 0 &&
            fall(c.trial).maxCoeff() > kMostOfIt;
   }
 
@@ -472,12 +491,12 @@ class Session {
       const Candidate taken = *best;
       engine_->put(engine_->accepted.size(), taken);
       engine_->build();
-      if (taken.kind == "elasticity" || taken.kind == "delay") engine_->tune();
+      if (taken.effect.is<ElasticJoint>() || taken.effect.is<Delay>()) engine_->tune();
       find_memory_anew(taken.joint);
       trace("with " + name_of(taken), predicted_by(judged_table_, engine_->robot()));
       // What was out of reach may be explained now.
       if (!unexplained_joints_.empty()) check_joints();
-      again = taken.effect >= 0 ? taken.joint : -1;
+      again = taken.effect.joint_effect() >= 0 ? taken.joint : -1;
       ++round;
     }
     notes_.push_back(fmt::format("stopped at {} effects; what is left may hold more", options_.most_effects));
@@ -489,8 +508,7 @@ class Session {
     for (std::size_t e = 0; e < engine_->accepted.size(); ++e) {
       Candidate& own = engine_->accepted[e];
       // The first of two comes with the second.
-      if (own.joint != joint || !joint_effect_has_memory(own.effect) || engine_->second_memory(e) >= 0)
-        continue;
+      if (own.joint != joint || !own.has_memory() || engine_->second_memory(e) >= 0) continue;
       std::vector<Candidate> forms = forms_of_memory(e, {own.joint});
       if (forms.empty()) continue;
       if (options_.trace) {
@@ -523,7 +541,7 @@ class Session {
     if (why.empty() || !c.trial.valid || c.trial.joint_before.size() == 0) return;
     const double size = fall(c.trial).maxCoeff();
     if (size > 0.5 * kSizeThatMatters)
-      refusals_.push_back({c.kind, c.joint, why, 1.0 - std::pow(1.0 - size, 2)});
+      refusals_.push_back({c.effect, c.joint, why, 1.0 - std::pow(1.0 - size, 2)});
   }
 
   void trace_pool(const std::vector<Candidate>& pool, int tried, const VectorXd& noise) const {
@@ -533,8 +551,8 @@ class Session {
       options_.trace(
           fmt::format("  {:18s} j{} shape {:.4g} c [{:.4g}] gain {:.0f} t {:.1f} wald {:.0f} p {:.1e} fall "
                       "{:.3f} dBIC {:.0f} drift {:.2f} {}",
-                      c.kind, c.joint + 1, c.shape, fmt::join(c.trial.coefficients, " "), c.trial.cv_gain,
-                      c.trial.cv_t, c.trial.wald, c.trial.p_value * tried,
+                      c.effect.id(), c.joint + 1, c.shape, fmt::join(c.trial.coefficients, " "),
+                      c.trial.cv_gain, c.trial.cv_t, c.trial.wald, c.trial.p_value * tried,
                       c.trial.joint_before.size() > 0 ? fall(c.trial).maxCoeff() : 0.0, bic_of(c, tried),
                       c.trial.drift, objection(c, tried, noise, engine_->accepted)));
     }
@@ -546,7 +564,7 @@ class Session {
                             const VectorXd& noise, const std::vector<Candidate>& taken) const {
     const Candidate* simple = best;
     for (const Candidate& c : candidates) {
-      if (c.joint != best->joint || c.kind == "contact" || best->kind == "contact") continue;
+      if (c.joint != best->joint || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
       if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < kSimpler * best->trial.cv_gain)
         continue;
       if (objection(c, tried, noise, taken).empty()) simple = &c;
@@ -561,9 +579,8 @@ class Session {
     for (std::size_t e = 0; e < engine_->accepted.size() && engine_->accepted.size() > 1;) {
       const Candidate& own = engine_->accepted[e];
       // A memory found with its joint's standstill is compared with it as well.
-      const std::unique_ptr<Engine> rest =
-          rebuilt(static_cast<std::ptrdiff_t>(e), engine_->weights_held, engine_->masses_held,
-                  joint_effect_has_memory(own.effect) ? own.joint : -1);
+      const std::unique_ptr<Engine> rest = rebuilt(static_cast<std::ptrdiff_t>(e), engine_->weights_held,
+                                                   engine_->masses_held, own.has_memory() ? own.joint : -1);
       const Engine& without = *rest;
       std::vector<Candidate> candidates = propose(without, own.joint, 0.9, 0.95);
       const int tried = std::max(tried_, tried_of(candidates));
@@ -574,7 +591,7 @@ class Session {
         if (best == nullptr && objection(c, tried, noise, without.accepted).empty()) best = &c;
       }
       if (best != nullptr) best = simplest(candidates, best, tried, noise, without.accepted);
-      if (own.kind == "contact" || (best != nullptr && best == same)) {
+      if (own.effect.is<Contact>() || (best != nullptr && best == same)) {
         for (Candidate& c : candidates) c.columns = {};
         evidence_.push_back(std::move(candidates));
         ++e;
@@ -583,9 +600,9 @@ class Session {
       evidence_.clear();  // no longer that of the model as it stands
       const int joint = own.joint;
       // A memory was compared in each of its forms above; the first of two takes its own distance again.
-      const bool remembers = joint_effect_has_memory(own.effect) && !own.beside;
+      const bool remembers = own.has_memory() && !own.beside;
       if (best == nullptr) {
-        refusals_.push_back({own.kind, own.joint, "another effect has made it needless", 0.0});
+        refusals_.push_back({own.effect, own.joint, "another effect has made it needless", 0.0});
         engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(e));
         engine_->build();
         if (!remembers) find_memory_anew(joint);
@@ -608,7 +625,7 @@ class Session {
   /// @param standing_counts  see Engine
   std::unique_ptr<Engine> rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
                                   int standing_counts = -1) const {
-    auto engine = std::make_unique<Engine>(robot_, train_table_, engine_->steady());
+    auto engine = std::make_unique<Engine>(robot_, train_table_, pairs_, engine_->steady());
     engine->weights_held = weights_held;
     engine->masses_held = masses_held;
     engine->standing_counts = standing_counts;
@@ -679,7 +696,7 @@ class Session {
   std::string harm(const Candidate& own, const std::vector<VectorXd>& after,
                    const std::vector<VectorXd>& before, const std::vector<validate::Score>& in_band,
                    const std::vector<validate::Score>& in_band_before) const {
-    if (own.kind == "contact") return {};
+    if (own.effect.is<Contact>()) return {};
     Index main = 0;
     fall(own.trial).maxCoeff(&main);
     std::string helps, hurts;
@@ -705,7 +722,7 @@ class Session {
   bool take_another_form(std::size_t effect, const std::vector<VectorXd>& before,
                          const std::vector<validate::Score>& in_band_before) {
     const Candidate own = engine_->accepted[effect];
-    if (!joint_effect_has_memory(own.effect) || !exchanged_.insert(own.joint).second) return false;
+    if (!own.has_memory() || !exchanged_.insert(own.joint).second) return false;
     for (const Candidate& form : forms_of_memory(effect, {own.joint, -1})) {
       if (same_effect(form, own) && std::abs(std::log(form.shape / own.shape)) < 0.05) continue;
       auto tried = rebuilt_without(effect);
@@ -755,7 +772,7 @@ class Session {
 
   void take_out(std::size_t effect, const std::string& why) {
     const Candidate own = engine_->accepted[effect];
-    refusals_.push_back({own.kind, own.joint, why, 1.0 - std::pow(1.0 - fall(own.trial).maxCoeff(), 2)});
+    refusals_.push_back({own.effect, own.joint, why, 1.0 - std::pow(1.0 - fall(own.trial).maxCoeff(), 2)});
     engine_->accepted.erase(engine_->accepted.begin() + static_cast<std::ptrdiff_t>(effect));
     engine_->build();
     evidence_.clear();
@@ -773,8 +790,7 @@ class Session {
                                                     ? std::move(evidence_[e])
                                                     : propose(*rebuilt_without(e), own.joint, 0.95, 1.0);
       const int tried = std::max(tried_, tried_of(candidates));
-      Finding f;
-      f.kind = own.kind;
+      Finding f(own.effect);
       f.joint = own.joint;
       Trial trial = own.trial;
       for (const Candidate& c : candidates) {
@@ -786,24 +802,25 @@ class Session {
       f.delta_bic = bic_of(judged, tried);
       Index main = 0;
       f.cross_validated = fall(trial).maxCoeff(&main);
+      if (own.effect.is<Contact>()) f.cross_validated = std::numeric_limits<double>::quiet_NaN();
       f.main_joint = static_cast<int>(main);
       f.validate_before = before[main];
       f.validate_after = after[main];
       for (const Candidate& c : candidates) {
-        const bool same = c.kind == own.kind && c.joint == own.joint;
+        const bool same = same_place(c, own);
         // Another explanation is one of the same joint, or of the whole arm.
         const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint;
-        if (same || elsewhere || !c.trial.valid || !c.refused.empty() || c.kind == "contact") continue;
+        if (same || elsewhere || !c.trial.valid || !c.refused.empty() || c.effect.is<Contact>()) continue;
         // An effect comes in several forms, the best first; it is a rival once.
-        const auto told = [&](const Rival& r) { return r.kind == c.kind && r.joint == c.joint; };
+        const auto told = [&](const Rival& r) { return r.effect == c.effect && r.joint == c.joint; };
         if (std::any_of(f.rivals.begin(), f.rivals.end(), told) ||
             std::any_of(f.equivalent.begin(), f.equivalent.end(), told)) {
           continue;
         }
         if (c.trial.cv_gain > kEquivalent * trial.cv_gain) {
-          f.equivalent.push_back({c.kind, c.joint, bic_of(c, tried)});
+          f.equivalent.push_back({c.effect, c.joint, bic_of(c, tried)});
         } else if (c.trial.cv_gain > kRival * trial.cv_gain) {
-          f.rivals.push_back({c.kind, c.joint, bic_of(c, tried)});
+          f.rivals.push_back({c.effect, c.joint, bic_of(c, tried)});
         }
       }
       describe(own, e, robot, f);
@@ -813,60 +830,23 @@ class Session {
                      [](const Finding& a, const Finding& b) { return a.delta_bic < b.delta_bic; });
   }
 
-  /// Parameters of an accepted effect, as the contract names them.
+  /// Parameters of an accepted effect.
   void describe(const Candidate& own, std::size_t index, const model::Robot& robot, Finding& f) const {
     const VectorXd c = engine_->coefficients(index);
-    if (own.effect >= 0) {
-      const auto parameters = effect_parameters(own.effect, c, own.shape,
-                                                robot.joints[static_cast<std::size_t>(own.joint)].actuation);
-      visit_joint_effect(own.effect, [&](auto type) {
-        using Effect = decltype(type);
+    own.effect.visit([&](auto type) {
+      using Effect = decltype(type);
+      if constexpr (ArmEffect<Effect>) {
+        search_of(type).describe(own, c, robot, f);
+      } else {
+        const auto parameters =
+            effect_parameters(joint_effect_kind<Effect>(), c, own.shape,
+                              robot.joints[static_cast<std::size_t>(own.joint)].actuation);
         for (std::size_t k = 0; k < Effect::kParameters.size(); ++k) {
           f.parameters.emplace_back(std::string(Effect::kParameters[k].name), parameters[k]);
         }
-        f.shown_by = std::string(Effect::kShownBy);
         f.displacement = own.displacement;
-      });
-    } else if (own.kind == "delay") {
-      f.parameters = {{"delay", own.shape}};
-      f.shown_by = "quick reversals of one joint at a time";
-    } else if (own.kind == "elasticity") {
-      f.parameters = {
-          {"stiffness", own.shape}, {"damping", own.second}, {"motor_inertia", c.size() > 0 ? c[0] : 0.0}};
-      f.shown_by =
-          "strong short accelerations of this joint, with and without load, or an encoder on the link";
-    } else if (own.kind == "wrist_coupling") {
-      f.parameters = {{"Fc", c[0]}, {"Fv", c[1]}};
-      if (c.size() > 2) f.parameters.emplace_back("Ia", c[2]);
-      f.shown_by = "joints 5 and 6 moved one at a time and together, in both senses";
-    } else if (own.kind == "base_tilt") {
-      const double g = Eigen::Vector3d(robot.gravity.data()).norm();
-      f.parameters = {{"tilt_deg", std::atan2(std::hypot(c[0], c[1]), g) * 180.0 / std::numbers::pi},
-                      {"azimuth_deg", std::atan2(c[1], c[0]) * 180.0 / std::numbers::pi}};
-      f.shown_by = "slow sweeps of the first joint over its whole travel with the arm stretched out";
-    } else if (own.kind == "payload_change") {
-      double mass = 0.0;
-      std::array<double, 3> moment{};
-      for (std::size_t k = 0; k < own.entries.size(); ++k) {
-        if (own.entries[k] == 0) mass = c[static_cast<Index>(k)];
-        if (own.entries[k] >= 1 && own.entries[k] <= 3)
-          moment[static_cast<std::size_t>(own.entries[k] - 1)] = c[static_cast<Index>(k)];
       }
-      f.parameters = {{"mass", std::abs(mass)}, {"time", own.shape}};
-      if (mass != 0.0) {
-        for (int k = 0; k < 3; ++k) {
-          f.parameters.emplace_back(fmt::format("com_{}", "xyz"[k]),
-                                    moment[static_cast<std::size_t>(k)] / mass);
-        }
-      }
-      f.words = {{"event", mass >= 0.0 ? "picked_up" : "dropped"}};
-      f.shown_by = "the wrist turned through many orientations before and after";
-    } else if (own.kind == "contact") {
-      f.events = own.events;
-      f.forces = own.forces;
-      f.main_joint = 0;
-      f.shown_by = "the same motion once more without touching anything";
-    }
+    });
   }
 
   static std::vector<Traces> traces(const MotionTable& table, const MatrixXd& before, const MatrixXd& after) {
@@ -913,6 +893,7 @@ class Session {
   }
 
   model::Robot robot_;
+  std::vector<GearCoupling<double>> pairs_;  ///< that may share a motor
   DiagnoseOptions options_;
   double cutoff_{0.0}, bandwidth_{0.0};  ///< [Hz]
   std::vector<data::MotionStream> train_, judged_;

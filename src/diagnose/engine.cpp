@@ -5,8 +5,8 @@
 #include <limits>
 #include <numbers>
 
+#include "arm_search.hpp"
 #include "deflection.hpp"
-#include "heft/core/effects/effects.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/model/motion_torque.hpp"
 
@@ -39,8 +39,10 @@ Motion delayed(const MotionTable& table, double delay) {
 
 }  // namespace
 
-Engine::Engine(const model::Robot& robot, MotionTable table, double steady)
+Engine::Engine(const model::Robot& robot, MotionTable table, std::vector<GearCoupling<double>> pairs,
+               double steady)
     : table_(std::move(table)),
+      pairs_(std::move(pairs)),
       keep_(table_.keep),
       base_(robot),
       motion_(rigid_motion(table_)),
@@ -53,10 +55,11 @@ Engine::Engine(const model::Robot& robot, MotionTable table, double steady)
 Workbench Engine::bench() const {
   std::vector<FirstMemory> memories(static_cast<std::size_t>(table_.num_joints));
   for (std::size_t e = 0; e < accepted.size(); ++e) {
-    if (!joint_effect_has_memory(accepted[e].effect) || first_memory(e) >= 0) continue;
+    if (!accepted[e].has_memory() || first_memory(e) >= 0) continue;
     memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
   }
-  return {problem_.get(), &base_, &table_, &motion_, &rows_, &rigid_, &load_, &held_, std::move(memories)};
+  return {problem_.get(),      &base_, &table_, &motion_, &rows_, &rigid_, &load_, &held_,
+          std::move(memories), pairs_};
 }
 
 void Engine::build() {
@@ -66,11 +69,11 @@ void Engine::build() {
   const auto count_standing = [&](int j) { keep.col(j) = keep_.col(j) + table_.standing.col(j); };
   if (standing_counts >= 0) count_standing(standing_counts);
   for (const Candidate& e : accepted) {
-    if (joint_effect_has_memory(e.effect)) count_standing(e.joint);
+    if (e.has_memory()) count_standing(e.joint);
   }
   for (const Candidate& e : accepted) {
-    if (e.kind == "delay") delay += e.shape;
-    elastic = elastic || e.kind == "elasticity";
+    if (e.effect.is<Delay>()) delay += e.shape;
+    elastic = elastic || e.effect.is<ElasticJoint>();
     for (std::size_t k = 0; k < e.events.size(); ++k) {
       const auto run = static_cast<std::size_t>(e.event_runs[k]);
       for (Index i = table_.run_begin[run]; i < table_.run_begin[run + 1]; ++i) {
@@ -91,7 +94,7 @@ void Engine::build() {
   refit(false);
   // Some effects are made of the load torque, or begin with the friction that holds a joint; the fit gives both.
   const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
-    return e.kind == "load_friction" || e.kind == "base_tilt" || joint_effect_has_memory(e.effect);
+    return e.effect.is<LoadFriction>() || e.effect.is<BaseTilt>() || e.has_memory();
   });
   for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
 }
@@ -100,7 +103,7 @@ void Engine::refit(bool deflect) {
   if (deflect) {
     const model::Dynamics dynamics(rigid_);
     for (const Candidate& elastic : accepted) {
-      if (elastic.kind != "elasticity") continue;
+      if (!elastic.effect.is<ElasticJoint>()) continue;
       const int j = elastic.joint;
       VectorXd inertia(table_.rows()), load(table_.rows());
       VectorXd asked(table_.num_joints);
@@ -134,17 +137,18 @@ void Engine::refit(bool deflect) {
   first_column_.assign(accepted.size(), -1);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     Candidate& effect = accepted[e];
-    if (effect.kind == "delay" || effect.kind == "contact") continue;
-    if (effect.effect >= 0) {
+    if (effect.effect.is<Delay>() || effect.effect.is<Contact>()) continue;
+    if (effect.effect.joint_effect() >= 0) {
       const std::ptrdiff_t first = first_memory(e);
       effect.beside = first >= 0;
       if (load_.size() > 0) {
         effect.columns.values = {
-            effect.beside ? second_memory_columns(bench(), effect, accepted[static_cast<std::size_t>(first)])
-                          : joint_effect_columns(bench(), effect.effect, effect.joint, effect.shape,
-                                                 {effect.replaces >= 0, effect.displacement}, effect.level)};
+            effect.beside
+                ? second_memory_columns(bench(), effect, accepted[static_cast<std::size_t>(first)])
+                : joint_effect_columns(bench(), effect.effect.joint_effect(), effect.joint, effect.shape,
+                                       {effect.replaces >= 0, effect.displacement}, effect.level)};
       }
-    } else if (effect.kind == "elasticity") {
+    } else if (effect.effect.is<ElasticJoint>()) {
       if (deflect) {
         // The deflection is in the link's motion now; what is left is the motor's inertia.
         if (effect.columns.count() < 2) continue;
@@ -155,7 +159,7 @@ void Engine::refit(bool deflect) {
         continue;
       }
     }
-    if (effect.kind == "base_tilt" && load_.size() > 0) effect.columns = tilt_columns(bench());
+    if (effect.effect.is<BaseTilt>() && load_.size() > 0) effect.columns = tilt_columns(bench());
     if (effect.replaces >= 0) {
       first_column_[e] = effect.replaces;
       problem_->replace(effect.joint, effect.replaces, effect.columns.values[0].col(0));
@@ -196,7 +200,7 @@ void Engine::see_what_is_held() {
     }
     for (std::size_t e = 0; e < accepted.size(); ++e) {
       Candidate& effect = accepted[e];
-      if (!joint_effect_has_memory(effect.effect) || first_column_[e] < 0) continue;
+      if (!effect.has_memory() || first_column_[e] < 0) continue;
       // Two of them hold in step, each with its part: as if the first one did it all.
       const std::ptrdiff_t first = first_memory(e);
       effect.level = first >= 0 ? accepted[static_cast<std::size_t>(first)].level : fitted(e)[0];
@@ -239,12 +243,12 @@ void Engine::tune() {
     }
   };
   for (Candidate& e : accepted) {
-    if (e.kind == "elasticity") {
+    if (e.effect.is<ElasticJoint>()) {
       double least = cost();
       better(e.shape, 0.08, 3, true, least);
       better(e.second, 0.7, 2, true, least);
       better(e.shape, 0.02, 2, true, least);
-    } else if (e.kind == "delay") {
+    } else if (e.effect.is<Delay>()) {
       double least = cost();
       better(e.shape, 4e-4, 3, false, least);
     }
@@ -257,7 +261,7 @@ void Engine::put(std::size_t index, Candidate candidate) {
     candidate.replaces = -1;
     candidate.columns.values[0].conservativeResize(Eigen::NoChange, 1);
     const auto first = std::find_if(accepted.begin(), accepted.end(), [&](const Candidate& e) {
-      return e.joint == candidate.joint && joint_effect_has_memory(e.effect);
+      return e.joint == candidate.joint && e.has_memory();
     });
     first->shape = candidate.second;
     const auto at = static_cast<std::size_t>(first - accepted.begin());
@@ -274,9 +278,9 @@ void Engine::put(std::size_t index, Candidate candidate) {
 }
 
 std::ptrdiff_t Engine::first_memory(std::size_t index) const {
-  if (!joint_effect_has_memory(accepted[index].effect)) return -1;
+  if (!accepted[index].has_memory()) return -1;
   for (std::size_t e = 0; e < index; ++e) {
-    if (accepted[e].joint == accepted[index].joint && joint_effect_has_memory(accepted[e].effect))
+    if (accepted[e].joint == accepted[index].joint && accepted[e].has_memory())
       return static_cast<std::ptrdiff_t>(e);
   }
   return -1;
@@ -299,7 +303,7 @@ VectorXd Engine::coefficients(std::size_t index) const {
 VectorXd Engine::fitted(std::size_t index) const {
   if (first_column_[index] < 0) return {};
   const Candidate& e = accepted[index];
-  const int count = e.replaces >= 0 || e.kind == "elasticity" ? 1 : e.columns.count();
+  const int count = e.replaces >= 0 || e.effect.is<ElasticJoint>() ? 1 : e.columns.count();
   return problem_->theta().segment(first_column_[index], count);
 }
 
@@ -309,35 +313,23 @@ model::Robot Engine::robot() const {
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     const Candidate& effect = accepted[e];
     const VectorXd c = coefficients(e);
-    JointActuation<double>* joint =
-        effect.joint >= 0 ? &robot.joints[static_cast<std::size_t>(effect.joint)].actuation : nullptr;
-    if (effect.replaces >= 0) joint->coulomb_friction = theta[effect.replaces];
-    if (effect.kind == "offset") {
-      joint->friction_offset += c[0];
-    } else if (effect.kind == "rotor_inertia") {
-      joint->rotor_inertia += c[0];
-    } else if (effect.effect >= 0) {
-      robot.effects.push_back({effect.effect, effect.joint,
-                               effect_parameters(effect.effect, c, effect.shape, *joint),
-                               effect.displacement});
-    } else if (effect.kind == "delay") {
-      robot.torque_delay += effect.shape;
-    } else if (effect.kind == "elasticity") {
-      robot.elasticities.push_back({effect.joint, effect.shape, effect.second, c.size() > 0 ? c[0] : 0.0});
-    } else if (effect.kind == "wrist_coupling") {
-      robot.couplings.push_back({4, 5, 1.0, c.size() > 2 ? c[2] : 0.0, c[0], c[1]});
-    } else if (effect.kind == "base_tilt") {
-      // Horizontal part of gravity; the vertical part keeps the length.
-      const Vector3d g(robot.gravity.data());
-      const auto [first, second] = horizontal_directions(robot);
-      Vector3d tilted = g + c[0] * first + c[1] * second;
-      tilted *= g.norm() / tilted.norm();
-      robot.gravity = {tilted.x(), tilted.y(), tilted.z()};
-    } else if (effect.kind == "payload_change") {
-      auto& link = robot.joints.back().link;
-      for (std::size_t k = 0; k < effect.entries.size(); ++k) {
-        link[static_cast<std::size_t>(effect.entries[k])] += c[static_cast<Index>(k)];
-      }
+    if (effect.effect.joint_effect() < 0) {
+      effect.effect.visit([&](auto type) {
+        if constexpr (ArmEffect<decltype(type)>) search_of(type).apply(effect, c, robot);
+      });
+      continue;
+    }
+    JointActuation<double>& joint = robot.joints[static_cast<std::size_t>(effect.joint)].actuation;
+    if (effect.replaces >= 0) joint.coulomb_friction = theta[effect.replaces];
+    // What a robot's joints hold already.
+    if (effect.effect.is<Offset>()) {
+      joint.friction_offset += c[0];
+    } else if (effect.effect.is<RotorInertia>()) {
+      joint.rotor_inertia += c[0];
+    } else {
+      const int kind = effect.effect.joint_effect();
+      robot.effects.push_back(
+          {kind, effect.joint, effect_parameters(kind, c, effect.shape, joint), effect.displacement});
     }
   }
   return robot;
@@ -352,7 +344,7 @@ MatrixXd Engine::predicted() const {
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     const Candidate& effect = accepted[e];
     if (first_column_[e] < 0) continue;
-    if (effect.kind == "elasticity") {
+    if (effect.effect.is<ElasticJoint>()) {
       tau.col(effect.joint) += motion_.qdd.col(effect.joint) * fitted(e)[0];
       continue;
     }
@@ -373,20 +365,21 @@ std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
     for (Candidate& c : joint_candidates(bench, j)) found.push_back(std::move(c));
     if (done) done((j + 1.0) / (n + 4.0));
   }
-  for (Candidate& c : elasticity_candidates(bench, joints)) found.push_back(std::move(c));
-  if (done) done((n + 2.0) / (n + 4.0));
-  for (Candidate& c : arm_candidates(bench)) found.push_back(std::move(c));
-  if (done) done((n + 3.0) / (n + 4.0));
-  found.push_back(contact_candidate(bench));
+  double tried = n;
+  for_each_arm_effect([&](auto type) {
+    for (Candidate& c : search_of(type).propose(bench, joints)) found.push_back(std::move(c));
+    tried += 4.0 / static_cast<double>(std::tuple_size_v<ArmEffectTypes>);
+    if (done) done(tried / (n + 4.0));
+  });
   return found;
 }
 
 std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {
-  return joint_candidates(bench(), effect.joint, effect.effect);
+  return joint_candidates(bench(), effect.joint, effect.effect.joint_effect());
 }
 
 void Engine::judge_again(Candidate& candidate) const {
-  if (candidate.stale && candidate.kind != "contact" && candidate.columns.count() > 0) {
+  if (candidate.stale && !candidate.effect.is<Contact>() && candidate.columns.count() > 0) {
     candidate.trial =
         problem_->judge(problem_->moments(candidate.columns), candidate.replaces, candidate.beside ? 1 : 0);
   }

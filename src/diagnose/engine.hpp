@@ -13,8 +13,10 @@ namespace heft::diagnose {
 class Engine {
  public:
   /// @param robot   with nothing beside rigid bodies, Coulomb and viscous friction
+  /// @param pairs   of joints that may share a motor
   /// @param steady  weight of the robot's own values, see Problem; 0: chosen
-  Engine(const model::Robot& robot, MotionTable table, double steady = 0.0);
+  Engine(const model::Robot& robot, MotionTable table, std::vector<GearCoupling<double>> pairs,
+         double steady = 0.0);
   Engine(const Engine&) = delete;  // the problem points into the table
   Engine& operator=(const Engine&) = delete;
 
@@ -64,6 +66,7 @@ class Engine {
   void see_what_is_held();
 
   MotionTable table_;
+  std::vector<GearCoupling<double>> pairs_;
   Eigen::MatrixXd keep_;  ///< of the table, before contacts are cut out
   BaseModel base_;
   Motion motion_;

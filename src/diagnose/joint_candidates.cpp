@@ -3,7 +3,7 @@
 #include <tuple>
 
 #include "candidates.hpp"
-#include "heft/core/effects/effects.hpp"
+#include "heft/core/effects/arm_effects.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -100,10 +100,8 @@ template <typename Effect>
 Candidate second_memory(const Workbench& bench, int joint, Displacement displacement) {
   const FirstMemory& in_place = bench.memories[static_cast<std::size_t>(joint)];
   const Candidate& first = *in_place.effect;
-  Candidate c;
-  c.kind = std::string(Effect::kId);
+  Candidate c(Effect{});
   c.joint = joint;
-  c.effect = joint_effect_kind<Effect>();
   c.displacement = displacement;
   c.beside = true;
   c.level = first.level;
@@ -169,10 +167,8 @@ class Search {
         level_(bench.robot->joints[static_cast<std::size_t>(joint)].actuation.coulomb_friction) {}
 
   Candidate run() {
-    Candidate candidate;
-    candidate.kind = std::string(Effect::kId);
+    Candidate candidate(Effect{});
     candidate.joint = joint_;
-    candidate.effect = joint_effect_kind<Effect>();
     double best = 0.0;
     if constexpr (Effect::kShapes.size() > 0) {
       const ShapeRange range = range_of<Effect>(form_.displacement);
@@ -289,7 +285,8 @@ MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, dou
 
 MatrixXd second_memory_columns(const Workbench& bench, const Candidate& second, const Candidate& first) {
   const auto part = [&](const Candidate& c) {
-    return joint_effect_columns(bench, c.effect, c.joint, c.shape, {false, c.displacement}, first.level);
+    return joint_effect_columns(bench, c.effect.joint_effect(), c.joint, c.shape, {false, c.displacement},
+                                first.level);
   };
   return part(second) - part(first);
 }

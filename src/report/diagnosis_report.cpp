@@ -35,7 +35,7 @@ bool usable(const Traces& traces, int joint) {
 }
 
 /// What shows on training logs alone.
-bool is_event(const std::string& kind) { return kind == "contact" || kind == "payload_change"; }
+bool is_event(EffectKind effect) { return effect.is<Contact>() || effect.is<PayloadChange>(); }
 
 double rate_of(const Traces& traces) {
   return static_cast<double>(traces.time.size() - 1) / (traces.time[traces.time.size() - 1] - traces.time[0]);
@@ -171,7 +171,7 @@ std::vector<page::Mark> marks_of(const Finding& finding) {
     marks.push_back({page::Mark::Direction::kVertical, finding.events[k].first, k == 0 ? "contact" : ""});
   }
   for (const auto& [name, value] : finding.parameters) {
-    if (finding.kind == "payload_change" && name == "time")
+    if (finding.effect.is<PayloadChange>() && name == "time")
       marks.push_back({page::Mark::Direction::kVertical, value, "load changes"});
   }
   return marks;
@@ -209,9 +209,9 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
     std::vector<std::string> names;
     for (const Finding& other : diagnosis.findings) {
       if ((other.joint >= 0 ? other.joint : other.main_joint) == joint)
-        names.push_back(effect_name(other.kind));
+        names.push_back(effect_name(other.effect));
     }
-    show(joint, fmt::format("{}", fmt::join(names, ", ")), is_event(finding.kind), marks_of(finding));
+    show(joint, fmt::format("{}", fmt::join(names, ", ")), is_event(finding.effect), marks_of(finding));
   }
   for (const diagnose::Unexplained& u : diagnosis.unexplained)
     show(u.joint, "unexplained: " + u.what, false, {});
@@ -300,8 +300,7 @@ page::Page diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& co
     for (const Finding* effect : by_kind(diagnosis)) {
       const Finding& finding = *effect;
       effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)),
-                       effect_equation(finding.kind), parameters_in_words(finding, robot),
-                       shown_by(finding)});
+                       effect_equation(finding), parameters_in_words(finding, robot), shown_by(finding)});
     }
     page.table(effects);
     page.table(ranking_table(diagnosis, robot),

@@ -1,9 +1,7 @@
 #include "diagnosis_result.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
 #include <set>
 #include <string_view>
 
@@ -22,89 +20,6 @@ using diagnose::Diagnosis;
 using diagnose::Finding;
 using page::number;
 
-struct EffectWords {
-  std::string_view kind;
-  std::string_view name;
-  std::string_view equation{};  ///< of what is no term of one joint; the others state theirs
-};
-
-/// Names to follow "lacks" and "in joint 2".
-constexpr std::array<EffectWords, 15> kNames{{
-    {"stribeck", "Stribeck friction"},
-    {"offset", "a torque offset"},
-    {"viscous_nonlinear", "viscous friction that is not linear in speed"},
-    {"load_friction", "friction that grows with load"},
-    {"rotor_inertia", "rotor inertia"},
-    {"elasticity", "elasticity", "Jm th'' + friction(th') + K (th - x) + D (th' - x')"},
-    {"spring", "a spring"},
-    {"ripple", "torque ripple over position"},
-    {"hysteresis", "presliding (friction hysteresis)"},
-    {"payload_change", "a change of load", "a body on the last link, from then on or until then"},
-    {"delay", "a delay of the torque channel", "tau(t - delay)"},
-    {"friction_drift", "friction that drifts as it warms up"},
-    {"contact", "an outer force that comes and goes", "J^T F at the tool"},
-    {"wrist_coupling", "wrist coupling", "Fc sign(qd5 + qd6) + Fv (qd5 + qd6) on both"},
-    {"base_tilt", "a tilt of the base", "gravity turned by the tilt"},
-}};
-
-struct UnitOf {
-  std::string_view name, unit, prismatic_unit;
-};
-
-/// Parameters of what is no term of one joint, and of the elastic joint. The others state theirs.
-constexpr std::array<UnitOf, 15> kUnits{{
-    {"stiffness", "N·m/rad", "N/m"},
-    {"damping", "N·m·s/rad", "N·s/m"},
-    {"motor_inertia", "kg·m²", "kg"},
-    {"mass", "kg", "kg"},
-    {"com_x", "m", "m"},
-    {"com_y", "m", "m"},
-    {"com_z", "m", "m"},
-    {"time", "s", "s"},
-    {"delay", "s", "s"},
-    {"Fc", "N·m", "N"},
-    {"Fv", "N·m·s/rad", "N·s/m"},
-    {"tilt_deg", "°", "°"},
-    {"azimuth_deg", "°", "°"},
-    {"t0", "s", "s"},
-    {"duration", "s", "s"},
-}};
-
-bool is_prismatic(const model::Robot& robot, int joint) {
-  return joint >= 0 && joint < robot.num_joints() &&
-         robot.joints[static_cast<std::size_t>(joint)].joint.type == JointType::kPrismatic;
-}
-
-std::string unit_of(const std::string& kind, const std::string& parameter, bool prismatic) {
-  std::string unit;
-  visit_joint_effect(joint_effect_kind(kind), [&](auto effect) {
-    for (const EffectParameter& p : decltype(effect)::kParameters) {
-      if (p.name == parameter) unit = prismatic ? p.prismatic_unit : p.unit;
-    }
-  });
-  if (unit.empty()) {
-    for (const UnitOf& u : kUnits) {
-      if (u.name == parameter) unit = prismatic ? u.prismatic_unit : u.unit;
-    }
-  }
-  return unit == "1" ? "" : unit;
-}
-
-/// Minus sign as printed text has it.
-std::string minus(std::string text) {
-  if (!text.empty() && text.front() == '-') text.replace(0, 1, "−");
-  return text;
-}
-
-/// A number without zeros at its end.
-std::string short_number(double value, int significant = 4) {
-  std::string text = number(value, significant);
-  if (text.find('.') == std::string::npos || text.find('e') != std::string::npos) return minus(text);
-  text.erase(text.find_last_not_of('0') + 1);
-  if (text.back() == '.') text.pop_back();
-  return minus(text);
-}
-
 /// Change for a column of numbers under "[%]".
 std::string percent_cell(double before, double after) {
   if (!(before > 0.0) || !std::isfinite(after)) return "–";
@@ -121,55 +36,6 @@ std::string list_of(const std::vector<std::string>& parts) {
   if (parts.size() < 2) return parts.empty() ? "" : parts.front();
   const std::vector<std::string> first(parts.begin(), parts.end() - 1);
   return fmt::format("{} and {}", fmt::join(first, ", "), parts.back());
-}
-
-std::optional<double> parameter(const Finding& finding, std::string_view name) {
-  for (const auto& [key, value] : finding.parameters) {
-    if (key == name) return value;
-  }
-  return std::nullopt;
-}
-
-std::string word(const Finding& finding, std::string_view name) {
-  for (const auto& [key, value] : finding.words) {
-    if (key == name) return value;
-  }
-  return "";
-}
-
-/// What is the matter, as the beginning of a sentence.
-std::string matter(const Finding& finding) {
-  if (finding.kind == "payload_change") {
-    const auto mass = parameter(finding, "mass"), time = parameter(finding, "time");
-    if (mass && time) {
-      return word(finding, "event") == "dropped"
-                 ? fmt::format("A load of {} kg was put down {} s into the training log",
-                               short_number(*mass, 3), short_number(*time, 3))
-                 : fmt::format("A load of {} kg was picked up {} s into the training log",
-                               short_number(*mass, 3), short_number(*time, 3));
-    }
-  }
-  if (finding.kind == "delay") {
-    if (const auto delay = parameter(finding, "delay")) {
-      return fmt::format("The torque channel is {} ms late", short_number(1e3 * *delay, 3));
-    }
-  }
-  if (finding.kind == "base_tilt") {
-    if (const auto tilt = parameter(finding, "tilt_deg")) {
-      return fmt::format("The base stands {}° off level", short_number(*tilt, 3));
-    }
-  }
-  if (finding.kind == "contact" && !finding.events.empty()) {
-    const std::size_t count = finding.events.size();
-    return fmt::format("Something pushed the arm in the training log, {} at {} s",
-                       count == 1 ? "once," : fmt::format("{} times, first", count),
-                       short_number(finding.events.front().first, 3));
-  }
-  if (finding.kind == "wrist_coupling") {
-    return "The motors of joints 5 and 6 both feel the friction of the two joints' sum (wrist coupling)";
-  }
-  if (finding.joint < 0) return "The model lacks " + effect_name(finding.kind);
-  return fmt::format("Joint {} lacks {}", finding.joint + 1, effect_name(finding.kind));
 }
 
 /// What it is worth on the validation logs.
@@ -205,7 +71,7 @@ std::string unexplained_in_words(const std::vector<diagnose::Unexplained>& unexp
 
 std::vector<std::string> names_of(const std::vector<diagnose::Rival>& rivals) {
   std::vector<std::string> names;
-  for (const diagnose::Rival& rival : rivals) names.push_back(effect_in_place(rival.kind, rival.joint));
+  for (const diagnose::Rival& rival : rivals) names.push_back(effect_in_place(rival.effect, rival.joint));
   return names;
 }
 
@@ -218,21 +84,22 @@ std::string joints_in_words(const std::set<int>& joints) {
 
 /// "presliding (friction hysteresis) in joints 1, 3 and 5", one entry a kind, the one with the strongest effect first.
 std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
-  std::vector<std::string> kinds;
+  std::vector<EffectKind> kinds;
   std::vector<std::set<int>> joints;
   for (const Finding& finding : findings) {
-    const auto at = std::find(kinds.begin(), kinds.end(), finding.kind);
+    const auto at = std::find(kinds.begin(), kinds.end(), finding.effect);
     const auto place = static_cast<std::size_t>(at - kinds.begin());
     if (at == kinds.end()) {
-      kinds.push_back(finding.kind);
+      kinds.push_back(finding.effect);
       joints.emplace_back();
     }
     if (finding.joint >= 0) joints[place].insert(finding.joint);
   }
+  std::vector<std::string> words;
   for (std::size_t k = 0; k < kinds.size(); ++k) {
-    kinds[k] = effect_name(kinds[k]) + (joints[k].empty() ? "" : " in " + joints_in_words(joints[k]));
+    words.push_back(effect_name(kinds[k]) + (joints[k].empty() ? "" : " in " + joints_in_words(joints[k])));
   }
-  return kinds;
+  return words;
 }
 
 bool has_scores(const validate::Score& before, const validate::Score& after) {
@@ -315,7 +182,7 @@ Eigen::VectorXd r2_in_band(const validate::Score& score, const validate::Score& 
 nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, bool with_score) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   for (const diagnose::Rival& rival : rivals) {
-    nlohmann::ordered_json entry{{"kind", rival.kind}, {"joint", joint_or_null(rival.joint)}};
+    nlohmann::ordered_json entry{{"kind", rival.effect.id()}, {"joint", joint_or_null(rival.joint)}};
     if (with_score) entry["delta_bic"] = number_or_null(rival.delta_bic);
     json.push_back(std::move(entry));
   }
@@ -343,9 +210,9 @@ nlohmann::ordered_json parameters_json(const Finding& finding) {
 }
 
 nlohmann::ordered_json effect_json(const Finding& finding) {
-  nlohmann::ordered_json json{{"kind", finding.kind},
+  nlohmann::ordered_json json{{"kind", finding.effect.id()},
                               {"joint", joint_or_null(finding.joint)},
-                              {"name", effect_name(finding.kind)},
+                              {"name", effect_name(finding.effect)},
                               {"parameters", parameters_json(finding)},
                               {"p_value", number_or_null(finding.p_value)},
                               {"delta_bic", number_or_null(finding.delta_bic)},
@@ -356,6 +223,7 @@ nlohmann::ordered_json effect_json(const Finding& finding) {
                               {"rivals", rivals_json(finding.rivals, true)},
                               {"equivalent", rivals_json(finding.equivalent, false)},
                               {"shown_by", shown_by(finding)}};
+  if (finding.driven_joint >= 0) json["driven_joint"] = finding.driven_joint + 1;
   if (finding.displacement != Displacement::kPosition)
     json["displacement"] = displacement_name(finding.displacement);
   return json;
@@ -376,90 +244,28 @@ std::string capital(std::string text) {
   return text;
 }
 
-std::string effect_name(const std::string& kind) {
-  for (const EffectWords& words : kNames) {
-    if (words.kind == kind) return std::string(words.name);
-  }
-  return kind;
-}
-
-std::string effect_in_place(const std::string& kind, int joint) {
-  const std::string name = effect_name(kind);
-  return joint < 0 ? name : fmt::format("{} in joint {}", name, joint + 1);
-}
-
 std::string finding_in_place(const Diagnosis& diagnosis, const Finding& finding) {
   const auto same = std::count_if(
       diagnosis.findings.begin(), diagnosis.findings.end(),
-      [&](const Finding& other) { return other.kind == finding.kind && other.joint == finding.joint; });
-  const bool one_of_two = same > 1 && joint_effect_has_memory(joint_effect_kind(finding.kind));
-  return effect_in_place(finding.kind, finding.joint) + (one_of_two ? ", one of two distances" : "");
+      [&](const Finding& other) { return other.effect == finding.effect && other.joint == finding.joint; });
+  const bool one_of_two = same > 1 && joint_effect_has_memory(finding.effect.joint_effect());
+  return effect_in_place(finding.effect, finding.joint) + (one_of_two ? ", one of two distances" : "");
 }
 
 std::vector<const Finding*> by_kind(const Diagnosis& diagnosis) {
   std::vector<const Finding*> order;
-  std::vector<std::string> kinds;
+  std::vector<EffectKind> kinds;
   for (const Finding& finding : diagnosis.findings) {
     order.push_back(&finding);
-    if (std::find(kinds.begin(), kinds.end(), finding.kind) == kinds.end()) kinds.push_back(finding.kind);
+    if (std::find(kinds.begin(), kinds.end(), finding.effect) == kinds.end()) kinds.push_back(finding.effect);
   }
   const auto place = [&](const Finding* f) {
-    return std::find(kinds.begin(), kinds.end(), f->kind) - kinds.begin();
+    return std::find(kinds.begin(), kinds.end(), f->effect) - kinds.begin();
   };
   std::stable_sort(order.begin(), order.end(), [&](const Finding* a, const Finding* b) {
     return place(a) != place(b) ? place(a) < place(b) : a->joint < b->joint;
   });
   return order;
-}
-
-std::string effect_equation(const std::string& kind) {
-  std::string equation;
-  for (const EffectWords& words : kNames) {
-    if (words.kind == kind) equation = words.equation;
-  }
-  visit_joint_effect(joint_effect_kind(kind), [&](auto effect) { equation = decltype(effect)::kEquation; });
-  return equation;
-}
-
-std::string shown_by(const Finding& finding) {
-  if (!finding.shown_by.empty()) return finding.shown_by;
-  std::string motion;
-  visit_joint_effect(joint_effect_kind(finding.kind),
-                     [&](auto effect) { motion = decltype(effect)::kShownBy; });
-  return motion;
-}
-
-std::string parameters_in_words(const Finding& finding, const model::Robot& robot) {
-  const bool prismatic = is_prismatic(robot, finding.joint);
-  std::vector<std::string> parts;
-  // Components of one vector stand together.
-  const auto x = parameter(finding, "com_x"), y = parameter(finding, "com_y"),
-             z = parameter(finding, "com_z");
-  const bool vector = x && y && z;
-  for (const auto& [name, value] : finding.parameters) {
-    if (vector && name == "com_x") {
-      parts.push_back(
-          fmt::format("com ({}, {}, {}) m", short_number(*x, 3), short_number(*y, 3), short_number(*z, 3)));
-    }
-    if (vector && name.starts_with("com_")) continue;
-    const std::string unit = unit_of(finding.kind, name, prismatic);
-    parts.push_back(
-        fmt::format("{} {}{}{}", name, short_number(value), unit.empty() || unit == "°" ? "" : " ", unit));
-  }
-  for (const auto& [name, value] : finding.words) parts.push_back(fmt::format("{} {}", name, value));
-  if (finding.displacement == Displacement::kVelocity) parts.push_back("by the velocity as logged");
-  if (finding.displacement == Displacement::kMeasured) parts.push_back("by velocity and position as logged");
-  for (std::size_t k = 0; k < finding.events.size(); ++k) {
-    std::string event = fmt::format("at {} s for {} s", short_number(finding.events[k].first, 4),
-                                    short_number(finding.events[k].second, 2));
-    if (k < finding.forces.size()) {
-      const Eigen::Vector3d& f = finding.forces[k];
-      event += fmt::format(" ({}, {}, {}) N", short_number(f.x(), 3), short_number(f.y(), 3),
-                           short_number(f.z(), 3));
-    }
-    parts.push_back(event);
-  }
-  return fmt::format("{}", fmt::join(parts, ", "));
 }
 
 std::string evidence_in_words(const Finding& finding) {
@@ -500,7 +306,7 @@ std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool wit
   std::vector<std::string> parts;
   for (const diagnose::Rival& rival : rivals) {
     parts.push_back(
-        effect_in_place(rival.kind, rival.joint) +
+        effect_in_place(rival.effect, rival.joint) +
         (with_score ? fmt::format(" (ΔBIC {})", minus(fmt::format("{:.0f}", rival.delta_bic))) : ""));
   }
   return fmt::format("{}", fmt::join(parts, "; "));
@@ -635,18 +441,20 @@ page::Table ranking_table(const Diagnosis& diagnosis, const model::Robot& robot)
     const std::string unit = torque_unit(robot, finding.main_joint);
     const bool judged = finding.validate_before > 0.0;
     table.add_row(
-        {fmt::format("{}", ++rank), finding.kind, joint(finding.joint), p_in_words(finding.p_value),
-         fmt::format("{:.0f}", finding.delta_bic), percent_cell(1.0, 1.0 - finding.cross_validated),
+        {fmt::format("{}", ++rank), std::string(finding.effect.id()), joint(finding.joint),
+         p_in_words(finding.p_value), fmt::format("{:.0f}", finding.delta_bic),
+         percent_cell(1.0, 1.0 - finding.cross_validated),
          judged ? fmt::format("joint\u00a0{}: {}\u00a0→\u00a0{}\u00a0{}", finding.main_joint + 1,
                               number(finding.validate_before, 3), number(finding.validate_after, 3), unit)
                 : "–",
          percent_cell(finding.validate_before, finding.validate_after)});
     for (const diagnose::Rival& rival : finding.equivalent) {
-      table.add_row({"", "= " + rival.kind, joint(rival.joint), "", "", "", "the same in this motion"});
+      table.add_row({"", "= " + std::string(rival.effect.id()), joint(rival.joint), "", "", "",
+                     "the same in this motion"});
     }
     for (const diagnose::Rival& rival : finding.rivals) {
-      table.add_row({"", "or " + rival.kind, joint(rival.joint), "", fmt::format("{:.0f}", rival.delta_bic),
-                     "", "rival"});
+      table.add_row({"", "or " + std::string(rival.effect.id()), joint(rival.joint), "",
+                     fmt::format("{:.0f}", rival.delta_bic), "", "rival"});
     }
   }
   return table;
@@ -656,7 +464,8 @@ page::Table refusal_table(const Diagnosis& diagnosis, std::size_t most) {
   page::Table table({"effect", "joint", "would explain", "refused because"});
   for (const diagnose::Refusal& refusal : strongest(diagnosis)) {
     if (table.rows().size() == most) break;
-    table.add_row({refusal.kind, refusal.joint < 0 ? "–" : fmt::format("{}", refusal.joint + 1),
+    table.add_row({std::string(refusal.effect.id()),
+                   refusal.joint < 0 ? "–" : fmt::format("{}", refusal.joint + 1),
                    fmt::format("{} %", number(100.0 * refusal.gain, 2)), refusal.why});
   }
   return table;
@@ -679,8 +488,8 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
     const auto line = [&](const char* label, const std::string& content) {
       if (!content.empty()) text += fmt::format("   {:<12}{}\n", label, content);
     };
-    line("kind", finding.kind);
-    line("term", effect_equation(finding.kind));
+    line("kind", std::string(finding.effect.id()));
+    line("term", effect_equation(finding));
     line("parameters", parameters_in_words(finding, robot));
     line("evidence", evidence_in_words(finding));
     line("validation",
@@ -778,7 +587,7 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   }
   json["refused"] = nlohmann::ordered_json::array();
   for (const diagnose::Refusal& refusal : strongest(diagnosis)) {
-    json["refused"].push_back({{"kind", refusal.kind},
+    json["refused"].push_back({{"kind", refusal.effect.id()},
                                {"joint", joint_or_null(refusal.joint)},
                                {"why", refusal.why},
                                {"gain", number_or_null(refusal.gain)}});

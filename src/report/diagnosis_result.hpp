@@ -7,6 +7,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "effect_words.hpp"
 #include "heft/diagnose/diagnosis.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/page/table.hpp"
@@ -21,22 +22,12 @@ struct DiagnosisContext {
   host::Judgement torque{};  ///< of the logs' torque, held against the robot
 };
 
-/// "Stribeck friction", "a spring", to stand behind "lacks"; an id that heft does not know is its own name.
-std::string effect_name(const std::string& kind);
-/// The same with its first letter large.
+/// Its first letter large.
 std::string capital(std::string text);
-/// "Stribeck friction in joint 2", "a delay of the torque channel".
-std::string effect_in_place(const std::string& kind, int joint);
-/// The same of a finding; friction that remembers one of two distances of a joint says so.
+/// "Stribeck friction in joint 2"; friction that remembers one of two distances of a joint says so.
 std::string finding_in_place(const diagnose::Diagnosis& diagnosis, const diagnose::Finding& finding);
 /// Findings kind by kind, that of the strongest first, each kind in the order of the joints.
 std::vector<const diagnose::Finding*> by_kind(const diagnose::Diagnosis& diagnosis);
-/// "Fs 1.2 N·m, vs 0.05 rad/s": numbers with units, words, events.
-std::string parameters_in_words(const diagnose::Finding& finding, const model::Robot& robot);
-/// The term that an effect adds, as text; empty for an id that heft does not know.
-std::string effect_equation(const std::string& kind);
-/// The motion that would tell an effect from its rivals; empty: not known.
-std::string shown_by(const diagnose::Finding& finding);
 /// "p 3e-9, ΔBIC −812, error on blocks not fitted −31 %".
 std::string evidence_in_words(const diagnose::Finding& finding);
 /// "rms 1.59, noise 1.1; shares: drifts slowly 25 %; swings at 0.20 Hz 6.9 %".

@@ -5,15 +5,20 @@
 #include <memory>
 #include <numbers>
 #include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
+
+#include "heft/core/effects/arm_effects.hpp"
 
 namespace heft::sim {
 namespace {
 
 /// A force on the tool that sets in and ends smoothly.
-struct Contact {
+struct Push {
   double start, duration;
   Eigen::Vector3d force;
 
@@ -30,13 +35,7 @@ struct Contact {
 
 std::vector<std::string> known_kinds() {
   std::vector<std::string> kinds;
-  for (int kind = 0; kind < kNumJointEffects; ++kind) {
-    visit_joint_effect(kind, [&](auto effect) { kinds.emplace_back(decltype(effect)::kId); });
-  }
-  for (const char* kind :
-       {"elasticity", "delay", "wrist_coupling", "base_tilt", "contact", "payload_change"}) {
-    kinds.emplace_back(kind);
-  }
+  for (const EffectKind& kind : kEffectKinds) kinds.emplace_back(kind.id());
   std::sort(kinds.begin(), kinds.end());
   return kinds;
 }
@@ -87,35 +86,64 @@ void read_joint_effect(const SettingsReader& reader, int kind, const model::Robo
   effects.push_back(make_joint_effect(effect, acting.joints[i].actuation));
 }
 
-void read_elasticity(const SettingsReader& reader, SimulationSettings& settings) {
+/// The scenario's effects while they are read.
+struct Reading {
+  SimulationSettings& settings;
+  std::vector<Push> contacts{};
+  std::vector<std::pair<int, int>> coupled{};  ///< driving and driven joints
+};
+
+// A new arm effect needs its overload here.
+void read(ElasticJoint, const SettingsReader& reader, Reading& reading) {
+  model::Robot& robot = reading.settings.robot;
   Elasticity<double> e;
-  e.joint = read_joint(reader, settings.robot.num_joints());
-  for (const Elasticity<double>& other : settings.robot.elasticities) {
+  e.joint = read_joint(reader, robot.num_joints());
+  for (const Elasticity<double>& other : robot.elasticities) {
     if (other.joint == e.joint)
       reader.refuse("joint", "", "each elastic joint once", "leave one of the two out");
   }
   e.stiffness = reader.number("stiffness", Range::kPositive);
   e.damping = reader.number_or("damping", 0.0, Range::kNotNegative);
   e.motor_inertia = reader.number("motor_inertia", Range::kPositive);
-  settings.robot.elasticities.push_back(e);
+  robot.elasticities.push_back(e);
 }
 
-void read_wrist_coupling(const SettingsReader& reader, SimulationSettings& settings) {
-  const int n = settings.robot.num_joints();
-  if (n < 6) {
-    reader.refuse("kind", fmt::format("\"wrist_coupling\" on an arm of {} joints", n),
-                  "an arm with joints 5 and 6", "leave it out");
-  }
+void read(Delay, const SettingsReader& reader, Reading& reading) {
+  reading.settings.robot.torque_delay = reader.number("delay", Range::kNotNegative);
+}
+
+/// Joints 5 and 6 where the scenario does not name a pair.
+void read(WristCoupling, const SettingsReader& reader, Reading& reading) {
+  model::Robot& robot = reading.settings.robot;
+  const int n = robot.num_joints();
   GearCoupling<double> coupling;
   coupling.driving = 4;
   coupling.driven = 5;
+  const bool named = reader.has("driving") || reader.has("driven");
+  if (named) {
+    coupling.driving = static_cast<int>(reader.whole_number("driving", 1, n)) - 1;
+    coupling.driven = static_cast<int>(reader.whole_number("driven", 1, n)) - 1;
+    if (coupling.driving == coupling.driven)
+      reader.refuse("driven", "", "another joint than \"driving\"", "name two joints");
+  } else if (n < 6) {
+    reader.refuse("kind", fmt::format("\"{}\" on an arm of {} joints", WristCoupling::kId, n),
+                  "an arm with joints 5 and 6, or the joints named with \"driving\" and \"driven\"",
+                  "name them or leave it out");
+  }
+  const std::pair<int, int> pair{coupling.driving, coupling.driven};
+  if (std::find(reading.coupled.begin(), reading.coupled.end(), pair) != reading.coupled.end()) {
+    reader.refuse("kind", fmt::format("\"{}\" of the same joints a second time", WristCoupling::kId),
+                  "each pair of joints once", "leave one of the two out");
+  }
+  reading.coupled.push_back(pair);
   coupling.ratio = reader.number_or("ratio", 1.0);
   coupling.coulomb_friction = reader.number_or("Fc", 0.0, Range::kNotNegative);
   coupling.viscous_friction = reader.number_or("Fv", 0.0, Range::kNotNegative);
-  settings.robot.couplings.push_back(coupling);
+  robot.couplings.push_back(coupling);
 }
 
-void read_base_tilt(const SettingsReader& reader, SimulationSettings& settings) {
+void read(BaseTilt, const SettingsReader& reader, Reading& reading) {
+  SimulationSettings& settings = reading.settings;
   const double degree = std::numbers::pi / 180.0;
   const Eigen::Vector3d level =
       settings.gravity ? *settings.gravity
@@ -124,70 +152,71 @@ void read_base_tilt(const SettingsReader& reader, SimulationSettings& settings) 
                                     reader.number_or("azimuth_deg", 0.0) * degree);
 }
 
-void read_contact(const SettingsReader& reader, std::vector<Contact>& contacts) {
+void read(Contact, const SettingsReader& reader, Reading& reading) {
   for (const SettingsReader& event : reader.objects("events")) {
-    contacts.push_back({event.number("t0", Range::kNotNegative), event.number("duration", Range::kPositive),
-                        event.numbers("force", 3)});
+    reading.contacts.push_back({event.number("t0", Range::kNotNegative),
+                                event.number("duration", Range::kPositive), event.numbers("force", 3)});
     event.finish();
   }
 }
 
-void read_payload_change(const SettingsReader& reader, SimulationSettings& settings) {
+void read(PayloadChange, const SettingsReader& reader, Reading& reading) {
   const bool picked_up = reader.word("event", {"picked_up", "dropped"}) == "picked_up";
   const double time = reader.number("time", Range::kNotNegative);
   const Body body = read_body(reader);
+  auto& events = reading.settings.payload_events;
   if (picked_up) {
-    settings.payload_events = {{true, body, time, {}, 0.0}};
+    events = {{true, body, time, {}, 0.0}};
   } else {
-    settings.payload_events = {{true, body, 0.0, {}, 0.0}, {false, {}, time, {}, 0.0}};
+    events = {{true, body, 0.0, {}, 0.0}, {false, {}, time, {}, 0.0}};
   }
 }
+
+/// What an arm has once.
+template <typename Effect>
+constexpr bool kOnce = std::is_same_v<Effect, Delay> || std::is_same_v<Effect, BaseTilt> ||
+                       std::is_same_v<Effect, PayloadChange>;
+
+/// Key of the scenario that says the same; empty: none.
+template <typename Effect>
+constexpr std::string_view kKey = "";
+template <>
+constexpr std::string_view kKey<BaseTilt> = "base_tilt";
+template <>
+constexpr std::string_view kKey<PayloadChange> = "payload";
 
 }  // namespace
 
 void read_effects(const SettingsReader& top, const model::Robot& acting, SimulationSettings& settings) {
   const std::vector<std::string> kinds = known_kinds();
-  std::vector<Contact> contacts;
-  std::vector<std::string> seen;
+  Reading reading{settings};
+  std::vector<EffectKind> seen;
   for (const SettingsReader& reader : top.objects("effects")) {
-    const std::string kind = reader.word("kind", kinds);
-    // An effect of the whole arm occurs once.
-    for (const char* single : {"delay", "base_tilt", "payload_change", "wrist_coupling"}) {
-      if (kind == single && std::find(seen.begin(), seen.end(), kind) != seen.end()) {
-        reader.refuse("kind", fmt::format("\"{}\" a second time", kind), "it once",
-                      "leave one of the two out");
-      }
-    }
+    const std::string id = reader.word("kind", kinds);
+    const EffectKind kind = *effect_with_id(id);
+    const bool again = std::find(seen.begin(), seen.end(), kind) != seen.end();
     seen.push_back(kind);
-    for (const auto& [effect, key] :
-         {std::pair{"base_tilt", "base_tilt"}, std::pair{"payload_change", "payload"}}) {
-      if (kind == effect && top.has(key)) {
-        reader.refuse("kind",
-                      fmt::format("both the effect \"{}\" and the key \"{}\" of the scenario", kind, key),
+    kind.visit([&](auto type) {
+      using Effect = decltype(type);
+      if (kOnce<Effect> && again) {
+        reader.refuse("kind", fmt::format("\"{}\" a second time", id), "it once", "leave one of the two out");
+      }
+      if (!kKey<Effect>.empty() && top.has(std::string(kKey<Effect>))) {
+        reader.refuse("kind", fmt::format("both the effect \"{}\" and the key \"{}\" of the scenario", id, kKey<Effect>),
                       "one of the two", "leave one out");
       }
-    }
-    if (const int joint_effect = joint_effect_kind(std::string_view(kind)); joint_effect >= 0) {
-      read_joint_effect(reader, joint_effect, acting, settings);
-    } else if (kind == "elasticity") {
-      read_elasticity(reader, settings);
-    } else if (kind == "delay") {
-      settings.robot.torque_delay = reader.number("delay", Range::kNotNegative);
-    } else if (kind == "wrist_coupling") {
-      read_wrist_coupling(reader, settings);
-    } else if (kind == "base_tilt") {
-      read_base_tilt(reader, settings);
-    } else if (kind == "contact") {
-      read_contact(reader, contacts);
-    } else {
-      read_payload_change(reader, settings);
-    }
+      if constexpr (ArmEffect<Effect>) {
+        read(type, reader, reading);
+      } else {
+        read_joint_effect(reader, joint_effect_kind<Effect>(), acting, settings);
+      }
+    });
     reader.finish();
   }
-  if (contacts.empty()) return;
-  settings.tool_wrench = [contacts](double t) {
+  if (reading.contacts.empty()) return;
+  settings.tool_wrench = [contacts = std::move(reading.contacts)](double t) {
     Wrench wrench;
-    for (const Contact& contact : contacts) wrench.force += contact.share(t) * contact.force;
+    for (const Push& contact : contacts) wrench.force += contact.share(t) * contact.force;
     return wrench;
   };
 }

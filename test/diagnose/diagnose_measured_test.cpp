@@ -45,7 +45,7 @@ TEST_P(Example, IsNamedAndComesWithinTenPercentOfTheOracle) {
     EXPECT_TRUE(d.findings.empty());
   } else {
     ASSERT_EQ(d.findings.size(), 1U);
-    EXPECT_EQ(d.findings[0].kind, truth.at("kind").get<std::string>());
+    EXPECT_EQ(d.findings[0].effect.id(), truth.at("kind").get<std::string>());
     EXPECT_EQ(d.findings[0].joint, truth.at("joint").is_null() ? -1 : truth.at("joint").get<int>() - 1);
   }
   for (int j = 0; j < robot.num_joints(); ++j) {
@@ -69,11 +69,11 @@ TEST(MeasuredTx40, WristCouplingIsFoundWithoutBeingTold) {
   const auto [train, judge] = cut_in_two(log_of(folder / "run-first6s.csv", robot.num_joints()));
   const Diagnosis d = diagnose(robot, {train}, {judge});
   ASSERT_FALSE(d.findings.empty());
-  EXPECT_EQ(d.findings[0].kind, "wrist_coupling");
+  EXPECT_TRUE(d.findings[0].effect.is<WristCoupling>());
   EXPECT_LT(d.validate_after.rmse_in_band[4], 0.3 * d.validate_before.rmse_in_band[4]);
   EXPECT_LT(d.validate_after.rmse_in_band[5], 0.4 * d.validate_before.rmse_in_band[5]);
   EXPECT_LT(d.validate_after.rmse[4], 0.3 * d.validate_before.rmse[4]);
-  for (const Finding& f : d.findings) EXPECT_LE(f.validate_after, f.validate_before) << f.kind;
+  for (const Finding& f : d.findings) EXPECT_LE(f.validate_after, f.validate_before) << f.effect.id();
 }
 
 TEST(MeasuredUr10e, NoAcceptedEffectRaisesTheErrorOnARunNotSeen) {
@@ -86,7 +86,8 @@ TEST(MeasuredUr10e, NoAcceptedEffectRaisesTheErrorOnARunNotSeen) {
   const Diagnosis d = diagnose(robot, {log("exc-12h-50s.csv"), log("exc-12h-40s.csv"), log("exc-8h-20s.csv")},
                                {log("exc-14h-50s.csv")}, options);
   EXPECT_FALSE(d.findings.empty());
-  for (const Finding& f : d.findings) EXPECT_LE(f.validate_after, f.validate_before) << f.kind << f.joint;
+  for (const Finding& f : d.findings)
+    EXPECT_LE(f.validate_after, f.validate_before) << f.effect.id() << f.joint;
   for (int j = 0; j < 6; ++j) EXPECT_LT(d.validate_after.rmse[j], 1.002 * d.validate_before.rmse[j]) << j + 1;
   // The loaded gears of shoulder and elbow and the resting wrist: what this robot's model lacks most.
   EXPECT_LT(d.validate_after.rmse[1], 0.9 * d.validate_before.rmse[1]);

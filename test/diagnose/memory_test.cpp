@@ -91,7 +91,7 @@ TEST(Memory, GoesByTheVelocityWhereTheEncoderIsTooCoarse) {
     const Diagnosis d = diagnose(arm(), {log(1), log(2), log(3)}, {log(4)});
     const Finding* found = nullptr;
     for (const Finding& f : d.findings) {
-      EXPECT_TRUE(f.kind == "hysteresis" && f.joint == 0) << f.kind << " " << f.joint + 1;
+      EXPECT_TRUE(f.effect.is<Hysteresis>() && f.joint == 0) << f.effect.id() << " " << f.joint + 1;
       found = &f;
     }
     ASSERT_NE(found, nullptr) << velocities;
@@ -123,13 +123,13 @@ TEST(Memory, OfTwoDistancesIsFoundWhereThreeRunsAgree) {
 
   const Diagnosis two = diagnose(arm(), {log(1), log(2)}, {log(4)});
   ASSERT_EQ(two.findings.size(), 1u);
-  EXPECT_EQ(two.findings[0].kind, "hysteresis");
+  EXPECT_TRUE(two.findings[0].effect.is<Hysteresis>());
 
   const Diagnosis three = diagnose(arm(), {log(1), log(2), log(3)}, {log(4)});
   ASSERT_EQ(three.findings.size(), 2u);
   std::vector<std::pair<double, double>> found;  // distance and part
   for (const Finding& f : three.findings) {
-    EXPECT_TRUE(f.kind == "hysteresis" && f.joint == 0) << f.kind << " " << f.joint + 1;
+    EXPECT_TRUE(f.effect.is<Hysteresis>() && f.joint == 0) << f.effect.id() << " " << f.joint + 1;
     found.emplace_back(f.parameters[0].second, 1.0 - f.parameters[1].second);
   }
   std::sort(found.begin(), found.end());
@@ -162,7 +162,7 @@ TEST(Size, ThatMattersIsLessWhereThreeRunsAgree) {
   model::Robot robot = arm();
   robot.joints[1].actuation.friction_offset = 0.04;
   const auto log = [&robot](unsigned seed) { return log_of(robot, seed, false); };
-  const auto is_the_offset = [](const auto& x) { return x.kind == "offset" && x.joint == 1; };
+  const auto is_the_offset = [](const auto& x) { return x.effect.template is<Offset>() && x.joint == 1; };
 
   const Diagnosis two = diagnose(arm(), {log(2), log(3)}, {log(4)});
   EXPECT_TRUE(two.findings.empty());

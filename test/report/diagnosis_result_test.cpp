@@ -56,8 +56,7 @@ Diagnosis empty_diagnosis() {
 }
 
 Finding stribeck() {
-  Finding finding;
-  finding.kind = "stribeck";
+  Finding finding(Stribeck{});
   finding.joint = finding.main_joint = 0;
   finding.parameters = {{"Fs", 1.2}, {"vs", 0.05}};
   finding.p_value = 3e-9;
@@ -65,7 +64,7 @@ Finding stribeck() {
   finding.cross_validated = 0.31;
   finding.validate_before = 0.43;
   finding.validate_after = 0.29;
-  finding.rivals = {{"viscous_nonlinear", 0, -640.0}};
+  finding.rivals = {{ViscousNonlinear{}, 0, -640.0}};
   return finding;
 }
 
@@ -84,16 +83,15 @@ TEST(DiagnosisVerdict, NamesJointEffectAndWhatItIsWorth) {
 TEST(DiagnosisVerdict, SaysWhatTheMotionCannotTellApart) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
-  diagnosis.findings[0].kind = "offset";
-  diagnosis.findings[0].equivalent = {{"spring", 0, 0.0}};
+  diagnosis.findings[0].effect = Offset{};
+  diagnosis.findings[0].equivalent = {{Spring{}, 0, 0.0}};
   EXPECT_THAT(report::diagnosis_verdict(diagnosis),
               EndsWith("In this motion it cannot be told from a spring in joint 1."));
 }
 
 TEST(DiagnosisVerdict, ListsSeveralEffects) {
   Diagnosis diagnosis = empty_diagnosis();
-  Finding delay;
-  delay.kind = "delay";
+  Finding delay(Delay{});
   delay.main_joint = 1;
   diagnosis.findings = {stribeck(), delay};
   diagnosis.validate_after = score_of(0.29, 0.3);
@@ -106,14 +104,14 @@ TEST(DiagnosisVerdict, ListsSeveralEffects) {
 
 TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
   Diagnosis diagnosis = empty_diagnosis();
-  const auto of = [](const char* kind, int joint) {
+  const auto of = [](EffectKind effect, int joint) {
     Finding finding = stribeck();
-    finding.kind = kind;
+    finding.effect = effect;
     finding.joint = joint;
     return finding;
   };
-  diagnosis.findings = {of("stribeck", 0), of("offset", 1), of("spring", 0), of("offset", 0),
-                        of("ripple", 0)};
+  diagnosis.findings = {of(Stribeck{}, 0), of(Offset{}, 1), of(Spring{}, 0), of(Offset{}, 0),
+                        of(Ripple{}, 0)};
   diagnosis.unexplained = {{0, "this", {}}, {1, "that", {}}, {1, "more", {}}};
   EXPECT_EQ(
       report::diagnosis_verdict(diagnosis),
@@ -126,7 +124,7 @@ TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
 TEST(DiagnosisVerdict, NamesPreslidingOfTwoDistancesOnce) {
   Diagnosis diagnosis = empty_diagnosis();
   Finding memory = stribeck();
-  memory.kind = "hysteresis";
+  memory.effect = Hysteresis{};
   diagnosis.findings = {memory, memory, stribeck()};
   EXPECT_THAT(
       report::diagnosis_verdict(diagnosis),
@@ -140,9 +138,9 @@ TEST(DiagnosisVerdict, NamesPreslidingOfTwoDistancesOnce) {
 
 TEST(DiagnosisVerdict, NamesOtherJointsThatGainMuch) {
   Diagnosis diagnosis = empty_diagnosis();
-  Finding coupling;
-  coupling.kind = "wrist_coupling";
+  Finding coupling(WristCoupling{});
   coupling.joint = 4;
+  coupling.driven_joint = 5;
   coupling.main_joint = 1;
   coupling.validate_before = 0.6;
   coupling.validate_after = 0.5;
@@ -207,8 +205,7 @@ TEST(DiagnosisVerdict, DoesNotCallARiseACut) {
 
 TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
   Diagnosis diagnosis = empty_diagnosis();
-  Finding load;
-  load.kind = "payload_change";
+  Finding load(PayloadChange{});
   load.parameters = {{"mass", 0.5}, {"com_x", 0.01}, {"com_y", 0.02}, {"com_z", -0.1}, {"time", 14.2}};
   load.words = {{"event", "picked_up"}};
   load.main_joint = 1;
@@ -224,19 +221,20 @@ TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
 
 TEST(DiagnosisWords, TellEffectsKindByKindAndJointByJoint) {
   Diagnosis diagnosis = empty_diagnosis();
-  const auto of = [](const char* kind, int joint) {
+  const auto of = [](EffectKind effect, int joint) {
     Finding finding = stribeck();
-    finding.kind = kind;
+    finding.effect = effect;
     finding.joint = joint;
     return finding;
   };
-  diagnosis.findings = {of("hysteresis", 1), of("offset", 0), of("hysteresis", 0)};
+  diagnosis.findings = {of(Hysteresis{}, 1), of(Offset{}, 0), of(Hysteresis{}, 0)};
   EXPECT_THAT(
       report::diagnosis_verdict(diagnosis),
       StartsWith("3 effects are missing: presliding (friction hysteresis) in joints 1 and 2 and a torque "
                  "offset in joint 1."));
   std::vector<std::string> order;
-  for (const Finding* f : report::by_kind(diagnosis)) order.push_back(f->kind + std::to_string(f->joint));
+  for (const Finding* f : report::by_kind(diagnosis))
+    order.push_back(std::string(f->effect.id()) + std::to_string(f->joint));
   EXPECT_THAT(order, ::testing::ElementsAre("hysteresis0", "hysteresis1", "offset0"));
 }
 
@@ -258,18 +256,16 @@ TEST(DiagnosisWords, TellAJointThatIsNotExplainedBeforeAnythingElse) {
 
 TEST(DiagnosisJson, HasTheFieldsOfTheContract) {
   Diagnosis diagnosis = empty_diagnosis();
-  Finding contact;
-  contact.kind = "contact";
+  Finding contact(Contact{});
   contact.events = {{3.0, 0.5}, {9.0, 0.7}};
   contact.forces = {{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}};
-  Finding load;
-  load.kind = "payload_change";
+  Finding load(PayloadChange{});
   load.parameters = {{"mass", 0.5}, {"com_x", 0.01}, {"com_y", 0.02}, {"com_z", -0.1}, {"time", 14.2}};
   load.words = {{"event", "dropped"}};
   diagnosis.findings = {stribeck(), contact, load};
-  diagnosis.findings[0].equivalent = {{"spring", 1, 0.0}};
+  diagnosis.findings[0].equivalent = {{Spring{}, 1, 0.0}};
   diagnosis.unexplained = {{-1, "something", {{"coherence", 0.7}}}};
-  diagnosis.refusals = {{"ripple", 0, "weak", 0.01}, {"spring", 1, "worse on day 2", 0.2}};
+  diagnosis.refusals = {{Ripple{}, 0, "weak", 0.01}, {Spring{}, 1, "worse on day 2", 0.2}};
   const auto json = report::diagnosis_json(diagnosis, kContext);
   EXPECT_EQ(json.at("band_hz"), 8.0);
   for (const char* log : {"train", "validate"}) {
@@ -317,7 +313,7 @@ TEST(DiagnosisJson, NothingFoundIsAnEmptyList) {
 TEST(DiagnosisText, GivesParametersWithUnitsRivalsAndRefusals) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
-  diagnosis.refusals = {{"ripple", 0, "leads the motion", 0.02}};
+  diagnosis.refusals = {{Ripple{}, 0, "leads the motion", 0.02}};
   const std::string text = report::diagnosis_text(diagnosis, kContext);
   EXPECT_THAT(text,
               AllOf(StartsWith("Joint 1 lacks Stribeck friction"), HasSubstr("Fs 1.2 N·m, vs 0.05 rad/s"),

@@ -235,6 +235,25 @@ TEST(Scenario, EffectsScaleTheFrictionThatIsSimulated) {
   EXPECT_EQ(drift(R"("friction": {"model": "none"}, )"), 0.0);
 }
 
+TEST(Scenario, CouplesAnyPairOfJoints) {
+  const auto couplings = [](const std::string& effect) {
+    return parse_scenario(R"({"robot": "arm", "duration": 0.1, "initial": {"position": 0}, "effects": [)" +
+                              effect + "]}",
+                          "arm.json", [](const std::string&) { return test::six_joint_arm(); })
+        .settings.robot.couplings;
+  };
+  const auto named = couplings(
+      R"({"kind": "wrist_coupling", "driving": 2, "driven": 4, "Fc": 1}, {"kind": "wrist_coupling", "Fv": 2})");
+  ASSERT_EQ(named.size(), 2U);
+  EXPECT_EQ(named[0].driving, 1);
+  EXPECT_EQ(named[0].driven, 3);
+  EXPECT_EQ(named[0].coulomb_friction, 1.0);
+  // As scenarios without a pair have always meant.
+  EXPECT_EQ(named[1].driving, 4);
+  EXPECT_EQ(named[1].driven, 5);
+  EXPECT_EQ(named[1].viscous_friction, 2.0);
+}
+
 TEST(Scenario, MessagesOfEffectsNamePathFoundAndExpected) {
   const BadScenario cases[] = {
       {R"("effects": {})", "/effects", "{}", "an array of objects"},

@@ -269,7 +269,7 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   Table table({"joint", "found", "evidence"});
   std::vector<std::string> known;
   for (const diagnose::Finding& finding : diagnosis.findings) {
-    if (finding.kind != "elasticity") continue;
+    if (!finding.effect.is<ElasticJoint>()) continue;
     nlohmann::ordered_json entry{{"joint", finding.joint + 1}, {"p_value", finding.p_value}};
     for (const auto& [name, value] : finding.parameters) {
       entry[name] = value;
@@ -284,7 +284,7 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   if (known.empty()) {
     std::vector<std::string> why;
     for (const diagnose::Refusal& refusal : diagnosis.refusals) {
-      if (refusal.kind == "elasticity")
+      if (refusal.effect.is<ElasticJoint>())
         why.push_back(fmt::format("joint {}: {}", refusal.joint + 1, refusal.why));
     }
     throw NotIdentifiableError(

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "heft/core/effects/arm_effects.hpp"
 #include "heft/data/log.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/validate/score.hpp"
@@ -18,32 +19,36 @@ namespace heft::diagnose {
 
 /// Another effect that explains nearly as much, or the same.
 struct Rival {
-  std::string kind;
+  EffectKind effect;
   int joint{-1};          ///< counted from 0; -1: the whole arm
   double delta_bic{0.0};  ///< as in Finding
 };
 
 /// An effect found.
 struct Finding {
-  std::string kind;                                        ///< id of the contract
-  int joint{-1};                                           ///< counted from 0; -1: the whole arm
-  std::vector<std::pair<std::string, double>> parameters;  ///< names as in the contract, SI
+  explicit Finding(EffectKind which) : effect(which) {}
+
+  EffectKind effect;
+  int joint{-1};  ///< counted from 0; -1: the whole arm
+  int driven_joint{
+      -1};  ///< wrist coupling: the joint whose motor turns with `joint` as well; -1: other effects
+  std::vector<std::pair<std::string, double>> parameters;  ///< by the names of the effect's kParameters, SI
   std::vector<std::pair<std::string, std::string>> words;  ///< parameters that are no numbers ("event")
   std::vector<std::pair<double, double>> events;           ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;                     ///< contact: on the robot, world frame [N]
-  double p_value{1.0};          ///< robust to correlated residuals, times the number of candidates tried
-  double delta_bic{0.0};        ///< with effective samples and the candidates tried; negative: better with it
-  double cross_validated{0.0};  ///< fall of the rms error of its joint on blocks not fitted, as a share
+  double p_value{1.0};    ///< robust to correlated residuals, times the number of candidates tried
+  double delta_bic{0.0};  ///< with effective samples and the candidates tried; negative: better with it
+  /// Fall of the rms error of its main joint on blocks not fitted, as a share; NaN for a contact, which is there once.
+  double cross_validated{0.0};
   double validate_before{0.0}, validate_after{0.0};    ///< rms error of its main joint on the validation logs
-  int main_joint{0};                                   ///< where it shows most
+  int main_joint{0};                                   ///< where it lowers the error most, as a share
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by, if it has one
   std::vector<Rival> rivals, equivalent;
-  std::string shown_by;  ///< the motion that would tell it from its rivals
 };
 
 /// An effect that was considered and not taken.
 struct Refusal {
-  std::string kind;
+  EffectKind effect;
   int joint{-1};
   std::string why;
   double gain{0.0};  ///< share of its joint's squared error that it would have explained
@@ -80,6 +85,9 @@ struct DiagnoseOptions {
   double band{0.0};    ///< of the figures in band [Hz]; 0: validate::default_band
   int most_effects{20};
   bool joint_sensor{false};  ///< torque was measured behind the gear: no rotor inertia is looked for
+  /// Pairs of joints that may share a motor, with the ratio of each. Those of the robot's own couplings are tried as well;
+  /// where there are none at all, joints 5 and 6.
+  std::vector<GearCoupling<double>> couplings{};
   std::function<void(const std::string& what, double done)> progress{};  ///< done within 0..1; may be empty
   std::function<void(const std::string& line)>
       trace{};  ///< gets what the search sees, for the curious; may be empty

@@ -1,0 +1,17 @@
+#include "arm_search.hpp"
+
+#include <numeric>
+
+namespace heft::diagnose {
+
+std::vector<int> all_joints(int n) {
+  std::vector<int> joints(static_cast<std::size_t>(n));
+  std::iota(joints.begin(), joints.end(), 0);
+  return joints;
+}
+
+Trial judge(const Workbench& bench, const Candidate& candidate) {
+  return bench.problem->judge(bench.problem->moments(candidate.columns));
+}
+
+}  // namespace heft::diagnose

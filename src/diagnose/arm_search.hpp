@@ -1,0 +1,60 @@
+/// @file
+/// How the arm effects are found: one file each under effects/.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "candidates.hpp"
+#include "heft/core/effects/arm_effects.hpp"
+#include "heft/diagnose/diagnosis.hpp"
+
+namespace heft::diagnose {
+
+/// What a diagnosis does with an arm effect.
+struct ArmSearch {
+  /// Candidates, judged.
+  /// @param joints  n: where an effect that sits in one joint is tried; the others do not look at it
+  std::vector<Candidate> (*propose)(const Workbench& bench, const std::vector<bool>& joints);
+  /// Puts what was fitted into a robot.
+  /// @param c  coefficients of the effect's columns
+  void (*apply)(const Candidate& effect, const Eigen::VectorXd& c, model::Robot& robot);
+  /// Fills in the finding's parameters, words and events.
+  /// @param robot  the fitted one, with the effect
+  void (*describe)(const Candidate& effect, const Eigen::VectorXd& c, const model::Robot& robot,
+                   Finding& finding);
+};
+
+// A new entry of ArmEffectTypes needs its line here and its file.
+ArmSearch search_of(ElasticJoint);
+ArmSearch search_of(Delay);
+ArmSearch search_of(BaseTilt);
+ArmSearch search_of(PayloadChange);
+ArmSearch search_of(WristCoupling);
+ArmSearch search_of(Contact);
+
+/// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.
+Columns tilt_columns(const Workbench& bench);
+
+// For the files under effects/ -----------------------------------------------------------------------------
+
+/// 0, 1, ... n - 1.
+std::vector<int> all_joints(int n);
+
+Trial judge(const Workbench& bench, const Candidate& candidate);
+
+/// Takes the best of several shapes where it is better than what there is.
+/// @param columns_of  columns of a shape
+template <typename Shapes, typename ColumnsOf>
+void take_best(const Workbench& bench, const Shapes& shapes, const ColumnsOf& columns_of, double& best,
+               double& best_gain) {
+  std::vector<Columns> candidates;
+  for (const double shape : shapes) candidates.push_back(columns_of(shape));
+  const std::vector<double> gains = bench.problem->gains(candidates);
+  for (std::size_t i = 0; i < gains.size(); ++i) {
+    if (gains[i] > best_gain) best_gain = gains[i], best = shapes[i];
+  }
+}
+
+}  // namespace heft::diagnose

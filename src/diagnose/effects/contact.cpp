@@ -1,0 +1,228 @@
+// Outer forces that come and go.
+#include "contact.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "../arm_search.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "heft/model/kinematics.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+namespace {
+
+/// Chi-square (three degrees) of a stretch of time, scaled to the residual elsewhere, from which on it is a touch:
+/// far above what friction leaves at a reversal.
+constexpr double kTouch = 1000.0;
+/// Least part of what forces of single bins could explain that the one force must: a push holds its direction.
+constexpr double kOneForce = 0.6;
+/// A touch stands alone. Where the next stretch comes to a third of it, something else is wrong all along.
+constexpr double kAlone = 3.0;
+constexpr int kMostTouches = 6;
+constexpr double kBin = 0.02, kShortest = 0.26, kLongest = 1.2, kMargin = 0.1;  // [s]
+
+/// Rows of a bin that count for a joint. A joint at rest holds with whatever part of its friction it stopped with:
+/// that is no touch.
+VectorXd counted_rows(const Workbench& bench, Index from, Index count, int joint) {
+  const MotionTable& table = *bench.table;
+  const auto moves =
+      (bench.motion->qd.col(joint).segment(from, count).array().abs() > 2.0 * table.sign_width[joint])
+          .cast<double>();
+  return table.keep.col(joint).segment(from, count).array() * moves;
+}
+
+/// One log's residual in bins.
+class BinnedLog {
+ public:
+  BinnedLog(const Workbench& bench, const MatrixXd& residual, const model::Kinematics& kinematics,
+            std::size_t run)
+      : bench_(bench),
+        residual_(residual),
+        rows_(std::max<Index>(1, static_cast<Index>(std::lround(kBin * bench.table->sample_rate)))),
+        begin_(bench.table->run_begin[run]),
+        bins_((bench.table->run_begin[run + 1] - begin_) / rows_) {
+    for (Index b = 0; b < bins_; ++b) {
+      const Index middle = begin_ + b * rows_ + rows_ / 2;
+      jacobians_.push_back(kinematics.jacobian(bench.motion->link_q.row(middle).transpose()).topRows(3));
+    }
+  }
+
+  ForceSums sums() const {
+    ForceSums s;
+    s.seconds = static_cast<double>(rows_) / bench_.table->sample_rate;
+    s.normal.assign(static_cast<std::size_t>(bins_) + 1, Matrix3d::Zero());
+    s.right.assign(s.normal.size(), Vector3d::Zero());
+    s.power.assign(s.normal.size(), 0.0);
+    for (std::size_t b = 0; b < jacobians_.size(); ++b) {
+      s.normal[b + 1] = s.normal[b];
+      s.right[b + 1] = s.right[b];
+      s.power[b + 1] = s.power[b];
+      const Index from = row_of(static_cast<Index>(b));
+      for (int j = 0; j < bench_.table->num_joints; ++j) {
+        const double w = bench_.problem->weight(j);
+        const VectorXd keep = counted_rows(bench_, from, rows_, j);
+        const double sum = residual_.col(j).segment(from, rows_).dot(keep);
+        const auto J = jacobians_[b].col(j);
+        s.normal[b + 1] += w * keep.sum() * J * J.transpose();
+        s.right[b + 1] -= w * sum * J;
+        if (keep.sum() > 0.0) s.power[b + 1] += w * sum * sum / keep.sum();
+      }
+    }
+    return s;
+  }
+
+  /// Adds each joint's squared error in a touch, without and with its force.
+  void add_errors(const Touch& touch, VectorXd& before, VectorXd& after) const {
+    for (Index b = touch.first; b < touch.first + touch.count; ++b) {
+      for (int j = 0; j < bench_.table->num_joints; ++j) {
+        const VectorXd keep = counted_rows(bench_, row_of(b), rows_, j);
+        const double torque = jacobians_[static_cast<std::size_t>(b)].col(j).dot(touch.force);
+        const auto r = residual_.col(j).segment(row_of(b), rows_).array();
+        before[j] += (keep.array() * r.square()).sum();
+        after[j] += (keep.array() * (r + torque).square()).sum();
+      }
+    }
+  }
+
+  Index row_of(Index bin) const { return begin_ + bin * rows_; }
+
+ private:
+  const Workbench& bench_;
+  const MatrixXd& residual_;
+  Index rows_;   ///< of a bin
+  Index begin_;  ///< of the log
+  Index bins_;
+  std::vector<MatrixXd> jacobians_;  ///< 3 × n, one a bin
+};
+
+/// Touches of one log, the clearest first.
+std::vector<Touch> touches_of(const ForceSums& sums) {
+  std::vector<Touch> touches;
+  std::vector<std::pair<Index, Index>> taken;
+  const auto margin = static_cast<Index>(kMargin / sums.seconds);
+  double next = 0.0;
+  for (int event = 0; event < kMostTouches; ++event) {
+    const Touch best = best_touch(sums, taken);
+    if (best.count == 0) break;
+    next = best.statistic;
+    if (best.statistic < kTouch || best.share < kOneForce) break;
+    taken.emplace_back(std::max<Index>(0, best.first - margin), best.first + best.count + margin);
+    if (event < kMostTouches - 1) next = 0.0;
+    touches.push_back(best);
+  }
+  while (!touches.empty() && touches.back().statistic < kAlone * next) {
+    next = touches.back().statistic;
+    touches.pop_back();
+  }
+  return touches;
+}
+
+/// What the forces do. They are judged in the stretches that they were found in, which come once: there are no other
+/// blocks to judge them on.
+void add_to_trial(const Touch& touch, Trial& trial) {
+  const Index k = trial.coefficients.size();
+  for (VectorXd* list : {&trial.coefficients, &trial.std}) list->conservativeResize(k + 3);
+  trial.coefficients.tail(3) = touch.force;
+  trial.std.tail(3) = touch.std;
+  trial.gain += touch.gain;
+  trial.wald += touch.statistic;
+  trial.p_value = std::min(trial.p_value, touch.p_value);
+}
+
+std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {
+  Candidate c(Contact{});
+  const MotionTable& table = *bench.table;
+  const MatrixXd residual = bench.problem->residual();
+  const model::Kinematics kinematics(*bench.robot);
+  c.trial.joint_before = c.trial.joint_after = VectorXd::Zero(table.num_joints);
+  double scale = 1.0;
+  for (std::size_t run = 0; run + 1 < table.run_begin.size(); ++run) {
+    const BinnedLog log(bench, residual, kinematics, run);
+    const ForceSums sums = log.sums();
+    for (const Touch& touch : touches_of(sums)) {
+      c.events.emplace_back(table.time[log.row_of(touch.first)],
+                            static_cast<double>(touch.count) * sums.seconds);
+      c.forces.push_back(touch.force);
+      c.event_runs.push_back(static_cast<int>(run));
+      add_to_trial(touch, c.trial);
+      log.add_errors(touch, c.trial.joint_before, c.trial.joint_after);
+      scale = std::max(scale, touch.scale);
+    }
+  }
+  if (c.events.empty()) {
+    c.refused = "no stretch of time stands out";
+    return {std::move(c)};
+  }
+  c.trial.valid = true;
+  c.trial.cv_gain = c.trial.gain;  // its rank among the candidates
+  c.trial.effective_rows = bench.problem->counted().sum() / scale;
+  return {std::move(c)};
+}
+
+void apply(const Candidate&, const VectorXd&, model::Robot&) {}
+
+void describe(const Candidate& effect, const VectorXd&, const model::Robot&, Finding& finding) {
+  finding.events = effect.events;
+  finding.forces = effect.forces;
+}
+
+}  // namespace
+
+Touch best_touch(const ForceSums& sums, const std::vector<std::pair<Index, Index>>& taken) {
+  constexpr double kMedian = 2.37, kDegreesPerStretch = 1.58;  // see the header
+  constexpr std::size_t kFewest = 20;
+  Touch best;
+  double scale = 0.0, independent = 0.0, tried = 0.0;
+  for (auto count = static_cast<Index>(kShortest / sums.seconds);
+       count <= static_cast<Index>(kLongest / sums.seconds); count += 2) {
+    std::vector<double> gains;
+    for (Index first = 0; first + count <= sums.bins(); ++first) {
+      const bool free = std::all_of(taken.begin(), taken.end(), [&](const auto& span) {
+        return first + count <= span.first || first >= span.second;
+      });
+      if (!free) continue;
+      const auto a = static_cast<std::size_t>(first), b = static_cast<std::size_t>(first + count);
+      Matrix3d M = sums.normal[b] - sums.normal[a];
+      M.diagonal().array() += 1e-6 * M.trace() + 1e-12;
+      const Vector3d s = sums.right[b] - sums.right[a];
+      const Vector3d F = M.llt().solve(s);
+      const double g = F.dot(s);
+      gains.push_back(g);
+      if (!(g > best.gain)) continue;
+      best.first = first;
+      best.count = count;
+      best.gain = g;
+      best.share = g / std::max(1e-12, sums.power[b] - sums.power[a]);
+      best.force = F;
+    }
+    tried += static_cast<double>(gains.size());
+    if (gains.size() <= kFewest || best.count != count) continue;
+    const auto middle = gains.begin() + static_cast<std::ptrdiff_t>(gains.size() / 2);
+    std::nth_element(gains.begin(), middle, gains.end());
+    scale = *middle / kMedian;
+    independent = static_cast<double>(gains.size()) / static_cast<double>(count);
+  }
+  if (best.count == 0 || !(scale > 0.0)) return {};
+  best.scale = std::max(1.0, scale);
+  best.statistic = best.gain / best.scale;
+  Matrix3d M = sums.normal[static_cast<std::size_t>(best.first + best.count)] -
+               sums.normal[static_cast<std::size_t>(best.first)];
+  M.diagonal().array() += 1e-6 * M.trace() + 1e-12;
+  best.std = (best.scale * M.llt().solve(Matrix3d::Identity()).diagonal()).cwiseSqrt();
+  best.p_value = std::min(
+      1.0, tried * statistics::fisher_tail(best.statistic / 3.0, 3.0, kDegreesPerStretch * independent));
+  return best;
+}
+
+ArmSearch search_of(Contact) { return {propose, apply, describe}; }
+
+}  // namespace heft::diagnose
