@@ -9,6 +9,7 @@
 #include "deflection.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/model/motion_torque.hpp"
+#include "residual_structure.hpp"
 
 namespace heft::diagnose {
 
@@ -39,9 +40,10 @@ Motion delayed(const MotionTable& table, double delay) {
 
 }  // namespace
 
-Engine::Engine(const model::Robot& robot, MotionTable table, std::vector<GearCoupling<double>> pairs,
-               double steady)
-    : table_(std::move(table)),
+Engine::Engine(const model::Robot& robot, std::shared_ptr<const MotionTable> table,
+               std::vector<GearCoupling<double>> pairs, double steady)
+    : shared_(std::move(table)),
+      table_(*shared_),
       pairs_(std::move(pairs)),
       keep_(table_.keep),
       base_(robot),
@@ -63,10 +65,10 @@ Workbench Engine::bench() const {
 }
 
 void Engine::build() {
-  MatrixXd keep = keep_;
+  MatrixXd keep = table_.keep;
   double delay = 0.0;
   bool elastic = false;
-  const auto count_standing = [&](int j) { keep.col(j) = keep_.col(j) + table_.standing.col(j); };
+  const auto count_standing = [&](int j) { keep.col(j) = table_.keep.col(j) + table_.standing.col(j); };
   if (standing_counts >= 0) count_standing(standing_counts);
   for (const Candidate& e : accepted) {
     if (e.has_memory()) count_standing(e.joint);
@@ -84,8 +86,8 @@ void Engine::build() {
       }
     }
   }
-  const bool other_rows = table_.keep != keep;
-  table_.keep = std::move(keep);
+  const bool other_rows = keep_ != keep;
+  keep_ = std::move(keep);
   if (plain_ == nullptr || elastic || other_rows || delay != delay_ || masses_held != plain_holds_masses_) {
     motion_ = delayed(table_, delay);
     delay_ = delay;
@@ -99,74 +101,79 @@ void Engine::build() {
   for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
 }
 
+/// The links' motion where joints are elastic, from the torque that the present masses ask for.
+void Engine::deflect_links() {
+  const model::Dynamics dynamics(rigid_);
+  for (const Candidate& elastic : accepted) {
+    if (!elastic.effect.is<ElasticJoint>()) continue;
+    const int j = elastic.joint;
+    VectorXd inertia(table_.rows()), load(table_.rows());
+    VectorXd asked(table_.num_joints);
+    for (Index i = 0; i < table_.rows(); ++i) {
+      inertia[i] = dynamics.mass_matrix(motion_.link_q.row(i).transpose())(j, j);
+      asked = motion_.link_qdd.row(i).transpose();
+      asked[j] = motion_.qdd(i, j);
+      load[i] = dynamics.inverse_dynamics(motion_.link_q.row(i).transpose(),
+                                          motion_.link_qd.row(i).transpose(), asked)[j];
+    }
+    if (!(inertia.minCoeff() > 0.0)) continue;
+    const Deflection d = deflection(table_, load, inertia, elastic.shape, elastic.second);
+    motion_.link_q.col(j) = motion_.q.col(j) - d.value;
+    motion_.link_qd.col(j) = motion_.qd.col(j) - d.rate;
+    motion_.link_qdd.col(j) = motion_.qdd.col(j) - d.acceleration;
+  }
+}
+
+/// The problem of rigid bodies, Coulomb and viscous friction alone.
+void Engine::set_up_base() {
+  rows_ = base_.rows(motion_);
+  VectorXd prior = base_.prior(), hold = VectorXd::Zero(prior.size());
+  for (int c = 0; masses_held && c < base_.columns(); ++c) {
+    constexpr double kHeld = 1e6;
+    if (base_.is_link(c)) prior[c] = base_theta_[c], hold[c] = kHeld;
+  }
+  plain_ = std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior, steady_, table_.tau, hold);
+  plain_holds_masses_ = masses_held;
+  steady_ = plain_->steady();  // chosen once, or fits with and without an effect could not be compared
+}
+
+/// Columns of an accepted joint effect as the present fit gives them.
+MatrixXd Engine::joint_columns(std::size_t index) {
+  Candidate& effect = accepted[index];
+  const std::ptrdiff_t first = first_memory(index);
+  effect.beside = first >= 0;
+  if (load_.size() == 0) return effect.columns.values[0];
+  return effect.beside
+             ? second_memory_columns(bench(), effect, accepted[static_cast<std::size_t>(first)])
+             : joint_effect_columns(bench(), effect.effect.joint_effect(), effect.joint, effect.shape,
+                                    {effect.replaces >= 0, effect.displacement}, effect.level);
+}
+
+/// Puts the columns of an accepted effect into the problem.
+/// @param deflect  the deflection of elastic joints is in the motion
+/// @return its first column; -1: it has none
+int Engine::add_to_problem(std::size_t index, bool deflect) {
+  Candidate& effect = accepted[index];
+  if (effect.effect.is<Delay>() || effect.effect.is<Contact>()) return -1;  // in the motion, in the rows
+  if (effect.effect.is<ElasticJoint>() && deflect) {
+    // The deflection is in the link's motion now; what is left is the motor's inertia.
+    if (effect.columns.count() < 2) return -1;
+    return problem_->append({{effect.joint}, {MatrixXd(motion_.qdd.col(effect.joint))}});
+  }
+  if (effect.effect.joint_effect() >= 0) effect.columns.values = {joint_columns(index)};
+  if (effect.effect.is<BaseTilt>() && load_.size() > 0) effect.columns = tilt_columns(bench());
+  if (effect.replaces < 0) return problem_->append(effect.columns);
+  problem_->replace(effect.joint, effect.replaces, effect.columns.values[0].col(0));
+  return effect.replaces;
+}
+
 void Engine::refit(bool deflect) {
-  if (deflect) {
-    const model::Dynamics dynamics(rigid_);
-    for (const Candidate& elastic : accepted) {
-      if (!elastic.effect.is<ElasticJoint>()) continue;
-      const int j = elastic.joint;
-      VectorXd inertia(table_.rows()), load(table_.rows());
-      VectorXd asked(table_.num_joints);
-      for (Index i = 0; i < table_.rows(); ++i) {
-        inertia[i] = dynamics.mass_matrix(motion_.link_q.row(i).transpose())(j, j);
-        asked = motion_.link_qdd.row(i).transpose();
-        asked[j] = motion_.qdd(i, j);
-        load[i] = dynamics.inverse_dynamics(motion_.link_q.row(i).transpose(),
-                                            motion_.link_qd.row(i).transpose(), asked)[j];
-      }
-      if (!(inertia.minCoeff() > 0.0)) continue;
-      const Deflection d = deflection(table_, load, inertia, elastic.shape, elastic.second);
-      motion_.link_q.col(j) = motion_.q.col(j) - d.value;
-      motion_.link_qd.col(j) = motion_.qd.col(j) - d.rate;
-      motion_.link_qdd.col(j) = motion_.qdd.col(j) - d.acceleration;
-    }
-  }
-  if (deflect || plain_ == nullptr) {
-    rows_ = base_.rows(motion_);
-    VectorXd prior = base_.prior(), hold = VectorXd::Zero(prior.size());
-    for (int c = 0; masses_held && c < base_.columns(); ++c) {
-      constexpr double kHeld = 1e6;
-      if (base_.is_link(c)) prior[c] = base_theta_[c], hold[c] = kHeld;
-    }
-    plain_ = std::make_unique<Problem>(table_, rows_, base_.places(), prior, steady_, table_.tau, hold);
-    plain_holds_masses_ = masses_held;
-    steady_ = plain_->steady();  // chosen once, or fits with and without an effect could not be compared
-  }
+  if (deflect) deflect_links();
+  if (deflect || plain_ == nullptr) set_up_base();
   problem_ = std::make_unique<Problem>(*plain_);
   if (deflect) plain_ = nullptr;
   first_column_.assign(accepted.size(), -1);
-  for (std::size_t e = 0; e < accepted.size(); ++e) {
-    Candidate& effect = accepted[e];
-    if (effect.effect.is<Delay>() || effect.effect.is<Contact>()) continue;
-    if (effect.effect.joint_effect() >= 0) {
-      const std::ptrdiff_t first = first_memory(e);
-      effect.beside = first >= 0;
-      if (load_.size() > 0) {
-        effect.columns.values = {
-            effect.beside
-                ? second_memory_columns(bench(), effect, accepted[static_cast<std::size_t>(first)])
-                : joint_effect_columns(bench(), effect.effect.joint_effect(), effect.joint, effect.shape,
-                                       {effect.replaces >= 0, effect.displacement}, effect.level)};
-      }
-    } else if (effect.effect.is<ElasticJoint>()) {
-      if (deflect) {
-        // The deflection is in the link's motion now; what is left is the motor's inertia.
-        if (effect.columns.count() < 2) continue;
-        Columns motor;
-        motor.joints = {effect.joint};
-        motor.values = {MatrixXd(motion_.qdd.col(effect.joint))};
-        first_column_[e] = problem_->append(motor);
-        continue;
-      }
-    }
-    if (effect.effect.is<BaseTilt>() && load_.size() > 0) effect.columns = tilt_columns(bench());
-    if (effect.replaces >= 0) {
-      first_column_[e] = effect.replaces;
-      problem_->replace(effect.joint, effect.replaces, effect.columns.values[0].col(0));
-    } else {
-      first_column_[e] = problem_->append(effect.columns);
-    }
-  }
+  for (std::size_t e = 0; e < accepted.size(); ++e) first_column_[e] = add_to_problem(e, deflect);
   if (weights_held) problem_->hold_weights(base_noise_);
   if (!accepted.empty()) problem_->reweight();
   // Rigid-body torque of the fit, also where rows do not count.
@@ -177,12 +184,12 @@ void Engine::refit(bool deflect) {
     if (!base_.is_link(c)) links[c] = 0.0;
   }
   load_ = base_.torque(rows_, links);
-  see_what_is_held();
+  find_holding_torque();
 }
 
 /// Torque that a joint at rest is held with at the begin of each log: what is measured less what all but friction's
 /// memory makes up.
-void Engine::see_what_is_held() {
+void Engine::find_holding_torque() {
   const auto runs = static_cast<Index>(table_.runs.size());
   const MatrixXd left = table_.tau - predicted();
   held_.resize(runs, table_.num_joints);
@@ -306,6 +313,8 @@ VectorXd Engine::fitted(std::size_t index) const {
   const int count = e.replaces >= 0 || e.effect.is<ElasticJoint>() ? 1 : e.columns.count();
   return problem_->theta().segment(first_column_[index], count);
 }
+
+VectorXd Engine::noise_floor() const { return white_noise(table_, keep_, problem_->residual()); }
 
 model::Robot Engine::robot() const {
   const VectorXd theta = problem_->theta();

@@ -15,9 +15,9 @@ class Engine {
   /// @param robot   with nothing beside rigid bodies, Coulomb and viscous friction
   /// @param pairs   of joints that may share a motor
   /// @param steady  weight of the robot's own values, see Problem; 0: chosen
-  Engine(const model::Robot& robot, MotionTable table, std::vector<GearCoupling<double>> pairs,
-         double steady = 0.0);
-  Engine(const Engine&) = delete;  // the problem points into the table
+  Engine(const model::Robot& robot, std::shared_ptr<const MotionTable> table,
+         std::vector<GearCoupling<double>> pairs, double steady = 0.0);
+  Engine(const Engine&) = delete;  // the problem points into it
   Engine& operator=(const Engine&) = delete;
 
   /// Fits base and accepted effects anew.
@@ -47,6 +47,11 @@ class Engine {
 
   const Problem& problem() const { return *problem_; }
   const MotionTable& table() const { return table_; }
+  /// Rows that count, m × n: those of the table, with the standstill of joints whose friction remembers and without
+  /// contacts.
+  const Eigen::MatrixXd& keep() const { return keep_; }
+  /// White noise of each joint's residual, n; see white_noise().
+  Eigen::VectorXd noise_floor() const;
   /// The fitted robot with its effects; a payload change as it is at the end of training.
   model::Robot robot() const;
   /// Torque of every row, also of rows that do not count, m × n.
@@ -63,11 +68,16 @@ class Engine {
   void refit(bool deflect);
   /// Of the columns.
   Eigen::VectorXd fitted(std::size_t index) const;
-  void see_what_is_held();
+  void deflect_links();
+  void set_up_base();
+  Eigen::MatrixXd joint_columns(std::size_t index);
+  int add_to_problem(std::size_t index, bool deflect);
+  void find_holding_torque();
 
-  MotionTable table_;
+  std::shared_ptr<const MotionTable> shared_;
+  const MotionTable& table_;
   std::vector<GearCoupling<double>> pairs_;
-  Eigen::MatrixXd keep_;  ///< of the table, before contacts are cut out
+  Eigen::MatrixXd keep_;  ///< see keep()
   BaseModel base_;
   Motion motion_;
   std::vector<Eigen::MatrixXd> rows_;  ///< of the base model, also those that do not count

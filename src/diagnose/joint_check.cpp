@@ -21,11 +21,11 @@ std::vector<NotExplained> not_explained(const Problem& fitted, const MotionTable
   }
   problem.reweight();
   const VectorXd together = problem.noise(), alone = problem.noise_alone();
-  const VectorXd noise = white_noise(table, problem.residual());
+  const VectorXd noise = white_noise(table, fitted.keep(), problem.residual());
 
   std::vector<NotExplained> found;
   for (int j = 0; j < table.num_joints; ++j) {
-    const auto counted = table.keep.col(j).array() > 0.0;
+    const auto counted = fitted.keep().col(j).array() > 0.0;
     const double rows = static_cast<double>(counted.count());
     if (!(rows > 30.0)) continue;
     const Eigen::ArrayXd torque = counted.select(table.tau.col(j).array(), 0.0);

@@ -49,15 +49,16 @@ struct Trial {
 /// Rows of base model and accepted effects.
 class Problem {
  public:
-  /// @param rows  for each joint m × p_j; those that do not count in the table are left out here
+  /// @param keep  m × n, 1 or 0: the row counts; has to outlive the problem
+  /// @param rows  for each joint m × p_j; those that do not count are left out here
   /// @param places  for each joint the global columns of its rows
   /// @param prior   values of the base's columns that the fit leans on where the motion shows little
   /// @param steady  how much: part of each column's squared norm that the prior weighs; 0 chooses it by the error on
   ///                left-out blocks
   /// @param hold    p: the same on top, column by column; far above 1 keeps a column where the prior has it. Empty: 0
-  Problem(const MotionTable& table, std::vector<Eigen::MatrixXd> rows, std::vector<std::vector<int>> places,
-          const Eigen::VectorXd& prior, double steady, const Eigen::MatrixXd& tau,
-          const Eigen::VectorXd& hold = {});
+  Problem(const MotionTable& table, const Eigen::MatrixXd& keep, std::vector<Eigen::MatrixXd> rows,
+          std::vector<std::vector<int>> places, const Eigen::VectorXd& prior, double steady,
+          const Eigen::MatrixXd& tau, const Eigen::VectorXd& hold = {});
   double steady() const { return steady_; }
 
   int num_joints() const { return static_cast<int>(rows_.size()); }
@@ -74,6 +75,7 @@ class Problem {
   void hold_weights(const Eigen::VectorXd& noise) { least_noise_ = noise; }
   const Eigen::VectorXd& noise() const { return noise_; }  ///< n: rms residual of rows that count [N·m]
   Eigen::VectorXd theta() const { return theta_ + prior_; }
+  const Eigen::MatrixXd& keep() const { return *keep_; }       ///< m × n, 1 or 0: the row counts
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
 
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
@@ -105,7 +107,14 @@ class Problem {
   void collect(int joint);
   void sum_base();
 
+  /// Base and candidate together.
+  struct Joint;
+  bool test_coefficients(const Joint& joint, int tested, Trial& trial) const;
+  double drift_of(const Joint& joint) const;
+  void cross_validate(const Joint& joint, Trial& trial) const;
+
   const MotionTable* table_;
+  const Eigen::MatrixXd* keep_;
   std::vector<Eigen::MatrixXd> rows_;
   std::vector<std::vector<int>> places_;
   int columns_;

@@ -15,8 +15,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// Share of the squared error that bin means of a quantity explain, bins filled on all blocks but the fold judged.
-double binned_share(const MotionTable& table, const VectorXd& residual, const VectorXd& quantity, int joint,
-                    int bins) {
+/// @param keep  m, 1 or 0: the row counts
+double binned_share(const MotionTable& table, const VectorXd& keep, const VectorXd& residual,
+                    const VectorXd& quantity, int bins) {
   const double low = quantity.minCoeff(), high = quantity.maxCoeff();
   if (!(high > low)) return 0.0;
   int folds = 0;
@@ -27,7 +28,7 @@ double binned_share(const MotionTable& table, const VectorXd& residual, const Ve
   };
   for (const Block& b : table.blocks) {
     for (Index i = b.begin; i < b.begin + b.count; ++i) {
-      if (table.keep(i, joint) == 0.0) continue;
+      if (keep[i] == 0.0) continue;
       sum(bin(i), b.fold) += residual[i];
       count(bin(i), b.fold) += 1.0;
     }
@@ -36,7 +37,7 @@ double binned_share(const MotionTable& table, const VectorXd& residual, const Ve
   double before = 0.0, after = 0.0;
   for (const Block& b : table.blocks) {
     for (Index i = b.begin; i < b.begin + b.count; ++i) {
-      if (table.keep(i, joint) == 0.0) continue;
+      if (keep[i] == 0.0) continue;
       const Index k = bin(i);
       const double n = rows[k] - count(k, b.fold);
       const double mean = n > 0.0 ? (all[k] - sum(k, b.fold)) / n : 0.0;
@@ -84,16 +85,44 @@ Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
   return line;
 }
 
+/// How well the residual is told from what it was a moment earlier, means of 0.1 s; share 0 where it is not.
+Structure slow_drift(const MotionTable& table, const VectorXd& keep, const VectorXd& residual) {
+  const Index step = std::max<Index>(1, static_cast<Index>(0.1 * table.sample_rate));
+  double product = 0.0, square = 0.0, total = 0.0;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
+    double last = 0.0;
+    bool has_last = false;
+    for (Index at = table.run_begin[r]; at + step <= table.run_begin[r + 1]; at += step) {
+      const double rows = keep.segment(at, step).sum();
+      if (rows < 0.5 * static_cast<double>(step)) {
+        has_last = false;
+        continue;
+      }
+      const double mean = residual.segment(at, step).sum() / rows;
+      if (has_last) product += mean * last, square += mean * mean;
+      last = mean;
+      has_last = true;
+      total += residual.segment(at, step).squaredNorm();
+    }
+  }
+  Structure drift{"drifts slowly, with nothing that was measured"};
+  if (square > 0.0 && total > 0.0 && product > 0.0) {
+    const double slow = product / square;  // correlation of neighbouring means
+    drift.share = slow * square * static_cast<double>(step) / std::max(1e-300, total);
+  }
+  return drift;
+}
+
 }  // namespace
 
-VectorXd white_noise(const MotionTable& table, const MatrixXd& residual) {
+VectorXd white_noise(const MotionTable& table, const MatrixXd& keep, const MatrixXd& residual) {
   const Index n = residual.cols();
   VectorXd noise = VectorXd::Zero(n);
   for (Index j = 0; j < n; ++j) {
     std::vector<double> squares;
     for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
       for (Index i = table.run_begin[r] + 3; i < table.run_begin[r + 1]; ++i) {
-        if (table.keep.col(j).segment(i - 3, 4).minCoeff() == 0.0) continue;
+        if (keep.col(j).segment(i - 3, 4).minCoeff() == 0.0) continue;
         // Var(Δ³ r) = 20 σ² for white noise.
         const double d =
             residual(i, j) - 3.0 * residual(i - 1, j) + 3.0 * residual(i - 2, j) - residual(i - 3, j);
@@ -108,48 +137,25 @@ VectorXd white_noise(const MotionTable& table, const MatrixXd& residual) {
   return noise;
 }
 
-std::vector<Structure> structures(const MotionTable& table, const VectorXd& residual, int joint) {
+std::vector<Structure> structures(const MotionTable& table, const VectorXd& keep, const VectorXd& residual,
+                                  int joint) {
   std::vector<Structure> found;
   found.push_back(spectral_line(table, residual));
   found.push_back(
-      {"goes with the joint's position", binned_share(table, residual, table.q.col(joint), joint, 40), 0.0});
+      {"goes with the joint's position", binned_share(table, keep, residual, table.q.col(joint), 40), 0.0});
   found.push_back(
-      {"goes with the joint's velocity", binned_share(table, residual, table.qd.col(joint), joint, 40), 0.0});
+      {"goes with the joint's velocity", binned_share(table, keep, residual, table.qd.col(joint), 40), 0.0});
   found.push_back({"goes with the joint's acceleration",
-                   binned_share(table, residual, table.qdd.col(joint), joint, 25), 0.0});
+                   binned_share(table, keep, residual, table.qdd.col(joint), 25), 0.0});
   for (int other = 0; other < table.num_joints; ++other) {
     if (other == joint) continue;
     found.push_back({fmt::format("goes with the velocity of joint {}", other + 1),
-                     binned_share(table, residual, table.qd.col(other), joint, 25), 0.0});
+                     binned_share(table, keep, residual, table.qd.col(other), 25), 0.0});
     found.push_back({fmt::format("goes with the position of joint {}", other + 1),
-                     binned_share(table, residual, table.q.col(other), joint, 25), 0.0});
+                     binned_share(table, keep, residual, table.q.col(other), 25), 0.0});
   }
-  // Memory: how well the residual is told from what it was a moment earlier, means of 0.1 s.
-  const Index step = std::max<Index>(1, static_cast<Index>(0.1 * table.sample_rate));
-  double product = 0.0, square = 0.0, total = 0.0;
-  Index total_rows = 0;
-  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
-    double last = 0.0;
-    bool has_last = false;
-    for (Index at = table.run_begin[r]; at + step <= table.run_begin[r + 1]; at += step) {
-      const double rows = table.keep.col(joint).segment(at, step).sum();
-      if (rows < 0.5 * static_cast<double>(step)) {
-        has_last = false;
-        continue;
-      }
-      const double mean = residual.segment(at, step).sum() / rows;
-      if (has_last) product += mean * last, square += mean * mean;
-      last = mean;
-      has_last = true;
-      total += residual.segment(at, step).squaredNorm();
-      total_rows += static_cast<Index>(rows);
-    }
-  }
-  if (square > 0.0 && total > 0.0 && product > 0.0) {
-    const double slow = product / square;  // correlation of neighbouring means
-    found.push_back({"drifts slowly, with nothing that was measured",
-                     slow * square * static_cast<double>(step) / std::max(1e-300, total), 0.0});
-  }
+  const Structure drift = slow_drift(table, keep, residual);
+  if (drift.share > 0.0) found.push_back(drift);
   std::sort(found.begin(), found.end(),
             [](const Structure& a, const Structure& b) { return a.share > b.share; });
   return found;

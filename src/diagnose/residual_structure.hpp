@@ -13,7 +13,9 @@ namespace heft::diagnose {
 
 /// Noise of each joint's residual that has no memory, n: from third differences of neighbouring rows that count.
 /// What a model misses moves with the arm and is as good as constant from sample to sample.
-Eigen::VectorXd white_noise(const MotionTable& table, const Eigen::MatrixXd& residual);
+/// @param keep  m × n, 1 or 0: the row counts
+Eigen::VectorXd white_noise(const MotionTable& table, const Eigen::MatrixXd& keep,
+                            const Eigen::MatrixXd& residual);
 
 /// Something that a residual goes with.
 struct Structure {
@@ -24,6 +26,8 @@ struct Structure {
 
 /// The strongest structure of one joint's residual, strongest first: a line in the spectrum, dependence on
 /// position, velocity, time, on other joints' motion, memory.
-std::vector<Structure> structures(const MotionTable& table, const Eigen::VectorXd& residual, int joint);
+/// @param keep  m, 1 or 0: the row counts
+std::vector<Structure> structures(const MotionTable& table, const Eigen::VectorXd& keep,
+                                  const Eigen::VectorXd& residual, int joint);
 
 }  // namespace heft::diagnose

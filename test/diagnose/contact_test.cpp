@@ -67,9 +67,11 @@ TEST(Contact, HasALargerPInALogWithLessToCompareWith) {
 TEST(Contact, NeedsStretchesToCompareWith) {
   EXPECT_EQ(best_touch(noise_of(1, 20, 0.0, 9.0), {}).count, 0);
   const Touch first = best_touch(noise_of(1, 1000, 0.0, 20.0), {});
-  const Touch second = best_touch(noise_of(1, 1000, 0.0, 20.0), {{first.first - 5, first.first + first.count + 5}});
+  const Touch second =
+      best_touch(noise_of(1, 1000, 0.0, 20.0), {{first.first - 5, first.first + first.count + 5}});
   EXPECT_LT(second.statistic, 0.1 * first.statistic);
-  EXPECT_TRUE(second.first >= first.first + first.count + 5 || second.first + second.count <= first.first - 5);
+  EXPECT_TRUE(second.first >= first.first + first.count + 5 ||
+              second.first + second.count <= first.first - 5);
 }
 
 }  // namespace

@@ -99,7 +99,7 @@ TEST(Noise, OfThirdDifferencesDoesNotSeeASlowMotion) {
   MatrixXd residual(table.rows(), 1);
   for (Index i = 0; i < table.rows(); ++i)
     residual(i, 0) = 5.0 * std::sin(7.0 * table.time[i]) + noise(random);
-  EXPECT_NEAR(white_noise(table, residual)[0], 0.3, 0.01);
+  EXPECT_NEAR(white_noise(table, table.keep, residual)[0], 0.3, 0.01);
 }
 
 /// Base of a constant and a ramp on one joint, torque with noise.
@@ -119,7 +119,7 @@ struct Small {
       tau(i, 0) = 2.0 - 0.1 * table.time[i] + size * column[i] + noise(random);
     }
   }
-  Problem problem() const { return {table, {rows}, {{0, 1}}, VectorXd::Zero(2), 1e-9, tau}; }
+  Problem problem() const { return {table, table.keep, {rows}, {{0, 1}}, VectorXd::Zero(2), 1e-9, tau}; }
 };
 
 TEST(Problem, CandidateIsFittedTogetherWithTheBase) {
@@ -195,7 +195,7 @@ TEST(Problem, MomentsFromARowAreThoseOfColumnsThatBeginThere) {
 TEST(Problem, HeldColumnsStayWhereThePriorHasThem) {
   const Small data(0.8, 5);
   const VectorXd prior = (VectorXd(2) << 0.0, -0.25).finished(), hold = (VectorXd(2) << 0.0, 1e6).finished();
-  const Problem problem(data.table, {data.rows}, {{0, 1}}, prior, 1e-9, data.tau, hold);
+  const Problem problem(data.table, data.table.keep, {data.rows}, {{0, 1}}, prior, 1e-9, data.tau, hold);
   EXPECT_NEAR(problem.theta()[1], -0.25, 1e-6);
   // The constant makes the best of it: the mean of what the ramp leaves.
   const double left = (data.tau.col(0) + 0.25 * data.rows.col(1)).mean();

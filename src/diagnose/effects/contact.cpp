@@ -7,8 +7,8 @@
 #include <Eigen/Cholesky>
 
 #include "../arm_search.hpp"
-#include "heft/statistics/distributions.hpp"
 #include "heft/model/kinematics.hpp"
+#include "heft/statistics/distributions.hpp"
 
 namespace heft::diagnose {
 
@@ -37,7 +37,7 @@ VectorXd counted_rows(const Workbench& bench, Index from, Index count, int joint
   const auto moves =
       (bench.motion->qd.col(joint).segment(from, count).array().abs() > 2.0 * table.sign_width[joint])
           .cast<double>();
-  return table.keep.col(joint).segment(from, count).array() * moves;
+  return bench.problem->keep().col(joint).segment(from, count).array() * moves;
 }
 
 /// One log's residual in bins.

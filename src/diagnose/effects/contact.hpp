@@ -12,10 +12,10 @@ namespace heft::diagnose {
 /// Running sums over short bins of a log, so that the force of any stretch of bins costs as much as that of another.
 /// The residual of an outer force F is r = -Jᵀ F.
 struct ForceSums {
-  double seconds{0.0};                 ///< length of a bin
-  std::vector<Eigen::Matrix3d> normal; ///< Σ J w Jᵀ of the bins before each, and of all: bins + 1
-  std::vector<Eigen::Vector3d> right;  ///< the same of -J w r
-  std::vector<double> power;           ///< the same of w (Σ r)² / rows: most that any force of a bin could explain
+  double seconds{0.0};                  ///< length of a bin
+  std::vector<Eigen::Matrix3d> normal;  ///< Σ J w Jᵀ of the bins before each, and of all: bins + 1
+  std::vector<Eigen::Vector3d> right;   ///< the same of -J w r
+  std::vector<double> power;  ///< the same of w (Σ r)² / rows: most that any force of a bin could explain
   Eigen::Index bins() const { return static_cast<Eigen::Index>(normal.size()) - 1; }
 };
 
@@ -23,9 +23,10 @@ struct ForceSums {
 struct Touch {
   Eigen::Index first{0}, count{0};  ///< bins
   Eigen::Vector3d force{Eigen::Vector3d::Zero()};
-  Eigen::Vector3d std{Eigen::Vector3d::Zero()};  ///< of the force, for residuals correlated as elsewhere in the log
-  double gain{0.0};       ///< fall of the weighted squared error
-  double share{0.0};      ///< of what a force in every bin of its own could explain
+  Eigen::Vector3d std{
+      Eigen::Vector3d::Zero()};  ///< of the force, for residuals correlated as elsewhere in the log
+  double gain{0.0};              ///< fall of the weighted squared error
+  double share{0.0};             ///< of what a force in every bin of its own could explain
   double scale{1.0};      ///< median gain of stretches of this length against that of white noise, at least 1
   double statistic{0.0};  ///< gain / scale: chi-square with three degrees where there is no touch
   double p_value{1.0};    ///< that the best of all stretches tried reaches it by chance

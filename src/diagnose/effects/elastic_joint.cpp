@@ -134,9 +134,8 @@ void apply(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
 }
 
 void describe(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {
-  finding.parameters = {{"stiffness", effect.shape},
-                        {"damping", effect.second},
-                        {"motor_inertia", c.size() > 0 ? c[0] : 0.0}};
+  finding.parameters = {
+      {"stiffness", effect.shape}, {"damping", effect.second}, {"motor_inertia", c.size() > 0 ? c[0] : 0.0}};
 }
 
 }  // namespace

@@ -56,8 +56,8 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
 }
 
 void apply(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
-  robot.couplings.push_back({effect.pair.driving, effect.pair.driven, effect.pair.ratio,
-                             c.size() > 2 ? c[2] : 0.0, c[0], c[1]});
+  robot.couplings.push_back(
+      {effect.pair.driving, effect.pair.driven, effect.pair.ratio, c.size() > 2 ? c[2] : 0.0, c[0], c[1]});
 }
 
 void describe(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {

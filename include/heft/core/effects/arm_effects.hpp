@@ -76,7 +76,8 @@ class EffectKind {
       constexpr std::array<Result (*)(F&), kCount> calls{
           [](F& g) -> Result { return g(std::tuple_element_t<I, EffectTypes>{}); }...};
       return calls[place_](f);
-    }(std::make_index_sequence<kCount>{});
+    }
+    (std::make_index_sequence<kCount>{});
   }
 
   constexpr std::string_view id() const noexcept {
@@ -120,7 +121,8 @@ class EffectKind {
 /// Every effect.
 inline constexpr auto kEffectKinds = []<std::size_t... I>(std::index_sequence<I...>) {
   return std::array{EffectKind(std::tuple_element_t<I, EffectTypes>{})...};
-}(std::make_index_sequence<std::tuple_size_v<EffectTypes>>{});
+}
+(std::make_index_sequence<std::tuple_size_v<EffectTypes>>{});
 
 /// The effect with that id; none: nullptr.
 constexpr const EffectKind* effect_with_id(std::string_view id) noexcept {
@@ -133,9 +135,8 @@ constexpr const EffectKind* effect_with_id(std::string_view id) noexcept {
 /// Calls f(Effect{}) for every arm effect.
 template <typename F>
 constexpr void for_each_arm_effect(F&& f) {
-  [&]<std::size_t... I>(std::index_sequence<I...>) {
-    (f(std::tuple_element_t<I, ArmEffectTypes>{}), ...);
-  }(std::make_index_sequence<std::tuple_size_v<ArmEffectTypes>>{});
+  [&]<std::size_t... I>(std::index_sequence<I...>) { (f(std::tuple_element_t<I, ArmEffectTypes>{}), ...); }
+  (std::make_index_sequence<std::tuple_size_v<ArmEffectTypes>>{});
 }
 
 }  // namespace heft

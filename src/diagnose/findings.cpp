@@ -1,0 +1,127 @@
+#include "findings.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "arm_search.hpp"
+#include "residual_structure.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Parameters of an accepted effect.
+/// @param c  its coefficients
+void describe(const Candidate& own, const VectorXd& c, const model::Robot& robot, Finding& finding) {
+  own.effect.visit([&](auto type) {
+    using Effect = decltype(type);
+    if constexpr (ArmEffect<Effect>) {
+      search_of(type).describe(own, c, robot, finding);
+    } else {
+      const auto parameters = effect_parameters(joint_effect_kind<Effect>(), c, own.shape,
+                                                robot.joints[static_cast<std::size_t>(own.joint)].actuation);
+      for (std::size_t k = 0; k < Effect::kParameters.size(); ++k) {
+        finding.parameters.emplace_back(std::string(Effect::kParameters[k].name), parameters[k]);
+      }
+      finding.displacement = own.displacement;
+    }
+  });
+}
+
+/// Other explanations of the same joint, or of the whole arm.
+/// @param gain  of the effect taken
+void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>& candidates, int tried,
+                Finding& f) {
+  for (const Candidate& c : candidates) {
+    const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint;
+    if (same_place(c, own) || elsewhere || !c.trial.valid || !c.refused.empty() || c.effect.is<Contact>())
+      continue;
+    // An effect comes in several forms, the best first; it is a rival once.
+    const auto listed = [&](const Rival& r) { return r.effect == c.effect && r.joint == c.joint; };
+    if (std::any_of(f.rivals.begin(), f.rivals.end(), listed) ||
+        std::any_of(f.equivalent.begin(), f.equivalent.end(), listed)) {
+      continue;
+    }
+    if (c.trial.cv_gain > kEquivalent * gain) {
+      f.equivalent.push_back({c.effect, c.joint, bic_of(c, tried)});
+    } else if (c.trial.cv_gain > kRival * gain) {
+      f.rivals.push_back({c.effect, c.joint, bic_of(c, tried)});
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Finding> findings_of(Search& search, const std::vector<std::vector<VectorXd>>& without_each) {
+  const Engine& engine = search.engine();
+  const JudgedMotion& judged = *search.start().judged;
+  const model::Robot robot = engine.robot();
+  const VectorXd after = judged.rms_error(judged.predicted(robot));
+  std::vector<Finding> findings;
+  for (std::size_t e = 0; e < engine.accepted.size(); ++e) {
+    const Candidate& own = engine.accepted[e];
+    const VectorXd before = pooled(without_each[e]);
+    const std::vector<Candidate> candidates = search.evidence(e);
+    const int tried = std::max(search.tried(), tried_of(candidates));
+    Candidate with_rest = own;  // judged with everything else in place
+    for (const Candidate& c : candidates) {
+      if (same_effect(c, own) && c.trial.valid) with_rest.trial = c.trial;
+    }
+    const Trial& trial = with_rest.trial;
+    Finding f(own.effect);
+    f.joint = own.joint;
+    f.p_value = std::min(1.0, trial.p_value * tried);
+    f.delta_bic = bic_of(with_rest, tried);
+    Index main = 0;
+    f.cross_validated = fall(trial).maxCoeff(&main);
+    if (own.effect.is<Contact>()) f.cross_validated = std::numeric_limits<double>::quiet_NaN();
+    f.main_joint = static_cast<int>(main);
+    f.validate_before = before[main];
+    f.validate_after = after[main];
+    add_rivals(own, trial.cv_gain, candidates, tried, f);
+    describe(own, engine.coefficients(e), robot, f);
+    findings.push_back(std::move(f));
+  }
+  std::stable_sort(findings.begin(), findings.end(),
+                   [](const Finding& a, const Finding& b) { return a.delta_bic < b.delta_bic; });
+  return findings;
+}
+
+std::vector<Unexplained> unexplained_of(const Search& search) {
+  const Engine& engine = search.engine();
+  const MotionTable& table = engine.table();
+  const MatrixXd residual = engine.problem().residual();
+  const VectorXd noise = engine.noise_floor();
+  std::vector<Unexplained> all;
+  for (int j = 0; j < table.num_joints; ++j) {
+    const double rows = engine.problem().counted()[j];
+    if (!(rows > 30.0) || search.rules().is_wrong(j)) continue;
+    const double square = residual.col(j).squaredNorm() / rows;
+    const double above = 1.0 - noise[j] * noise[j] / square;
+    if (!search.traces() && above < kStructured) continue;
+    const std::vector<Structure> found = structures(table, engine.keep().col(j), residual.col(j), j);
+    search.trace(fmt::format("joint {}: {:.1f} % above noise; {} ({:.3f}); {} ({:.3f})", j + 1, 100.0 * above,
+                             found[0].what, found[0].share, found[1].what, found[1].share));
+    if (above < kStructured) continue;
+    Unexplained u;
+    u.joint = j;
+    u.what = fmt::format("{:.0f} % of the squared residual is no noise", 100.0 * above);
+    if (found.front().share > 0.05) u.what += "; it " + found.front().what;
+    u.evidence = {{"rms", std::sqrt(square)}, {"noise_rms", noise[j]}, {"share_above_noise", above}};
+    for (std::size_t k = 0; k < std::min<std::size_t>(3, found.size()); ++k) {
+      if (found[k].share < 0.05) break;
+      u.evidence.emplace_back("share: " + found[k].what, found[k].share);
+      if (found[k].frequency > 0.0) u.evidence.emplace_back("frequency_hz", found[k].frequency);
+    }
+    all.push_back(std::move(u));
+  }
+  return all;
+}
+
+}  // namespace heft::diagnose

@@ -1,0 +1,42 @@
+/// @file
+/// Moments of base and candidate together, and the fits that they give.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "problem.hpp"
+
+namespace heft::diagnose {
+
+/// Adds a candidate's moments in one block to the (p + k + 1)² moments of base and candidate.
+/// @param places   for each joint the global columns of its rows
+/// @param noise    n: rms residual of each joint, by which its rows are weighted
+/// @param columns  p
+void add_columns(const ColumnMoments& m, std::size_t block, const std::vector<std::vector<int>>& places,
+                 const Eigen::VectorXd& noise, int columns, Eigen::MatrixXd& total);
+
+/// (p + 1)² moments with room for k more columns before the torque's.
+Eigen::MatrixXd widened(const Eigen::MatrixXd& base, int k);
+
+struct Solved {
+  Eigen::VectorXd theta;
+  Eigen::MatrixXd inverse;  ///< of the steadied normal matrix
+  double error;
+};
+
+/// Least squares from moments.
+/// @param without  column to leave out; -1: none
+/// @param steady   part of each column's squared norm that keeps it near 0
+/// @param ridge    on top of `steady`, of the first columns, scaled as `steady` is
+Solved solve(const Eigen::MatrixXd& moments, int without, double steady, const Eigen::VectorXd& ridge,
+             bool with_inverse);
+
+/// Squared error of a solution in one block and joint, unweighted.
+/// @param m  of a candidate whose coefficients follow the base's `columns`; may be null
+double squared_error(const Eigen::MatrixXd& base, const std::vector<int>& places,
+                     const Eigen::VectorXd& theta, const ColumnMoments* m, std::size_t block,
+                     int place_of_joint, int columns);
+
+}  // namespace heft::diagnose

@@ -1,0 +1,136 @@
+#include "motion_scores.hpp"
+
+#include <algorithm>
+
+#include "heft/model/motion_torque.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, double cutoff) {
+  std::vector<data::MotionStream> streams;
+  data::StreamOptions options;
+  options.motion.cutoff = cutoff;
+  options.motion.smooth_position = true;
+  options.prefer_logged = false;
+  options.displacement = true;
+  options.cut_standstill =
+      false;  // the table marks standstill, and its rows count for friction that remembers
+  for (const data::Log& log : logs) streams.emplace_back(log, options);
+  return streams;
+}
+
+namespace {
+
+std::shared_ptr<const MotionTable> table_of(const model::Robot& robot,
+                                            const std::vector<data::MotionStream>& streams) {
+  std::vector<const data::MotionStream*> list;
+  for (const auto& s : streams) list.push_back(&s);
+  std::vector<bool> prismatic;
+  for (const auto& joint : robot.joints) prismatic.push_back(joint.joint.type == JointType::kPrismatic);
+  TableOptions options;
+  double seconds = 0.0;
+  for (const data::MotionStream* log : list) seconds += log->summary().end - log->summary().begin;
+  // Long blocks hold what is correlated together; a short log needs enough of them.
+  options.block_seconds = std::clamp(seconds / 30.0, 0.15, 1.0);
+  return std::make_shared<const MotionTable>(make_table(list, prismatic, options));
+}
+
+/// Rows of one log of a table.
+struct Run {
+  Index begin, count;
+};
+std::vector<Run> runs_of(const MotionTable& table) {
+  std::vector<Run> runs;
+  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r)
+    runs.push_back({table.run_begin[r], table.run_begin[r + 1] - table.run_begin[r]});
+  return runs;
+}
+
+}  // namespace
+
+JudgedMotion::JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs, double cutoff)
+    : streams_(streams_of(logs, cutoff)), table_(table_of(robot, streams_)) {}
+
+MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
+  const MotionTable& t = *table_;
+  model::MotionTorque torque(robot);
+  MatrixXd predicted(t.rows(), t.num_joints);
+  const double width = t.sign_width.maxCoeff();
+  for (const auto [begin, count] : runs_of(t)) {
+    const VectorXd time = t.time.segment(begin, count);
+    const MatrixXd q = t.q.middleRows(begin, count), qd = t.qd.middleRows(begin, count),
+                   qdd = t.qdd.middleRows(begin, count);
+    torque.start_from(time, q, qd, qdd, t.tau.middleRows(begin, count), width);
+    predicted.middleRows(begin, count) =
+        torque.torque(time, q, qd, qdd, width, t.displacement.middleRows(begin, count));
+  }
+  return predicted;
+}
+
+std::vector<validate::Score> JudgedMotion::scores(const MatrixXd& predicted, double band) const {
+  const MotionTable& t = *table_;
+  std::vector<validate::Score> scores;
+  for (const auto [begin, count] : runs_of(t)) {
+    const data::StreamSummary& summary = streams_[scores.size()].summary();
+    validate::TorqueScorer::Setup setup;
+    setup.log = summary.path;
+    setup.begin = t.time[begin];
+    setup.end = t.time[begin + count - 1];
+    setup.samples = count;
+    setup.max_torque = summary.max_torque;
+    setup.sample_rate = static_cast<double>(count - 1) / (setup.end - setup.begin);
+    setup.band = band;
+    setup.moving_from = summary.moving_from - summary.begin;
+    setup.moving_to = summary.moving_to - summary.begin;
+    validate::TorqueScorer scorer(setup);
+    scorer.add_rows(t.time.segment(begin, count), t.tau.middleRows(begin, count),
+                    predicted.middleRows(begin, count));
+    scorer.add_grid(t.time.segment(begin, count),
+                    t.tau.middleRows(begin, count) - predicted.middleRows(begin, count));
+    scores.push_back(scorer.finish());
+  }
+  return scores;
+}
+
+std::vector<Traces> JudgedMotion::traces(const MatrixXd& before, const MatrixXd& after) const {
+  const MotionTable& t = *table_;
+  std::vector<Traces> all;
+  for (const auto [begin, count] : runs_of(t)) {
+    all.push_back({t.runs[all.size()], t.time.segment(begin, count), t.q.middleRows(begin, count),
+                   t.qd.middleRows(begin, count),
+                   t.tau.middleRows(begin, count) - before.middleRows(begin, count),
+                   t.tau.middleRows(begin, count) - after.middleRows(begin, count)});
+  }
+  return all;
+}
+
+std::vector<VectorXd> JudgedMotion::rms_errors(const MatrixXd& predicted) const {
+  const MotionTable& t = *table_;
+  std::vector<VectorXd> errors;
+  for (const auto [begin, rows] : runs_of(t)) {
+    VectorXd sum = VectorXd::Zero(t.num_joints);
+    double count = 0.0;
+    const Index last = begin + rows - 1;
+    for (Index i = begin; i <= last; ++i) {
+      if (t.time[i] < validate::kScoreEnd || t.time[last] - t.time[i] < validate::kScoreEnd) continue;
+      sum += (t.tau.row(i) - predicted.row(i)).cwiseAbs2().transpose();
+      count += 1.0;
+    }
+    errors.push_back((sum / std::max(1.0, count)).cwiseSqrt());
+  }
+  return errors;
+}
+
+VectorXd JudgedMotion::rms_error(const MatrixXd& predicted) const { return pooled(rms_errors(predicted)); }
+
+VectorXd pooled(const std::vector<VectorXd>& errors) {
+  VectorXd squares = VectorXd::Zero(errors.front().size());
+  for (const VectorXd& e : errors) squares += e.cwiseAbs2() / static_cast<double>(errors.size());
+  return squares.cwiseSqrt();
+}
+
+}  // namespace heft::diagnose

@@ -1,0 +1,48 @@
+/// @file
+/// How a model does on logs that are in a table.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/diagnose/diagnosis.hpp"
+#include "motion_table.hpp"
+
+namespace heft::diagnose {
+
+/// Logs as this room reads them.
+/// @param cutoff  of the low-pass on q [Hz]; 0: chosen by each stream
+std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, double cutoff);
+
+/// Logs, their table and the scores of predictions along it.
+class JudgedMotion {
+ public:
+  /// @param cutoff  as in streams_of()
+  JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs, double cutoff);
+
+  const std::vector<data::MotionStream>& streams() const { return streams_; }
+  const MotionTable& table() const { return *table_; }
+  std::shared_ptr<const MotionTable> shared_table() const { return table_; }
+
+  /// Torque of a robot along the motion, m × n.
+  Eigen::MatrixXd predicted(const model::Robot& robot) const;
+  /// Scores of each log.
+  std::vector<validate::Score> scores(const Eigen::MatrixXd& predicted, double band) const;
+  /// Residuals of each log for plots.
+  std::vector<Traces> traces(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after) const;
+  /// Rms error of each log, n each, and of all, each counting as much as another; all rows but those at the ends
+  /// (validate::kScoreEnd).
+  std::vector<Eigen::VectorXd> rms_errors(const Eigen::MatrixXd& predicted) const;
+  Eigen::VectorXd rms_error(const Eigen::MatrixXd& predicted) const;
+
+ private:
+  std::vector<data::MotionStream> streams_;
+  std::shared_ptr<const MotionTable> table_;
+};
+
+/// Root of the mean square of several rms errors, n.
+Eigen::VectorXd pooled(const std::vector<Eigen::VectorXd>& errors);
+
+}  // namespace heft::diagnose

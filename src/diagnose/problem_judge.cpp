@@ -1,0 +1,220 @@
+// How one candidate does: its coefficients, whether they hold all the time, and its gain on left-out blocks.
+#include <algorithm>
+#include <cmath>
+
+#include "heft/host/decompositions.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
+#include "moments.hpp"
+#include "problem.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Base and candidate fitted together.
+struct Problem::Joint {
+  const ColumnMoments& candidate;
+  int without;                  ///< base column that the candidate stands in for; -1: none
+  std::vector<MatrixXd> folds;  ///< moments of each fold's blocks
+  MatrixXd whole;
+  Solved fit;
+};
+
+Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
+  const int k = m.count;
+  Trial trial;
+  trial.joint_before = trial.joint_after = VectorXd::Zero(num_joints());
+  trial.coefficients = trial.std = VectorXd::Zero(k);
+
+  std::vector<MatrixXd> wide;
+  for (const MatrixXd& fold : folds_) wide.push_back(widened(fold, k));
+  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    add_columns(m, b, places_, noise_, columns_, wide[static_cast<std::size_t>(table_->blocks[b].fold)]);
+  }
+  MatrixXd whole = MatrixXd::Zero(columns_ + k + 1, columns_ + k + 1);
+  for (const MatrixXd& fold : wide) whole += fold;
+  Solved fit = solve(whole, without, steady_, ridge_, true);
+  const Joint joint{m, without, std::move(wide), std::move(whole), std::move(fit)};
+
+  trial.gain = error_ - joint.fit.error;
+  trial.coefficients = joint.fit.theta.tail(k);
+  trial.base = joint.fit.theta.head(columns_) + prior_;
+  if (!test_coefficients(joint, tested, trial)) return trial;
+  trial.drift = drift_of(joint);
+  cross_validate(joint, trial);
+  trial.valid = true;
+  return trial;
+}
+
+/// Robust covariance: scores s_b = X_bᵀ W r_b of each block, V = A⁻¹ (Σ s_b s_bᵀ) A⁻¹ B/(B-1), and Hotelling's test with
+/// it (H. Hotelling, Ann. Math. Statist. 2 (1931) 360).
+/// @return false where the base explains the columns, or there are too few blocks
+bool Problem::test_coefficients(const Joint& joint, int tested, Trial& trial) const {
+  const ColumnMoments& m = joint.candidate;
+  const Solved& fit = joint.fit;
+  const int k = m.count;
+  const MatrixXd tail = fit.inverse.bottomRightCorner(k, k);
+  for (int c = 0; c < k; ++c) {
+    // Robust covariance from the scores X_bᵀ W r_b of each block.
+  MatrixXd shares(k, static_cast<Index>(blocks));
+  MatrixXd naive = tail;
+  const MatrixXd bottom = fit.inverse.bottomRows(k);
+  int used = 0;
+  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    VectorXd score = VectorXd::Zero(columns_ + k);
+    for (int j = 0; j < num_joints(); ++j) {
+      const auto s = static_cast<std::size_t>(j);
+      const double w = weight(j);
+      const Index p = static_cast<Index>(places_[s].size());
+      VectorXd own(p + 1);
+      own.head(p) = -fit.theta(places_[s]);
+      own[p] = 1.0;
+      VectorXd r = moments_[b][s].topRows(p) * own;
+      for (std::size_t a = 0; a < m.joints.size(); ++a) {
+        if (m.joints[a] != j) continue;
+        r -= m.cross[b][a].topRows(p) * fit.theta.tail(k);
+        score.tail(k) += w * (m.cross[b][a].transpose() * own - m.square[b][a] * fit.theta.tail(k));
+      }
+      for (Index c = 0; c < p; ++c) score[places_[s][static_cast<std::size_t>(c)]] += w * r[c];
+    }
+    if (score.squaredNorm() > 0.0) shares.col(used++) = bottom * score;
+  }
+  if (used < 4) return false;
+  const MatrixXd meat = statistics::sandwich_covariance(shares.leftCols(used));
+  trial.std = meat.diagonal().cwiseSqrt();
+  const int t = tested > 0 ? tested : k;
+  VectorXd in_deviations = trial.coefficients.head(t);
+  if (!solve_positive(meat.topLeftCorner(t, t), in_deviations)) return false;
+  trial.wald = trial.coefficients.head(t).dot(in_deviations);
+  // W (B - t) / (t (B - 1)) follows F(t, B - t).
+  const double f = trial.wald * (used - t) / (static_cast<double>(t) * (used - 1));
+  trial.p_value = statistics::fisher_tail(f, t, used - t);
+  MatrixXd over_naive = meat;
+  solve_positive(naive, over_naive);
+  const double design = std::max(1.0, over_naive.trace() / k);
+  trial.effective_rows = counted_.sum() / design;
+  return true;
+}
+
+/// Does the first coefficient hold all the time? In each quarter of the blocks the part of the column that the rest does
+/// not explain, c̃ = c - X a, gives its own correction Σ c̃ᵀ r / Σ c̃ᵀ c̃.
+double Problem::drift_of(const Joint& joint) const {
+  const ColumnMoments& m = joint.candidate;
+  const VectorXd& theta = joint.fit.theta;
+  const int k = m.count;
+  const double coefficient = theta[columns_];
+  if (!(std::abs(coefficient) > 0.0)) return 0.0;
+  const MatrixXd bottom = joint.fit.inverse.bottomRows(k);
+  const VectorXd a =
+      bottom.row(0).transpose() / bottom(0, columns_);  // c̃ = [X C] a, a = 1 for the column itself
+  /// Sums of one block: c̃ᵀ r and c̃ᵀ c̃.
+  const auto sums_of = [&](std::size_t b, double& down) {
+    double up = 0.0;
+    for (int j = 0; j < num_joints(); ++j) {
+      const auto s = static_cast<std::size_t>(j);
+      const Index p = static_cast<Index>(places_[s].size());
+      MatrixXd M = MatrixXd::Zero(p + k + 1, p + k + 1);
+      M.topLeftCorner(p, p) = moments_[b][s].topLeftCorner(p, p);
+      M.col(p + k).head(p) = moments_[b][s].col(p).head(p);
+      VectorXd ca = VectorXd::Zero(p + k + 1), r = VectorXd::Zero(p + k + 1);
+      for (std::size_t q = 0; q < m.joints.size(); ++q) {
+        if (m.joints[q] != j) continue;
+        M.block(0, p, p, k) = m.cross[b][q].topRows(p);
+        M.block(p, 0, k, p) = m.cross[b][q].topRows(p).transpose();
+        M.block(p, p, k, k) = m.square[b][q];
+        M.col(p + k).segment(p, k) = m.cross[b][q].row(p).transpose();
+      }
+      ca.head(p) = a(places_[s]);
+      r.head(p) = -theta(places_[s]);
+      ca.segment(p, k) = a.tail(k);
+      r.segment(p, k) = -theta.tail(k);
+      r[p + k] = 1.0;
+      const VectorXd Mr = M * r, Mc = M * ca;
+      up += weight(j) * ca.head(p + k).dot(Mr.head(p + k));
+      down += weight(j) * ca.head(p + k).dot(Mc.head(p + k));
+    }
+    return up;
+  };
+  constexpr std::size_t kParts = 4;
+  const std::size_t blocks = table_->blocks.size();
+  double drift = 0.0;
+  for (std::size_t part = 0; part < kParts; ++part) {
+    double up = 0.0, down = 0.0, scatter = 0.0;
+    const std::size_t from = blocks * part / kParts, to = blocks * (part + 1) / kParts;
+    for (std::size_t b = from; b < to; ++b) {
+      const double own = sums_of(b, down);
+      up += own;
+      scatter += own * own;
+    }
+    const auto parts = static_cast<double>(to - from);
+    if (!(down > 0.0) || parts < 3.0) continue;
+    const double error = std::sqrt(std::max(0.0, scatter - up * up / parts) * parts / (parts - 1.0)) / down;
+    const double correction = up / down;
+    if (std::abs(correction) > 3.0 * error) drift = std::max(drift, std::abs(correction / coefficient));
+  }
+  return drift;
+}
+
+/// Left-out blocks. Gains count by n ln(before / after), the fall of the log-likelihood with the noise of each block its
+/// own: a few violent blocks would drown all others otherwise.
+void Problem::cross_validate(const Joint& joint, Trial& trial) const {
+  const ColumnMoments& m = joint.candidate;
+  const int n = num_joints();
+  const auto runs = static_cast<Index>(table_->runs.size());
+  MatrixXd run_before = MatrixXd::Zero(runs, n), run_after = run_before, run_rows = run_before;
+  std::vector<double> gains;
+  std::vector<int> place_of_joint(static_cast<std::size_t>(n), -1);
+  for (std::size_t a = 0; a < m.joints.size(); ++a)
+    place_of_joint[static_cast<std::size_t>(m.joints[a])] = static_cast<int>(a);
+  for (std::size_t out = 0; out < folds_.size(); ++out) {
+    const Solved alone = solve(total_ - folds_[out], -1, steady_, ridge_, false);
+    const Solved with = solve(joint.whole - joint.folds[out], joint.without, steady_, ridge_, false);
+    for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+      const Block& block = table_->blocks[b];
+      if (static_cast<std::size_t>(block.fold) != out) continue;
+      double gain = 0.0;
+      for (int j = 0; j < n; ++j) {
+        const auto s = static_cast<std::size_t>(j);
+        const double rows = keep_->col(j).segment(block.begin, block.count).sum();
+        if (!(rows > 0.0)) continue;
+        const double before =
+            squared_error(moments_[b][s], places_[s], alone.theta, nullptr, b, -1, columns_);
+        const double after =
+            squared_error(moments_[b][s], places_[s], with.theta, &m, b, place_of_joint[s], columns_);
+        trial.joint_before[j] += before;
+        trial.joint_after[j] += after;
+        run_before(block.run, j) += before;
+        run_after(block.run, j) += after;
+        run_rows(block.run, j) += rows;
+        // A block that fits perfectly would count without bound.
+        const double floor = 1e-4 * noise_[j] * noise_[j] * rows;
+        gain += rows * std::log(std::max(before, floor) / std::max(after, floor));
+      }
+      gains.push_back(gain);
+    }
+  }
+  trial.run_gain.assign(table_->runs.size(), 0.0);
+  for (Index r = 0; r < runs; ++r) {
+    for (int j = 0; j < n; ++j) {
+      if (run_after(r, j) > 0.0 && run_before(r, j) > 0.0)
+        trial.run_gain[static_cast<std::size_t>(r)] +=
+            run_rows(r, j) * std::log(run_before(r, j) / run_after(r, j));
+    }
+  }
+  for (int j = 0; j < n; ++j) {
+    if (trial.joint_after[j] > 0.0 && trial.joint_before[j] > 0.0) {
+      trial.cv_gain += counted_[j] * std::log(trial.joint_before[j] / trial.joint_after[j]);
+    }
+  }
+  double mean = 0.0, scatter = 0.0;
+  const auto count = static_cast<double>(gains.size());
+  for (const double g : gains) mean += g / count;
+  for (const double g : gains) scatter += (g - mean) * (g - mean);
+  const double error = std::sqrt(scatter / std::max(1.0, count - 1.0) / count);
+  trial.cv_t = error > 0.0 ? mean / error : 0.0;
+}
+
+}  // namespace heft::diagnose

@@ -1,0 +1,131 @@
+#include "rules.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+namespace {
+
+int parameters_of(const Candidate& c) {
+  // Of an event begin and length are chosen as well as its force.
+  return static_cast<int>(c.trial.coefficients.size() + 2 * static_cast<Index>(c.events.size())) +
+         (c.tried > 1 ? 1 : 0);
+}
+
+/// Whether an effect of the whole arm takes away most of the error of the joint where it shows most, as a wrist
+/// coupling or a tilted base does; events would only follow the error of a joint that nothing explains.
+bool explains_joints(const Candidate& c) {
+  constexpr double kMostOfIt = 0.5;
+  return !c.effect.is<Contact>() && !c.effect.is<PayloadChange>() && c.trial.joint_before.size() > 0 &&
+         fall(c.trial).maxCoeff() > kMostOfIt;
+}
+
+/// What speaks against some effects alone; empty: nothing.
+std::string own_objection(const Candidate& c, const MotionTable& table, bool joint_sensor) {
+  if (c.effect.is<FrictionDrift>() && c.shape < kQuickestWarming)
+    return "too quick for a joint that warms up";
+  if (c.effect.is<Spring>()) {
+    const auto q = table.q.col(c.joint);
+    const double slope = std::abs(c.trial.coefficients[0]) * 0.5 * (q.maxCoeff() - q.minCoeff());
+    const double middle =
+        c.trial.coefficients[0] * 0.5 * (q.maxCoeff() + q.minCoeff()) + c.trial.coefficients[1];
+    if (slope < 0.25 * std::abs(middle)) return "is an offset rather than a spring";
+  }
+  if (joint_sensor && c.effect.is<RotorInertia>()) return "a sensor behind the gear does not feel the rotor";
+  return {};
+}
+
+}  // namespace
+
+VectorXd fall(const Trial& trial) {
+  VectorXd result = VectorXd::Zero(trial.joint_before.size());
+  for (Index j = 0; j < result.size(); ++j) {
+    if (trial.joint_before[j] > 0.0) {
+      result[j] = 1.0 - std::sqrt(std::max(0.0, trial.joint_after[j]) / trial.joint_before[j]);
+    }
+  }
+  return result;
+}
+
+double bic_of(const Candidate& c, int candidates) {
+  return -c.trial.wald + parameters_of(c) * std::log(std::max(2.0, c.trial.effective_rows)) +
+         2.0 * std::log(std::max(1.0, static_cast<double>(candidates)));
+}
+
+int tried_of(const std::vector<Candidate>& candidates) {
+  int tried = 0;
+  for (const Candidate& c : candidates) tried += c.tried;
+  return tried;
+}
+
+bool same_effect(const Candidate& a, const Candidate& b) {
+  return same_place(a, b) && (a.replaces >= 0) == (b.replaces >= 0) && a.displacement == b.displacement &&
+         a.beside == b.beside;
+}
+
+std::string name_of(const Candidate& c) {
+  return c.joint >= 0 ? fmt::format("{} on joint {}", c.effect.id(), c.joint + 1)
+                      : std::string(c.effect.id());
+}
+
+void sort_by_gain(std::vector<Candidate>& candidates) {
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.trial.cv_gain > b.trial.cv_gain; });
+}
+
+bool Rules::is_wrong(int joint) const {
+  return std::any_of(wrong_joints->begin(), wrong_joints->end(),
+                     [joint](const NotExplained& u) { return u.joint == joint; });
+}
+
+std::string Rules::objection(const Candidate& c, const Round& round) const {
+  if (!c.refused.empty()) return c.refused;
+  const auto in_place = std::count_if(round.taken.begin(), round.taken.end(),
+                                      [&](const Candidate& e) { return same_place(e, c); });
+  if (in_place > (c.beside ? 1 : 0)) return "is in the model already";
+  if (!c.trial.valid) return "this motion cannot tell it from the rest of the model";
+  if (c.joint >= 0 ? is_wrong(c.joint) : !wrong_joints->empty() && !explains_joints(c))
+    return "the arm model does not explain this joint";
+  if (std::string own = own_objection(c, engine->table(), joint_sensor); !own.empty()) return own;
+  if (!(c.trial.p_value * round.tried < kLevel)) return "chance explains it";
+  if (c.effect.is<Contact>()) return {};
+  const bool in_time = c.effect.is<PayloadChange>() || c.effect.is<FrictionDrift>();
+  if (!in_time && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
+  if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";
+  // Several runs that agree say what one run leaves open.
+  const auto& runs = c.trial.run_gain;
+  const bool agreed = runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
+  if (c.beside && !agreed) return "a second distance takes three runs that agree";
+  Index main = 0;
+  const double size = fall(c.trial).maxCoeff(&main);
+  if (!(size > (agreed ? kRelevantGainInRuns : kRelevantGain))) return "too small to matter";
+  if (c.effect.is<Delay>() && (fall(c.trial).array() > 0.5 * kRelevantGain).count() < 2)
+    return "shows in one joint only: a late channel is late for all";
+  const double rows = engine->problem().counted()[main];
+  const double floor = rows * round.noise_floor[main] * round.noise_floor[main];
+  const double above = std::max(1e-300, c.trial.joint_before[main] - floor);
+  const double least = agreed ? kNamingShareInRuns : kNamingShare;
+  if ((c.trial.joint_before[main] - c.trial.joint_after[main]) / above < least)
+    return "explains only a small part of what is left there";
+  return {};
+}
+
+const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const Candidate* best,
+                                 const Round& round) const {
+  const Candidate* simple = best;
+  for (const Candidate& c : candidates) {
+    if (c.joint != best->joint || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
+    if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < kSimpler * best->trial.cv_gain)
+      continue;
+    if (objection(c, round).empty()) simple = &c;
+  }
+  return simple;
+}
+
+}  // namespace heft::diagnose

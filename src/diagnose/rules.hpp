@@ -1,0 +1,79 @@
+/// @file
+/// What an effect must show to be taken: the thresholds, each with its reason, and the decisions that rest on them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "engine.hpp"
+#include "heft/diagnose/diagnosis.hpp"
+
+namespace heft::diagnose {
+
+/// Chance that noise alone looks like this, all candidates together.
+inline constexpr double kLevel = 1e-3;
+/// Mean gain on left-out blocks against its standard error.
+inline constexpr double kSteadyGain = 2.5;
+/// Least fall of the rms error on left-out blocks in the joint where it shows most.
+inline constexpr double kRelevantGain = 0.02;
+/// The same when three or more runs all gain from it.
+inline constexpr double kRelevantGainInRuns = 0.01;
+/// Least part of what stands above the noise that it must explain there: what explains less is not its cause.
+inline constexpr double kNamingShare = 0.2;
+/// The same when three or more runs all gain from it.
+inline constexpr double kNamingShareInRuns = 0.05;
+/// Most that its coefficient may differ in a quarter of the time, in parts of it.
+inline constexpr double kHolds = 0.6;
+/// Shortest time constant of a joint that warms up [s].
+inline constexpr double kQuickestWarming = 3.0;
+/// A simpler effect on the same joint with this part of the gain goes before.
+inline constexpr double kSimpler = 0.95;
+/// Most that all effects may raise the error of a joint on a validation log.
+inline constexpr double kMayRise = 0.02;
+/// Most that an effect may raise its own joint's error in band there: what is bought with the slow part of the torque
+/// mends the derived motion rather than the model.
+inline constexpr double kMayRiseInBand = 0.05;
+/// A residual that stands this much above noise (squared errors) has structure.
+inline constexpr double kStructured = 0.1;
+/// Rivals within this part of an effect's gain are listed; within the second they explain the same.
+inline constexpr double kRival = 0.3, kEquivalent = 0.97;
+
+/// Fall of each joint's rms error, as a share; on left-out blocks, for a contact in its stretches.
+Eigen::VectorXd fall(const Trial& trial);
+/// Robust chi-square of the coefficients against what they cost.
+/// @param candidates  tried, shapes counted
+double bic_of(const Candidate& c, int candidates);
+/// Shapes of all candidates.
+int tried_of(const std::vector<Candidate>& candidates);
+/// The same effect in the same place, and in the same form.
+bool same_effect(const Candidate& a, const Candidate& b);
+/// "spring on joint 2".
+std::string name_of(const Candidate& c);
+/// Those that gain most on left-out blocks first.
+void sort_by_gain(std::vector<Candidate>& candidates);
+
+/// Whether a candidate can be taken.
+struct Rules {
+  const Engine* engine;                           ///< the model as it is, whose rows and motion count
+  const std::vector<NotExplained>* wrong_joints;  ///< that the arm model does not explain
+  bool joint_sensor;                              ///< torque was measured behind the gear
+
+  /// Candidates under judgement.
+  struct Round {
+    int tried;                            ///< candidates, shapes counted
+    const Eigen::VectorXd& noise_floor;   ///< n: of the residual that they would explain
+    const std::vector<Candidate>& taken;  ///< effects in place
+  };
+  /// Why a candidate is not taken; empty: it can be.
+  std::string objection(const Candidate& c, const Round& round) const;
+  /// A simpler effect of the same joint that explains as good as the same goes before: what the motion cannot tell
+  /// apart, and kinds that contain another one.
+  const Candidate* simplest(const std::vector<Candidate>& candidates, const Candidate* best,
+                            const Round& round) const;
+  /// What is left in a joint that the model does not explain is no small effect.
+  bool is_wrong(int joint) const;
+};
+
+}  // namespace heft::diagnose

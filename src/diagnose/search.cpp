@@ -1,0 +1,277 @@
+#include "search.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "joint_check.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+/// Share of the squared error that goes with a fall of the rms error.
+double squared(double fall) { return 1.0 - std::pow(1.0 - fall, 2); }
+
+}  // namespace
+
+Search::Search(Start& start, const DiagnoseOptions& options) : start_(start), options_(options) {}
+
+void Search::progress(double done) const {
+  if (options_.progress) options_.progress("effects", done);
+}
+
+void Search::trace(const std::string& line) const {
+  if (options_.trace) options_.trace(line);
+}
+
+void Search::trace(const std::string& what, const MatrixXd& judged) const {
+  if (!options_.trace) return;
+  trace(fmt::format("{}: training rms [{:.4f}], validation rms [{:.4f}]", what,
+                    fmt::join(start_.train->rms_error(engine().predicted()), " "),
+                    fmt::join(start_.judged->rms_error(judged), " ")));
+}
+
+void Search::trace_pool(const std::vector<Candidate>& pool, const Rules::Round& round) const {
+  if (!options_.trace) return;
+  constexpr int kMost = 15;
+  int shown = 0;
+  for (const Candidate& c : pool) {
+    if (!c.trial.valid || shown++ >= kMost) continue;
+    trace(
+        fmt::format("  {:18s} j{} shape {:.4g} c [{:.4g}] gain {:.0f} t {:.1f} wald {:.0f} p {:.1e} fall "
+                    "{:.3f} dBIC {:.0f} drift {:.2f} {}",
+                    c.effect.id(), c.joint + 1, c.shape, fmt::join(c.trial.coefficients, " "),
+                    c.trial.cv_gain, c.trial.cv_t, c.trial.wald, c.trial.p_value * round.tried,
+                    c.trial.joint_before.size() > 0 ? fall(c.trial).maxCoeff() : 0.0, bic_of(c, round.tried),
+                    c.trial.drift, rules().objection(c, round)));
+  }
+}
+
+void Search::check_joints() {
+  wrong_joints_ = not_explained(engine().problem(), engine().table());
+  for (const NotExplained& u : wrong_joints_) {
+    trace(fmt::format("joint {} is not explained: error {:.4g}, on its own {:.4g}, {:.0f} % of its largest",
+                      u.joint + 1, u.error, u.alone, 100.0 * u.share_of_largest));
+  }
+}
+
+/// Candidates of one joint and of the whole arm; joint -1: of all joints.
+std::vector<Candidate> Search::propose(const Engine& engine, int joint, double from, double to) const {
+  std::vector<bool> joints(static_cast<std::size_t>(start_.robot.num_joints()), joint < 0);
+  if (joint >= 0) joints[static_cast<std::size_t>(joint)] = true;
+  for (const NotExplained& u : wrong_joints_) joints[static_cast<std::size_t>(u.joint)] = false;
+  std::vector<Candidate> candidates =
+      engine.propose(joints, [&](double done) { progress(from + (to - from) * done); });
+  sort_by_gain(candidates);
+  return candidates;
+}
+
+void Search::forward() {
+  std::vector<Candidate> pool;
+  int again = -1;  // joint whose candidates have to be found anew; -1: all
+  for (int round = 0; round < options_.most_effects;) {
+    const bool fresh = again < 0;
+    if (fresh) {
+      pool.clear();
+    } else {
+      std::erase_if(pool, [&](const Candidate& c) { return c.joint == again || c.joint < 0; });
+      for (Candidate& c : pool) c.stale = true;
+    }
+    for (Candidate& c : propose(engine(), again, round / (round + 2.0), (round + 1.0) / (round + 3.0)))
+      pool.push_back(std::move(c));
+    sort_by_gain(pool);
+    const VectorXd noise = engine().noise_floor();
+    const Rules::Round now{tried_of(pool), noise, engine().accepted};
+    tried_ = std::max(tried_, now.tried);
+    const Candidate* best = best_of(pool, now);
+    if (fresh) {
+      refusals_.clear();  // those of the last full round stand: with everything else in place
+      for (const Candidate& c : pool) refuse(c, rules().objection(c, now));
+    }
+    trace_pool(pool, now);
+    if (best == nullptr) {
+      if (fresh) return;
+      again = -1;  // one last look at everything
+      continue;
+    }
+    const Candidate taken = *rules().simplest(pool, best, now);
+    take(taken);
+    again = taken.effect.joint_effect() >= 0 ? taken.joint : -1;
+    ++round;
+  }
+  notes_.push_back(fmt::format("stopped at {} effects; what is left may hold more", options_.most_effects));
+}
+
+/// The best that nothing speaks against; candidates judged before another effect was taken are judged again when their
+/// turn comes.
+const Candidate* Search::best_of(std::vector<Candidate>& pool, const Rules::Round& round) const {
+  for (std::size_t k = 0; k < pool.size();) {
+    const bool good = rules().objection(pool[k], round).empty();
+    if (good && !pool[k].stale) return &pool[k];
+    if (good) {
+      engine().judge_again(pool[k]);
+      sort_by_gain(pool);  // its place may be another one now
+    } else {
+      ++k;
+    }
+  }
+  return nullptr;
+}
+
+void Search::take(const Candidate& candidate) {
+  model().put(engine().accepted.size(), candidate);
+  model().build();
+  if (candidate.effect.is<ElasticJoint>() || candidate.effect.is<Delay>()) model().tune();
+  find_memory_anew(candidate.joint);
+  trace("with " + name_of(candidate), start_.judged->predicted(engine().robot()));
+  // What was out of reach may be explained now.
+  if (!wrong_joints_.empty()) check_joints();
+}
+
+/// What a joint's friction remembers was found before another effect of that joint was in place, or beside one that
+/// backward checks have taken out.
+void Search::find_memory_anew(int joint) {
+  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
+    const Candidate& own = engine().accepted[e];
+    // The first of two comes with the second.
+    if (own.joint != joint || !own.has_memory() || engine().second_memory(e) >= 0) continue;
+    std::vector<Candidate> forms = forms_of_memory(e, {own.joint});
+    if (forms.empty()) continue;
+    trace(fmt::format("{}: {:.3g} by {} now, was {:.3g} by {}", name_of(own), forms[0].shape,
+                      displacement_name(forms[0].displacement), own.shape,
+                      displacement_name(own.displacement)));
+    model().put(e, std::move(forms[0]));
+    model().build();
+  }
+}
+
+std::vector<Candidate> Search::forms_of_memory(std::size_t effect,
+                                               std::initializer_list<int> standing) const {
+  std::vector<Candidate> forms;
+  for (const int joint : standing) {
+    const auto rest =
+        rebuilt(static_cast<std::ptrdiff_t>(effect), engine().weights_held, engine().masses_held, joint);
+    for (Candidate& c : rest->forms_of(engine().accepted[effect])) {
+      if (c.refused.empty() && c.trial.valid) forms.push_back(std::move(c));
+    }
+  }
+  sort_by_gain(forms);
+  return forms;
+}
+
+void Search::refuse(const Candidate& c, const std::string& why) {
+  if (why.empty() || !c.trial.valid || c.trial.joint_before.size() == 0) return;
+  const double size = fall(c.trial).maxCoeff();
+  if (size > 0.5 * kRelevantGain) refusals_.push_back({c.effect, c.joint, why, squared(size)});
+}
+
+void Search::backward() {
+  evidence_.clear();
+  for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
+    if (check(e)) ++e;
+  }
+}
+
+/// Takes one effect out and looks at what does best in its place.
+/// @return whether an effect stays in that place
+bool Search::check(std::size_t e) {
+  const Candidate own = engine().accepted[e];
+  // A memory found with its joint's standstill is compared with it as well.
+  const std::unique_ptr<Engine> rest = rebuilt(static_cast<std::ptrdiff_t>(e), engine().weights_held,
+                                               engine().masses_held, own.has_memory() ? own.joint : -1);
+  std::vector<Candidate> candidates = propose(*rest, own.joint, 0.9, 0.95);
+  const VectorXd noise = rest->noise_floor();
+  const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, rest->accepted};
+  const Candidate *same = nullptr, *best = nullptr;
+  for (const Candidate& c : candidates) {
+    if (same_effect(c, own)) same = &c;
+    if (best == nullptr && rules().objection(c, round).empty()) best = &c;
+  }
+  if (best != nullptr) best = rules().simplest(candidates, best, round);
+  if (own.effect.is<Contact>() || (best != nullptr && best == same)) {
+    for (Candidate& c : candidates) c.columns = {};
+    evidence_.push_back(std::move(candidates));
+    return true;
+  }
+  evidence_.clear();  // no longer that of the model as it stands
+  // A memory was compared in each of its forms above; the first of two takes its own distance again.
+  const bool remembers = own.has_memory() && !own.beside;
+  if (best == nullptr) {
+    refusals_.push_back({own.effect, own.joint, "another effect has made it needless", 0.0});
+    model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(e));
+    model().build();
+    if (!remembers) find_memory_anew(own.joint);
+    return false;
+  }
+  if (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain) {
+    trace(fmt::format("exchanged {} for {}", name_of(own), name_of(*best)));
+    model().put(e, *best);
+    model().build();
+    if (!remembers) find_memory_anew(own.joint);
+  }
+  return true;
+}
+
+std::unique_ptr<Engine> Search::rebuilt_without(std::size_t index) const {
+  return rebuilt(static_cast<std::ptrdiff_t>(index), engine().weights_held, engine().masses_held);
+}
+
+std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
+                                        int standing_counts) const {
+  auto other =
+      std::make_unique<Engine>(start_.robot, start_.train->shared_table(), start_.pairs, engine().steady());
+  other->weights_held = weights_held;
+  other->masses_held = masses_held;
+  other->standing_counts = standing_counts;
+  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
+    const auto own = static_cast<std::ptrdiff_t>(e);
+    if (own != without && (without < 0 || engine().first_memory(e) != without))
+      other->accepted.push_back(engine().accepted[e]);
+  }
+  if (!other->accepted.empty() || standing_counts >= 0) other->build();
+  return other;
+}
+
+std::vector<Candidate> Search::evidence(std::size_t effect) {
+  if (evidence_.size() == engine().accepted.size()) return std::move(evidence_[effect]);
+  return propose(*rebuilt_without(effect), engine().accepted[effect].joint, 0.95, 1.0);
+}
+
+void Search::take_over(std::unique_ptr<Engine> other) {
+  start_.engine = std::move(other);
+  evidence_.clear();
+}
+
+void Search::take_out(std::size_t effect, const std::string& why) {
+  const Candidate own = engine().accepted[effect];
+  refusals_.push_back({own.effect, own.joint, why, squared(fall(own.trial).maxCoeff())});
+  model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(effect));
+  model().build();
+  evidence_.clear();
+  trace("without " + name_of(own), start_.judged->predicted(engine().robot()));
+}
+
+std::vector<Refusal> Search::refusals(const std::vector<Finding>& findings) const {
+  std::vector<Refusal> sorted = refusals_;
+  std::erase_if(sorted, [&](const Refusal& r) {
+    return std::any_of(findings.begin(), findings.end(),
+                       [&](const Finding& f) { return f.effect == r.effect && f.joint == r.joint; });
+  });
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [](const Refusal& a, const Refusal& b) { return a.gain > b.gain; });
+  // What was refused in two forms is listed once, as its stronger one.
+  std::vector<Refusal> once;
+  for (Refusal& r : sorted) {
+    const auto same = [&](const Refusal& o) { return o.effect == r.effect && o.joint == r.joint; };
+    if (std::none_of(once.begin(), once.end(), same)) once.push_back(std::move(r));
+  }
+  return once;
+}
+
+}  // namespace heft::diagnose

@@ -1,0 +1,78 @@
+/// @file
+/// The search for effects: forward selection and backward checks on the training logs.
+#pragma once
+
+#include <initializer_list>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rules.hpp"
+#include "start.hpp"
+
+namespace heft::diagnose {
+
+/// The model while it grows.
+class Search {
+ public:
+  Search(Start& start, const DiagnoseOptions& options);
+
+  /// Takes the best candidate as long as there is one that nothing speaks against.
+  void forward();
+  /// Takes each effect out again: one that another has made needless goes, one that another does better is exchanged.
+  void backward();
+
+  const Engine& engine() const { return *start_.engine; }
+  const Start& start() const { return start_; }
+  const std::vector<NotExplained>& wrong_joints() const { return wrong_joints_; }
+  /// Looks for joints that the model as it is does not explain.
+  void check_joints();
+  Rules rules() const { return {&engine(), &wrong_joints_, options_.joint_sensor}; }
+  int tried() const { return tried_; }
+
+  /// Another model of the same logs. What it is compared with keeps its own.
+  /// @param without  effect to leave out; -1: none
+  /// @param standing_counts  see Engine
+  std::unique_ptr<Engine> rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
+                                  int standing_counts = -1) const;
+  std::unique_ptr<Engine> rebuilt_without(std::size_t index) const;
+  /// Possible forms of a memory, judged with everything else in place, the best first.
+  /// @param standing  joints whose standstill counts beside that of the accepted memories, one after the other; see
+  ///                  Engine::standing_counts
+  std::vector<Candidate> forms_of_memory(std::size_t effect, std::initializer_list<int> standing) const;
+  /// Candidates without an accepted effect, from the backward check or found now. May be asked once for each effect.
+  std::vector<Candidate> evidence(std::size_t effect);
+
+  /// Goes on with another model.
+  void take_over(std::unique_ptr<Engine> engine);
+  void take_out(std::size_t effect, const std::string& why);
+
+  /// Refusals that stand, each once, those that would explain most first.
+  std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;
+  const std::vector<std::string>& notes() const { return notes_; }
+
+  void trace(const std::string& what, const Eigen::MatrixXd& judged) const;
+  void trace(const std::string& line) const;
+  bool traces() const { return static_cast<bool>(options_.trace); }
+
+ private:
+  Engine& model() { return *start_.engine; }
+  void progress(double done) const;
+  std::vector<Candidate> propose(const Engine& engine, int joint, double from, double to) const;
+  const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
+  void take(const Candidate& candidate);
+  void find_memory_anew(int joint);
+  void refuse(const Candidate& c, const std::string& why);
+  void trace_pool(const std::vector<Candidate>& pool, const Rules::Round& round) const;
+  bool check(std::size_t effect);
+
+  Start& start_;
+  const DiagnoseOptions& options_;
+  std::vector<Refusal> refusals_;
+  std::vector<std::vector<Candidate>> evidence_;  ///< candidates without each accepted effect
+  std::vector<NotExplained> wrong_joints_;        ///< see check_joints()
+  std::vector<std::string> notes_;
+  int tried_{0};  ///< most candidates of a round, shapes counted
+};
+
+}  // namespace heft::diagnose

@@ -1,0 +1,29 @@
+/// @file
+/// What a diagnosis starts from: the arm without effects, the cut-off, the logs along it and the first fit.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "engine.hpp"
+#include "heft/diagnose/diagnosis.hpp"
+#include "motion_scores.hpp"
+
+namespace heft::diagnose {
+
+struct Start {
+  model::Robot robot;                       ///< rigid bodies, Coulomb and viscous friction
+  std::vector<GearCoupling<double>> pairs;  ///< of joints that may share a motor
+  double cutoff{0.0};                       ///< of the low-pass on q [Hz]
+  double band{0.0};                         ///< of the figures in band [Hz]
+  std::unique_ptr<const JudgedMotion> train, judged;
+  std::unique_ptr<Engine> engine;  ///< fit without effects
+  std::vector<std::string> notes;
+};
+
+/// @throws DataError, NotIdentifiableError
+Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
+               const std::vector<data::Log>& validate, const DiagnoseOptions& options);
+
+}  // namespace heft::diagnose

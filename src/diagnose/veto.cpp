@@ -1,0 +1,170 @@
+#include "veto.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Errors of one model on the validation logs.
+struct Errors {
+  std::vector<VectorXd> each;  ///< rms, n each
+  std::vector<validate::Score> in_band;
+};
+
+/// A joint whose error on a validation log is above that of the fit without effects.
+struct Worse {
+  Index joint{-1};
+  std::size_t run{0};
+  int culprit{-1};  ///< effect that raises its error most; -1: none
+};
+
+Worse joint_made_worse(const std::vector<VectorXd>& at_first, const std::vector<VectorXd>& after,
+                       const std::vector<std::vector<VectorXd>>& without_each) {
+  Worse found;
+  double most = kMayRise;
+  for (std::size_t r = 0; r < after.size(); ++r) {
+    Index joint = 0;
+    const VectorXd rise = (after[r].array() / at_first[r].array().max(1e-300)).matrix();
+    if (!(rise.maxCoeff(&joint) - 1.0 > most)) continue;
+    most = rise[joint] - 1.0;
+    found = {joint, r, -1};
+    double worst = 1.0;
+    for (std::size_t e = 0; e < without_each.size(); ++e) {
+      const double ratio = after[r][joint] / std::max(1e-300, without_each[e][r][joint]);
+      if (ratio > worst) worst = ratio, found.culprit = static_cast<int>(e);
+    }
+  }
+  return found;
+}
+
+class Veto {
+ public:
+  explicit Veto(Search& search) : search_(search), judged_(*search.start().judged) {}
+
+  std::vector<std::vector<VectorXd>> run(const MatrixXd& base) {
+    const std::vector<VectorXd> at_first = judged_.rms_errors(base);
+    std::vector<std::vector<VectorXd>> without_each;
+    while (!search_.engine().accepted.empty()) {
+      const Errors after = errors_of(search_.engine());
+      if (!refuse_first(after, without_each)) continue;
+      const auto [joint, run, culprit] = joint_made_worse(at_first, after.each, without_each);
+      if (culprit < 0) return without_each;
+      const auto at = static_cast<std::size_t>(culprit);
+      if (!swap_in_held(at)) {
+        search_.take_out(
+            at, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
+      }
+    }
+    return {};
+  }
+
+ private:
+  Errors errors_of(const Engine& engine) const {
+    const MatrixXd predicted = judged_.predicted(engine.robot());
+    return {judged_.rms_errors(predicted), judged_.scores(predicted, search_.start().band)};
+  }
+
+  /// Takes out the first effect that does harm, or gives it another form.
+  /// @return whether none does
+  bool refuse_first(const Errors& after, std::vector<std::vector<VectorXd>>& without_each) {
+    without_each.clear();
+    for (std::size_t e = 0; e < search_.engine().accepted.size(); ++e) {
+      const Errors without = errors_of(*search_.rebuilt_without(e));
+      without_each.push_back(without.each);
+      const std::string why = harm(search_.engine().accepted[e], after, without);
+      if (why.empty()) continue;
+      if (!take_another_form(e, without)) search_.take_out(e, why);
+      return false;
+    }
+    return true;
+  }
+
+  /// What an effect does to its own joint, and to all together; empty: no harm.
+  std::string harm(const Candidate& own, const Errors& after, const Errors& before) const {
+    if (own.effect.is<Contact>()) return {};
+    Index main = 0;
+    fall(own.trial).maxCoeff(&main);
+    std::string helps, hurts;
+    double squares_after = 0.0, squares_before = 0.0;
+    for (std::size_t r = 0; r < after.each.size(); ++r) {
+      const VectorXd ratio = after.each[r].array() / before.each[r].array().max(1e-300);
+      const double slow =
+          after.in_band[r].rmse_in_band[main] / std::max(1e-300, before.in_band[r].rmse_in_band[main]) - 1.0;
+      // All joints together: what an effect takes from one joint it may not put on the others.
+      const bool bad = ratio[main] > 1.0 || slow > kMayRiseInBand || ratio.array().log().sum() > 0.0;
+      (bad ? hurts : helps) = judged_.table().runs[r];
+      squares_after += after.each[r][main] * after.each[r][main];
+      squares_before += before.each[r][main] * before.each[r][main];
+    }
+    if (hurts.empty() && squares_after < squares_before) return {};
+    return helps.empty() || hurts.empty() ? "raises the error on the validation logs"
+                                          : fmt::format("helps on {} and hurts on {}", helps, hurts);
+  }
+
+  /// Against an effect of friction's memory that does harm: another of its forms that does none, the best first. One
+  /// such exchange for each joint.
+  bool take_another_form(std::size_t effect, const Errors& without) {
+    const Candidate own = search_.engine().accepted[effect];
+    if (!own.has_memory() || !exchanged_.insert(own.joint).second) return false;
+    for (const Candidate& form : search_.forms_of_memory(effect, {own.joint, -1})) {
+      if (same_effect(form, own) && std::abs(std::log(form.shape / own.shape)) < 0.05) continue;
+      auto tried = search_.rebuilt_without(effect);
+      tried->accepted.insert(tried->accepted.begin() + static_cast<std::ptrdiff_t>(effect), own);
+      tried->put(effect, form);
+      tried->build();
+      if (!harm(form, errors_of(*tried), without).empty()) continue;
+      const MatrixXd with = judged_.predicted(tried->robot());
+      search_.take_over(std::move(tried));
+      search_.trace(
+          fmt::format("with {} of {:.3g} by {} for {:.3g} by {}", name_of(form), form.shape,
+                      displacement_name(form.displacement), own.shape, displacement_name(own.displacement)),
+          with);
+      return true;
+    }
+    return false;
+  }
+
+  /// Sum over joints of ln(error).
+  double judged(const Engine& engine) const {
+    return judged_.rms_error(judged_.predicted(engine.robot())).array().log().sum();
+  }
+
+  /// Against an effect that another joint pays for: holds weights or masses where that does better than to leave it out.
+  bool swap_in_held(std::size_t effect) {
+    const Engine& engine = search_.engine();
+    double least = judged(*search_.rebuilt_without(effect));
+    std::unique_ptr<Engine> best;
+    for (const bool masses : {false, true}) {
+      if (masses ? engine.masses_held : engine.weights_held) continue;
+      auto tried = search_.rebuilt(-1, engine.weights_held || !masses, engine.masses_held || masses);
+      const double now = judged(*tried);
+      if (now < least) least = now, best = std::move(tried);
+    }
+    if (best == nullptr) return false;
+    search_.take_over(std::move(best));
+    search_.trace(search_.engine().masses_held ? "with the masses of the fit without effects"
+                                               : "with the weights of the fit without effects",
+                  judged_.predicted(search_.engine().robot()));
+    return true;
+  }
+
+  Search& search_;
+  const JudgedMotion& judged_;
+  std::set<int> exchanged_;  ///< joints whose memory has been given another form
+};
+
+}  // namespace
+
+std::vector<std::vector<VectorXd>> reject_overfitted(Search& search, const MatrixXd& base) {
+  return Veto(search).run(base);
+}
+
+}  // namespace heft::diagnose
