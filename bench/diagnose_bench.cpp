@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/urdf/urdf_import.hpp"
 

@@ -8,7 +8,7 @@
 
 #include "candidates.hpp"
 #include "heft/core/effects/arm_effects.hpp"
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 
 namespace heft::diagnose {
 

@@ -2,6 +2,7 @@
 /// Rigid bodies, Coulomb and viscous friction: the model that a diagnosis starts from.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -35,6 +36,8 @@ class BaseModel {
   const std::vector<std::vector<int>>& places() const { return places_; }
   int coulomb(int joint) const { return coulomb_[static_cast<std::size_t>(joint)]; }
   bool is_link(int column) const;
+  /// "Izz1*".
+  std::string name(int column) const { return base_.name(columns_, column); }
   /// Rows for each joint, m × p_j, also those that do not count.
   std::vector<Eigen::MatrixXd> rows(const Motion& motion) const;
   /// Torque of these rows, m × n.

@@ -1,6 +1,7 @@
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 
 #include "findings.hpp"
+#include "guards.hpp"
 #include "search.hpp"
 #include "start.hpp"
 #include "veto.hpp"
@@ -24,11 +25,15 @@ BeforeAndAfter scores_of(const JudgedMotion& motion, const MatrixXd& before, con
 
 Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
                    const std::vector<data::Log>& validate, const DiagnoseOptions& options) {
+  refuse_seen(train, validate);
+  refuse_too_little_motion(robot, train);
+  refuse_nothing_to_judge(validate);
   Start start = start_of(robot, train, validate, options);
   Search search(start, options);
   const JudgedMotion &fitted = *start.train, &judged = *start.judged;
   Diagnosis result;
   result.notes = start.notes;
+  result.joint_sensor = options.joint_sensor;
   result.cutoff = start.cutoff;
   result.sign_width = fitted.table().sign_width.maxCoeff();
   result.before = search.engine().robot();

@@ -314,6 +314,18 @@ VectorXd Engine::fitted(std::size_t index) const {
   return problem_->theta().segment(first_column_[index], count);
 }
 
+std::vector<std::string> Engine::undetermined(double cutoff) const {
+  const double rows_for_one = std::max(1.0, table_.sample_rate / (2.0 * cutoff));
+  constexpr double kDeviations = 2.0;  // 95 % of a normal distribution lie within
+  const VectorXd half_width = kDeviations * std::sqrt(rows_for_one) * problem_->white_std();
+  const VectorXd theta = problem_->theta(), own = base_.prior();
+  std::vector<std::string> names;
+  for (int c = 0; c < base_.columns(); ++c) {
+    if (!(half_width[c] < 0.5 * std::max(std::abs(theta[c]), std::abs(own[c])))) names.push_back(base_.name(c));
+  }
+  return names;
+}
+
 VectorXd Engine::noise_floor() const { return white_noise(table_, keep_, problem_->residual()); }
 
 model::Robot Engine::robot() const {

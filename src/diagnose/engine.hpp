@@ -50,6 +50,10 @@ class Engine {
   /// Rows that count, m × n: those of the table, with the standstill of joints whose friction remembers and without
   /// contacts.
   const Eigen::MatrixXd& keep() const { return keep_; }
+  int num_base_parameters() const { return base_.columns(); }
+  /// Base parameters whose 95 % interval is wider than half of their size, the fitted or the robot's own, by name.
+  /// @param cutoff  of the low-pass on q [Hz]: behind it 2 cutoff rows a second are independent
+  std::vector<std::string> undetermined(double cutoff) const;
   /// White noise of each joint's residual, n; see white_noise().
   Eigen::VectorXd noise_floor() const;
   /// The fitted robot with its effects; a payload change as it is at the end of training.

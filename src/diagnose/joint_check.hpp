@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "problem.hpp"
 
 namespace heft::diagnose {

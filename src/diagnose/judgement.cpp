@@ -1,4 +1,4 @@
-#include "heft/diagnose/judgement.hpp"
+#include "heft/diagnose/diagnose.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@
 namespace heft::diagnose {
 namespace {
 
-/// Rise of an error on a validation log that is told.
+/// Rise of an error on a validation log that is reported.
 constexpr double kRises = 1.01;
 
 double evidence_of(const Unexplained& unexplained, const char* name) {
@@ -29,7 +29,7 @@ std::vector<int> joints_with_structure(const Diagnosis& diagnosis) {
     if (u.joint < 0 || u.joint >= largest.size()) continue;
     const double rms = evidence_of(u, "rms"), noise = evidence_of(u, "noise_rms");
     const double structure = std::sqrt(std::max(0.0, rms * rms - noise * noise));
-    if (structure > kStructureThatMatters * largest[u.joint]) joints.push_back(u.joint + 1);
+    if (structure > kRelevantStructure * largest[u.joint]) joints.push_back(u.joint + 1);
   }
   return joints;
 }
@@ -73,7 +73,8 @@ std::string in_words(const NotExplained& joint, const model::Robot& robot) {
                    joint.joint + 1, joint.error, unit, 100.0 * joint.share);
 }
 
-host::Judgement judge(const Diagnosis& diagnosis) {
+host::Judgement Diagnosis::judgement() const {
+  const Diagnosis& diagnosis = *this;
   host::Judgement judgement;
   for (const NotExplained& joint : diagnosis.not_explained)
     judgement.add(host::Verdict::kBad,
@@ -85,7 +86,7 @@ host::Judgement judge(const Diagnosis& diagnosis) {
     judgement.add(host::Verdict::kDoubtful,
                   fmt::format("structure of more than {:.0f} % of the largest torque is left in {}, which no "
                               "known effect explains",
-                              100.0 * kStructureThatMatters, named(structure)));
+                              100.0 * kRelevantStructure, named(structure)));
   }
   const std::vector<int> worse = joints_made_worse(diagnosis);
   if (!worse.empty()) {

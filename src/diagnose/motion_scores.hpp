@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "motion_table.hpp"
 
 namespace heft::diagnose {

@@ -118,6 +118,10 @@ VectorXd Problem::noise_alone() const {
   return noise;
 }
 
+VectorXd Problem::white_std() const {
+  return solve(total_, -1, steady_, ridge_, true).inverse.diagonal().cwiseSqrt();
+}
+
 int Problem::append(const Columns& columns) {
   const int first = columns_;
   for (std::size_t a = 0; a < columns.joints.size(); ++a) {

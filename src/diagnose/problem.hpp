@@ -76,6 +76,8 @@ class Problem {
   const Eigen::VectorXd& noise() const { return noise_; }  ///< n: rms residual of rows that count [N·m]
   Eigen::VectorXd theta() const { return theta_ + prior_; }
   const Eigen::MatrixXd& keep() const { return *keep_; }       ///< m × n, 1 or 0: the row counts
+  /// p: standard deviation of each coefficient if residuals of different rows were independent.
+  Eigen::VectorXd white_std() const;
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
 
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0

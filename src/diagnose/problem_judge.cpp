@@ -58,8 +58,10 @@ bool Problem::test_coefficients(const Joint& joint, int tested, Trial& trial) co
   const int k = m.count;
   const MatrixXd tail = fit.inverse.bottomRightCorner(k, k);
   for (int c = 0; c < k; ++c) {
-    // Robust covariance from the scores X_bᵀ W r_b of each block.
-  MatrixXd shares(k, static_cast<Index>(blocks));
+    // Part of the column that the base leaves: 1 / (inverse entry), against its whole.
+    if (!(1.0 / tail(c, c) > 1e-5 * joint.whole(columns_ + c, columns_ + c))) return false;
+  }
+  MatrixXd shares(k, static_cast<Index>(table_->blocks.size()));
   MatrixXd naive = tail;
   const MatrixXd bottom = fit.inverse.bottomRows(k);
   int used = 0;

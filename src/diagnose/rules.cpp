@@ -89,7 +89,7 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   const auto in_place = std::count_if(round.taken.begin(), round.taken.end(),
                                       [&](const Candidate& e) { return same_place(e, c); });
   if (in_place > (c.beside ? 1 : 0)) return "is in the model already";
-  if (!c.trial.valid) return "this motion cannot tell it from the rest of the model";
+  if (!c.trial.valid) return "this motion cannot distinguish it from the rest of the model";
   if (c.joint >= 0 ? is_wrong(c.joint) : !wrong_joints->empty() && !explains_joints(c))
     return "the arm model does not explain this joint";
   if (std::string own = own_objection(c, engine->table(), joint_sensor); !own.empty()) return own;
@@ -101,7 +101,7 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   // Several runs that agree say what one run leaves open.
   const auto& runs = c.trial.run_gain;
   const bool agreed = runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
-  if (c.beside && !agreed) return "a second distance takes three runs that agree";
+  if (c.beside && !agreed) return "a second memory length needs three runs that agree on it";
   Index main = 0;
   const double size = fall(c.trial).maxCoeff(&main);
   if (!(size > (agreed ? kRelevantGainInRuns : kRelevantGain))) return "too small to matter";

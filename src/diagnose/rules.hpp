@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 
 #include "engine.hpp"
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 
 namespace heft::diagnose {
 

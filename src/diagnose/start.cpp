@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "guards.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::diagnose {
@@ -119,6 +120,7 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
         "bodies, Coulomb and viscous friction leave",
         fmt::join(taken_out, ", ")));
   }
+  refuse_too_few_parameters(start.robot, train);
   choose_cutoff(train, options, start);
   start.judged = std::make_unique<JudgedMotion>(start.robot, validate, start.cutoff);
   if (!(start.engine->problem().counted().maxCoeff() > 0.0)) {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "engine.hpp"
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "motion_scores.hpp"
 
 namespace heft::diagnose {

@@ -25,16 +25,8 @@ model::FitRecord fit_record(const Fit& fit, const std::string& torque_at, const 
   record.noise_std = fit.noise_std;
   record.samples = fit.samples;
   record.missing = fit.missing;
-  if (training != nullptr) put_training(*training, record);
+  if (training != nullptr) validate::put_training(*training, record);
   return record;
-}
-
-void put_training(const validate::Score& training, model::FitRecord& record) {
-  record.rmse = training.rmse;
-  record.rmse_in_band = training.rmse_in_band;
-  record.rmse_percent_of_max = training.percent_of_max;
-  record.r2 = training.r2;
-  record.band_hz = training.band;
 }
 
 Eigen::VectorXd torque_shares(const Fit& fit, const Eigen::VectorXd& beta, const data::MotionStream& log) {

@@ -10,7 +10,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "heft/diagnose/judgement.hpp"
 #include "heft/statistics/binned_means.hpp"
 #include "heft/statistics/spectrum.hpp"
 #include "page_lines.hpp"
@@ -309,7 +308,7 @@ page::Page diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& co
                "fitted: fall of the error in cross-validation.");
   }
   if (!diagnosis.unexplained.empty()) {
-    page.heading("What heft does not know");
+    page.heading("Unexplained");
     page::Table table({"joint", "what is left", "evidence"});
     for (const diagnose::Unexplained& u : diagnosis.unexplained) {
       table.add_row({u.joint < 0 ? "–" : fmt::format("{}", u.joint + 1), u.what, evidence_in_words(u)});

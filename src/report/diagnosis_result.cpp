@@ -9,7 +9,6 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
-#include "heft/diagnose/judgement.hpp"
 #include "page_lines.hpp"
 #include "torque_score.hpp"
 
@@ -343,7 +342,7 @@ std::string diagnosis_verdict(const Diagnosis& diagnosis) {
     return others.findings.empty() ? text : text + " In the other joints: " + diagnosis_verdict(others);
   }
   if (diagnosis.findings.empty()) {
-    if (!left.empty()) return fmt::format("Something is left that heft does not know: {}.", left);
+    if (!left.empty()) return fmt::format("An unexplained residual remains: {}.", left);
     return "Nothing is missing: rigid bodies with Coulomb and viscous friction explain these logs, and no "
            "further effect lowers the error on data not fitted by more than chance and by enough to matter.";
   }
@@ -366,7 +365,7 @@ std::string diagnosis_verdict(const Diagnosis& diagnosis) {
     text += ".";
     if (!finding.equivalent.empty()) {
       text +=
-          fmt::format(" In this motion it cannot be told from {}.", list_of(names_of(finding.equivalent)));
+          fmt::format(" This motion cannot distinguish it from {}.", list_of(names_of(finding.equivalent)));
     }
   } else {
     constexpr std::size_t kMostNames = 3, kMostJoints = 2;
@@ -385,8 +384,18 @@ std::string diagnosis_verdict(const Diagnosis& diagnosis) {
     }
     text += ".";
   }
-  if (!left.empty()) text += fmt::format(" Something else is left that heft does not know: {}.", left);
+  if (!left.empty()) text += fmt::format(" Beyond that an unexplained residual remains: {}.", left);
   return text;
+}
+
+std::vector<std::string> diagnosis_notes(const Diagnosis& diagnosis) {
+  std::vector<std::string> notes{diagnosis_verdict(diagnosis)};
+  for (const Finding& finding : diagnosis.findings) {
+    notes.push_back(fmt::format("{}: {}; {}", finding_in_place(diagnosis, finding),
+                                parameters_in_words(finding, diagnosis.after), evidence_in_words(finding)));
+  }
+  notes.insert(notes.end(), diagnosis.notes.begin(), diagnosis.notes.end());
+  return notes;
 }
 
 int most_improved_joint(const Diagnosis& diagnosis) {
@@ -472,7 +481,7 @@ page::Table refusal_table(const Diagnosis& diagnosis, std::size_t most) {
 }
 
 host::Judgement judgement_of(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  host::Judgement judgement = diagnose::judge(diagnosis);
+  host::Judgement judgement = diagnosis.judgement();
   judgement.add(context.torque);
   return judgement;
 }
@@ -501,7 +510,7 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
              : "");
     line("rivals", rivals_in_words(finding.rivals, true));
     line("the same as", rivals_in_words(finding.equivalent, false));
-    if (!finding.rivals.empty() || !finding.equivalent.empty()) line("told apart", "by " + shown_by(finding));
+    if (!finding.rivals.empty() || !finding.equivalent.empty()) line("distinguish", "by " + shown_by(finding));
   }
   const auto scores = [&](const char* title, const validate::Score& before, const validate::Score& after) {
     if (!has_scores(before, after)) return;
@@ -528,7 +537,7 @@ std::string diagnosis_text(const Diagnosis& diagnosis, const DiagnosisContext& c
   if (!diagnosis.refusals.empty()) {
     text += fmt::format("\nRefused{}\n{}",
                         diagnosis.refusals.size() > kMostRefusals
-                            ? fmt::format(", {} most telling of {}", kMostRefusals, diagnosis.refusals.size())
+                            ? fmt::format(", the {} largest of {}", kMostRefusals, diagnosis.refusals.size())
                             : "",
                         refusal_table(diagnosis, kMostRefusals).to_text(2));
   }

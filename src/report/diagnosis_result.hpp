@@ -8,7 +8,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "effect_words.hpp"
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/page/table.hpp"
 
@@ -39,6 +39,9 @@ std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool wit
 
 /// The answer: what is missing and what it is worth, that nothing is missing, or that something is left.
 std::string diagnosis_verdict(const diagnose::Diagnosis& diagnosis);
+
+/// What a model file says of the diagnosis that it comes from: the answer, each effect, notes.
+std::vector<std::string> diagnosis_notes(const diagnose::Diagnosis& diagnosis);
 
 /// Joint whose error on the validation logs falls most; -1: not known.
 int most_improved_joint(const diagnose::Diagnosis& diagnosis);

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 
 namespace heft::report {
 

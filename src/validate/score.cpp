@@ -392,4 +392,12 @@ Score pool(const std::vector<Score>& scores) {
   return all;
 }
 
+void put_training(const Score& training, model::FitRecord& record) {
+  record.rmse = training.rmse;
+  record.rmse_in_band = training.rmse_in_band;
+  record.rmse_percent_of_max = training.percent_of_max;
+  record.r2 = training.r2;
+  record.band_hz = training.band;
+}
+
 }  // namespace heft::validate

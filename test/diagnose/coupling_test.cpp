@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/core/effects/arm_effects.hpp"
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "support/arms.hpp"
 

@@ -10,7 +10,7 @@
 
 #include "heft/data/log.hpp"
 #include "heft/data/log_part.hpp"
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
 namespace heft::diagnose {

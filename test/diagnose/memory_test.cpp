@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/core/effects/effects.hpp"
-#include "heft/diagnose/diagnosis.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "support/arms.hpp"
 

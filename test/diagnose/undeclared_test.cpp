@@ -9,8 +9,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "heft/diagnose/diagnosis.hpp"
-#include "heft/diagnose/judgement.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "support/undeclared_case.hpp"
 
 namespace heft::diagnose {
@@ -135,8 +134,8 @@ INSTANTIATE_TEST_SUITE_P(NinetyMore, NothingThere, testing::Range(1, 10));
 
 TEST(FlippedJoint, ComesFirstAndNoEffectIsSoughtInIt) {
   UndeclaredCase c = test::make_undeclared_case("none", "scara4", 1);
-  EXPECT_EQ(judge(diagnosed(c)).verdict, host::Verdict::kGood)
-      << testing::PrintToString(judge(diagnosed(c)).reasons);
+  EXPECT_EQ(diagnosed(c).judgement().verdict, host::Verdict::kGood)
+      << testing::PrintToString(diagnosed(c).judgement().reasons);
   for (data::Log* log : {&c.train, &c.validate}) log->tau.col(1) *= -1.0;
   const Diagnosis d = diagnosed(c);
   ASSERT_EQ(d.not_explained.size(), 1U) << said(d);
@@ -145,7 +144,7 @@ TEST(FlippedJoint, ComesFirstAndNoEffectIsSoughtInIt) {
   EXPECT_GT(d.not_explained[0].error, 2.0 * d.not_explained[0].alone);
   for (const Finding& f : d.findings) EXPECT_NE(f.joint, 1) << said(d);
   for (const Unexplained& u : d.unexplained) EXPECT_NE(u.joint, 1) << u.what;
-  const host::Judgement judgement = judge(d);
+  const host::Judgement judgement = d.judgement();
   EXPECT_FALSE(judgement.usable());
   EXPECT_EQ(judgement.reasons.front().find("joint 2 contradicts the rest of the arm"), 0U)
       << judgement.reasons.front();

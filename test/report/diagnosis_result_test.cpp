@@ -86,7 +86,7 @@ TEST(DiagnosisVerdict, SaysWhatTheMotionCannotTellApart) {
   diagnosis.findings[0].effect = Offset{};
   diagnosis.findings[0].equivalent = {{Spring{}, 0, 0.0}};
   EXPECT_THAT(report::diagnosis_verdict(diagnosis),
-              EndsWith("In this motion it cannot be told from a spring in joint 1."));
+              EndsWith("This motion cannot distinguish it from a spring in joint 1."));
 }
 
 TEST(DiagnosisVerdict, ListsSeveralEffects) {
@@ -117,7 +117,7 @@ TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
       report::diagnosis_verdict(diagnosis),
       "5 effects are missing, the strongest Stribeck friction in joint 1, a torque offset in joints 1 and 2 "
       "and a spring in joint 1. With all of them the error on the validation log falls most in "
-      "joint 1 (0.430 → 0.290 N·m, −33 %). Something else is left that heft does not know: in joints 1 "
+      "joint 1 (0.430 → 0.290 N·m, −33 %). Beyond that an unexplained residual remains: in joints 1 "
       "and 2.");
 }
 
@@ -156,12 +156,12 @@ TEST(DiagnosisVerdict, TellsNothingMissingFromSomethingUnknown) {
   EXPECT_THAT(report::diagnosis_verdict(diagnosis), StartsWith("Nothing is missing: "));
   diagnosis.unexplained = {{1, "a vibration at 11 Hz", {{"frequency", 11.0}}}};
   EXPECT_EQ(report::diagnosis_verdict(diagnosis),
-            "Something is left that heft does not know: joint 2, a vibration at 11 Hz.");
+            "An unexplained residual remains: joint 2, a vibration at 11 Hz.");
   diagnosis.findings = {stribeck()};
   EXPECT_THAT(
       report::diagnosis_verdict(diagnosis),
       AllOf(StartsWith("Joint 1 lacks Stribeck friction"),
-            EndsWith("Something else is left that heft does not know: joint 2, a vibration at 11 Hz.")));
+            EndsWith("Beyond that an unexplained residual remains: joint 2, a vibration at 11 Hz.")));
 }
 
 TEST(DiagnosisWords, TellWhatIsLeftByItsShares) {

@@ -171,8 +171,8 @@ TEST_F(DiagnoseCommand, LooksAnewForWhatTheModelHoldsAlready) {
   model::write_model(path("m2.json"), extended);
   const auto [again, json] = findings({"diagnose", "--model", path("m2.json")});
   EXPECT_THAT(again,
-              HasSubstr("Note: the model's own stribeck in joint 2, rotor inertia in joint 3: not taken over "
-                        "but looked for anew"));
+              HasSubstr("Note: the model's own stribeck in joint 2, rotor inertia in joint 3: not kept "
+                        "but searched for again"));
   ASSERT_EQ(json.at("effects").size(), 1U) << json.at("effects");
   EXPECT_EQ(json.at("effects")[0].at("kind"), "stribeck");
   EXPECT_EQ(json.at("effects")[0].at("joint"), 2);

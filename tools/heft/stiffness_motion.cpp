@@ -10,8 +10,7 @@
 
 #include "console.hpp"
 #include "diagnosis_result.hpp"
-#include "heft/diagnose/diagnosis.hpp"
-#include "heft/diagnose/judgement.hpp"
+#include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
 #include "heft/stiffness/joint_encoders.hpp"
 #include "heft/stiffness/judgement.hpp"
@@ -296,7 +295,7 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
                     why.empty() ? "" : ": ", fmt::join(why, "; ")));
   }
   const std::string verdict = fmt::format("Elastic, as the motor's side shows: {}.", fmt::join(known, ", "));
-  host::Judgement judgement = diagnose::judge(diagnosis);
+  host::Judgement judgement = diagnosis.judgement();
   judgement.add(torque);
   page::Page page = new_page("Joint stiffness from the motor's side",
                              fmt::format("{}, {}", robot.name, file_names_of(options.log.logs)));

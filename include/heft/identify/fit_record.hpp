@@ -19,8 +19,6 @@ namespace heft::identify {
 /// @param training   score of fit.robot on the logs of the fit; null: unknown
 model::FitRecord fit_record(const Fit& fit, const std::string& torque_at,
                             const validate::Score* training = nullptr);
-/// Errors on the training logs into a record.
-void put_training(const validate::Score& training, model::FitRecord& record);
 
 /// Root mean square of what each base parameter moves, as a share of the same of the whole torque, in the joint
 /// where that is largest, over a log's motion (samples as in a score).

@@ -12,6 +12,7 @@
 
 #include "heft/data/motion_stream.hpp"
 #include "heft/model/at_sensor.hpp"
+#include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 
 namespace heft::validate {
@@ -121,5 +122,8 @@ struct ScoreOptions {
 /// @param robot  what its drives add must be what the torque of the log holds: see model::at_sensor()
 /// @throws DataError when the log has another number of joints or no torque.
 Score score(const model::Robot& robot, const data::MotionStream& log, const ScoreOptions& options = {});
+
+/// Errors on the training logs into what a model file keeps of a fit.
+void put_training(const Score& training, model::FitRecord& record);
 
 }  // namespace heft::validate

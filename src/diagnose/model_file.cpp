@@ -1,0 +1,27 @@
+#include "heft/model/model_file.hpp"
+
+#include <limits>
+
+#include "heft/diagnose/diagnose.hpp"
+#include "heft/model/physical_links.hpp"
+
+namespace heft::diagnose {
+
+model::ModelFile Diagnosis::model_file() const {
+  model::ModelFile file = model::make_model(after);
+  model::FitRecord fit;
+  fit.method = "diagnose";
+  fit.torque_at = joint_sensor ? "joint" : "motor";
+  fit.condition_number = std::numeric_limits<double>::quiet_NaN();
+  fit.physically_consistent = model::has_physical_links(after);
+  validate::put_training(train_after, fit);
+  fit.samples = train_after.samples;
+  fit.cutoff_hz = cutoff;
+  fit.sign_width = sign_width;
+  file.fit = fit;
+  file.provenance.method = "diagnose";
+  for (const Traces& log : train) file.provenance.logs.push_back(log.log);
+  return file;
+}
+
+}  // namespace heft::diagnose
