@@ -15,7 +15,7 @@
 
 namespace heft::diagnose {
 
-/// The forms in which an effect can stand for the friction of a joint.
+/// The forms in which an effect can model the friction of a joint.
 struct FrictionForm {
   bool whole{false};  ///< it takes the place of the Coulomb friction: its column holds that one's as well
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
@@ -33,7 +33,7 @@ struct Candidate {
   double shape{0.0};  ///< the value that the torque is not linear in
   int tried{1};       ///< shapes compared, for multiplicity
   Columns columns;
-  int replaces{-1};  ///< base column that its column stands in for; -1: it comes on top of the base
+  int replaces{-1};  ///< base column that its column replaces; -1: it comes on top of the base
   Trial trial;
   bool stale{false};          ///< judged before another effect was taken
   std::vector<int> entries;   ///< payload change: inertial parameters that the coefficients are
@@ -80,7 +80,7 @@ struct Workbench {
 };
 
 /// Best candidate of every kind of joint effect on a joint, judged; an effect that can take the place of the Coulomb
-/// friction stands there in each of its forms.
+/// friction is tried in each of its forms.
 /// @param only  place in JointEffectTypes of the only kind to try; -1: all
 std::vector<Candidate> joint_candidates(const Workbench& bench, int joint, int only = -1);
 
@@ -89,7 +89,7 @@ EffectParameters<double> effect_parameters(int effect, const Eigen::VectorXd& co
                                            const JointActuation<double>& actuation);
 
 /// Column values of one joint effect, m × k; rows that do not count are not masked yet.
-/// @param level  the friction that it makes up, which tells where its memory begins [N·m, N]
+/// @param level  the friction that it makes up, which sets where its memory begins [N·m, N]
 Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape,
                                      FrictionForm form, double level);
 

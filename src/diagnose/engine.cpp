@@ -272,7 +272,7 @@ void Engine::put(std::size_t index, Candidate candidate) {
     });
     first->shape = candidate.second;
     const auto at = static_cast<std::size_t>(first - accepted.begin());
-    if (at > index) {  // the first of two stands before the second
+    if (at > index) {  // the first of two comes before the second
       std::swap(accepted[at], accepted[index]);
       index = at;
     }
@@ -321,7 +321,8 @@ std::vector<std::string> Engine::undetermined(double cutoff) const {
   const VectorXd theta = problem_->theta(), own = base_.prior();
   std::vector<std::string> names;
   for (int c = 0; c < base_.columns(); ++c) {
-    if (!(half_width[c] < 0.5 * std::max(std::abs(theta[c]), std::abs(own[c])))) names.push_back(base_.name(c));
+    if (!(half_width[c] < 0.5 * std::max(std::abs(theta[c]), std::abs(own[c]))))
+      names.push_back(base_.name(c));
   }
   return names;
 }

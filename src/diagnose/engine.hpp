@@ -20,7 +20,7 @@ class Engine {
   Engine(const Engine&) = delete;  // the problem points into it
   Engine& operator=(const Engine&) = delete;
 
-  /// Fits base and accepted effects anew.
+  /// Fits base and accepted effects again.
   void build();
   /// Puts a candidate in place of an accepted effect, or as one more: index accepted.size(). A second memory brings the
   /// distance of the first one with it. build() comes after it.
@@ -33,7 +33,7 @@ class Engine {
                                  const std::function<void(double)>& done) const;
   /// An effect of one joint in each of its forms, judged beside those in place.
   std::vector<Candidate> forms_of(const Candidate& effect) const;
-  /// Judges a candidate anew beside the effects that are in place now.
+  /// Judges a candidate again with the effects that are in place now.
   void judge_again(Candidate& candidate) const;
 
   std::vector<Candidate> accepted;
@@ -62,7 +62,7 @@ class Engine {
   Eigen::MatrixXd predicted() const;
   /// Coefficients of an accepted effect. The first memory of a joint's friction holds its part of what both do.
   Eigen::VectorXd coefficients(std::size_t index) const;
-  /// The memory that an accepted one stands beside, or that stands beside it; -1: none.
+  /// The memory that an accepted one is second to, or that is second to it; -1: none.
   std::ptrdiff_t first_memory(std::size_t index) const;
   std::ptrdiff_t second_memory(std::size_t index) const;
   double steady() const { return steady_; }

@@ -15,7 +15,7 @@ namespace heft::diagnose {
 std::vector<Finding> findings_of(Search& search,
                                  const std::vector<std::vector<Eigen::VectorXd>>& without_each);
 
-/// Structure that stands above noise in the residuals of joints that the model explains.
+/// Structure above noise in the residuals of joints that the model explains.
 std::vector<Unexplained> unexplained_of(const Search& search);
 
 }  // namespace heft::diagnose

@@ -38,7 +38,8 @@ std::string shared_with(const data::Log& trained, const data::Log& judged) {
   if (std::filesystem::equivalent(judged.path, trained.path, ignored))
     return "given both to train on and to judge on";
   if (judged.q.rows() == trained.q.rows())
-    return holds(trained, judged) ? fmt::format("the same samples as {}, given to train on", trained.path) : "";
+    return holds(trained, judged) ? fmt::format("the same samples as {}, given to train on", trained.path)
+                                  : "";
   if (holds(trained, judged)) return fmt::format("a part of {}, given to train on", trained.path);
   if (holds(judged, trained)) return fmt::format("holds all of {}, given to train on", trained.path);
   return "";
@@ -122,11 +123,10 @@ void refuse_too_few_parameters(const model::Robot& bare, const std::vector<data:
   if (static_cast<double>(all - missing.size()) >= kLeastShare * static_cast<double>(all)) return;
   const std::vector<std::string> names(
       missing.begin(), missing.begin() + static_cast<long>(std::min(kMostNames, missing.size())));
-  throw NotIdentifiableError(
-      fmt::format("{}: {:.2g} s determine {} of {} parameters of rigid bodies and friction, too few to look "
-                  "for what they lack; {}. Missing among others: {}",
-                  train.front().path, seconds, all - missing.size(), all, kMotionToRecord,
-                  fmt::join(names, ", ")));
+  throw NotIdentifiableError(fmt::format(
+      "{}: {:.2g} s determine {} of {} parameters of rigid bodies and friction, too few to look "
+      "for what they lack; {}. Missing among others: {}",
+      train.front().path, seconds, all - missing.size(), all, kMotionToRecord, fmt::join(names, ", ")));
 }
 
 void refuse_nothing_to_judge(const std::vector<data::Log>& validate) {
@@ -137,9 +137,10 @@ void refuse_nothing_to_judge(const std::vector<data::Log>& validate) {
       extent.seconds < kShortest
           ? fmt::format("{}: {:.2g} s of motion: too little to judge an effect on; {}", validate.front().path,
                         extent.seconds, kMotionToRecord)
-          : fmt::format("{}: {:.2g} s in which no joint moves by more than {:.2g} rad or m: too little to judge an "
-                        "effect on; {}",
-                        validate.front().path, extent.seconds, extent.travel.maxCoeff(), kMotionToRecord));
+          : fmt::format(
+                "{}: {:.2g} s in which no joint moves by more than {:.2g} rad or m: too little to judge an "
+                "effect on; {}",
+                validate.front().path, extent.seconds, extent.travel.maxCoeff(), kMotionToRecord));
 }
 
 }  // namespace heft::diagnose

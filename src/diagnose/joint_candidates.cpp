@@ -94,7 +94,7 @@ ShapeRange range_of(Displacement displacement) {
   return range;
 }
 
-/// Finds a second memory of a joint's friction beside the one in place, and that one's distance anew: the distance of
+/// Finds a second memory of a joint's friction beside the one in place, and that one's distance again: the distance of
 /// one alone lies between the two.
 template <typename Effect>
 Candidate second_memory(const Workbench& bench, int joint, Displacement displacement) {

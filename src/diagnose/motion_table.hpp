@@ -34,7 +34,7 @@ struct MotionTable {
   /// m × n, 1 or 0: the row counts. Near a reversal no log resolves when the sign turns; in gaps and at the ends
   /// the derived motion means nothing.
   Eigen::MatrixXd keep;
-  /// m × n, 1 or 0: the joint stands before or after the motion. What holds it there only friction that remembers can
+  /// m × n, 1 or 0: the joint rests before or after the motion. What holds it there only friction that remembers can
   /// say: such rows count beside it, and do not beside friction that knows no more than the velocity.
   Eigen::MatrixXd standing;
   std::vector<Block> blocks;
@@ -48,8 +48,9 @@ struct TableOptions {
   double block_seconds{1.0};  ///< length of a block
   int folds{8};
   double reversal_seconds{0.006};  ///< rows nearer than this to a change of direction do not count
-  double rest_seconds{0.5};  ///< but a joint that stays below the speed that can be told counts as resting
-  long most_rows{40000};     ///< beyond it neighbouring samples are averaged
+  double rest_seconds{
+      0.5};  ///< but a joint that stays below the smallest speed that can be resolved counts as resting
+  long most_rows{40000};  ///< beyond it neighbouring samples are averaged
 };
 
 /// Columns of a signal on a table's rows as they were `delay` seconds earlier, by straight lines between rows; the

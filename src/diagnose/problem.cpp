@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 /// Least weight of the prior: keeps directions that the motion does not show where the prior has them.
 constexpr double kLeastSteady = 1e-8;
 
-/// Aᵀ B. Not inlined: every other shape of block would have the compiler make the product anew.
+/// Aᵀ B. Not inlined: every other shape of block would have the compiler compile the product again.
 [[gnu::noinline]] MatrixXd transposed_times(const Eigen::Ref<const MatrixXd>& A,
                                             const Eigen::Ref<const MatrixXd>& B) {
   return A.transpose() * B;

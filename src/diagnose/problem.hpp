@@ -40,7 +40,7 @@ struct Trial {
   double effective_rows{0.0};    ///< rows less what their correlation costs
   Eigen::VectorXd joint_before, joint_after;  ///< n: squared error on left-out blocks [N²m²]
   /// Largest deviation of the first coefficient in a quarter of the time from that of the whole, in parts of it;
-  /// only what stands above three standard errors counts.
+  /// only what exceeds three standard errors counts.
   double drift{0.0};
   std::vector<double> run_gain;  ///< of each log: rows times fall of ln(squared error) on its left-out blocks
   bool valid{false};             ///< false: the base explains the columns, nothing can be said
@@ -75,7 +75,7 @@ class Problem {
   void hold_weights(const Eigen::VectorXd& noise) { least_noise_ = noise; }
   const Eigen::VectorXd& noise() const { return noise_; }  ///< n: rms residual of rows that count [N·m]
   Eigen::VectorXd theta() const { return theta_ + prior_; }
-  const Eigen::MatrixXd& keep() const { return *keep_; }       ///< m × n, 1 or 0: the row counts
+  const Eigen::MatrixXd& keep() const { return *keep_; }  ///< m × n, 1 or 0: the row counts
   /// p: standard deviation of each coefficient if residuals of different rows were independent.
   Eigen::VectorXd white_std() const;
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
@@ -97,7 +97,7 @@ class Problem {
   /// rows are read once for all of them.
   std::vector<double> gains(const std::vector<Columns>& candidates, int without = -1) const;
   /// Fall of the weighted squared error on the rows of the fit.
-  /// @param without  column of the base that the candidate stands in for; -1: none
+  /// @param without  column of the base that the candidate replaces; -1: none
   double gain(const ColumnMoments& moments, int without = -1) const;
   /// @param tested  how many of the first coefficients chance is asked of; 0: all
   Trial judge(const ColumnMoments& moments, int without = -1, int tested = 0) const;

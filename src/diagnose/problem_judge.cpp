@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 /// Base and candidate fitted together.
 struct Problem::Joint {
   const ColumnMoments& candidate;
-  int without;                  ///< base column that the candidate stands in for; -1: none
+  int without;                  ///< base column that the candidate replaces; -1: none
   std::vector<MatrixXd> folds;  ///< moments of each fold's blocks
   MatrixXd whole;
   Solved fit;

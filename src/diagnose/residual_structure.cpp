@@ -85,7 +85,7 @@ Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
   return line;
 }
 
-/// How well the residual is told from what it was a moment earlier, means of 0.1 s; share 0 where it is not.
+/// How well the residual is predicted by what it was a moment earlier, means of 0.1 s; share 0 where it is not.
 Structure slow_drift(const MotionTable& table, const VectorXd& keep, const VectorXd& residual) {
   const Index step = std::max<Index>(1, static_cast<Index>(0.1 * table.sample_rate));
   double product = 0.0, square = 0.0, total = 0.0;

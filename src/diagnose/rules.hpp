@@ -20,7 +20,7 @@ inline constexpr double kSteadyGain = 2.5;
 inline constexpr double kRelevantGain = 0.02;
 /// The same when three or more runs all gain from it.
 inline constexpr double kRelevantGainInRuns = 0.01;
-/// Least part of what stands above the noise that it must explain there: what explains less is not its cause.
+/// Least part of the residual above noise that it must explain there: what explains less is not its cause.
 inline constexpr double kNamingShare = 0.2;
 /// The same when three or more runs all gain from it.
 inline constexpr double kNamingShareInRuns = 0.05;
@@ -35,7 +35,7 @@ inline constexpr double kMayRise = 0.02;
 /// Most that an effect may raise its own joint's error in band there: what is bought with the slow part of the torque
 /// mends the derived motion rather than the model.
 inline constexpr double kMayRiseInBand = 0.05;
-/// A residual that stands this much above noise (squared errors) has structure.
+/// A residual this much above noise (squared errors) has structure.
 inline constexpr double kStructured = 0.1;
 /// Rivals within this part of an effect's gain are listed; within the second they explain the same.
 inline constexpr double kRival = 0.3, kEquivalent = 0.97;
@@ -68,8 +68,8 @@ struct Rules {
   };
   /// Why a candidate is not taken; empty: it can be.
   std::string objection(const Candidate& c, const Round& round) const;
-  /// A simpler effect of the same joint that explains as good as the same goes before: what the motion cannot tell
-  /// apart, and kinds that contain another one.
+  /// A simpler effect of the same joint that explains as good as the same goes before: what the motion cannot
+  /// distinguish, and kinds that contain another one.
   const Candidate* simplest(const std::vector<Candidate>& candidates, const Candidate* best,
                             const Round& round) const;
   /// What is left in a joint that the model does not explain is no small effect.

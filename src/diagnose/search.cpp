@@ -74,7 +74,7 @@ std::vector<Candidate> Search::propose(const Engine& engine, int joint, double f
 
 void Search::forward() {
   std::vector<Candidate> pool;
-  int again = -1;  // joint whose candidates have to be found anew; -1: all
+  int again = -1;  // joint whose candidates have to be found again; -1: all
   for (int round = 0; round < options_.most_effects;) {
     const bool fresh = again < 0;
     if (fresh) {
@@ -91,7 +91,7 @@ void Search::forward() {
     tried_ = std::max(tried_, now.tried);
     const Candidate* best = best_of(pool, now);
     if (fresh) {
-      refusals_.clear();  // those of the last full round stand: with everything else in place
+      refusals_.clear();  // those of the last full round count: with everything else in place
       for (const Candidate& c : pool) refuse(c, rules().objection(c, now));
     }
     trace_pool(pool, now);
@@ -128,7 +128,7 @@ void Search::take(const Candidate& candidate) {
   model().put(engine().accepted.size(), candidate);
   model().build();
   if (candidate.effect.is<ElasticJoint>() || candidate.effect.is<Delay>()) model().tune();
-  find_memory_anew(candidate.joint);
+  find_memory_again(candidate.joint);
   trace("with " + name_of(candidate), start_.judged->predicted(engine().robot()));
   // What was out of reach may be explained now.
   if (!wrong_joints_.empty()) check_joints();
@@ -136,7 +136,7 @@ void Search::take(const Candidate& candidate) {
 
 /// What a joint's friction remembers was found before another effect of that joint was in place, or beside one that
 /// backward checks have taken out.
-void Search::find_memory_anew(int joint) {
+void Search::find_memory_again(int joint) {
   for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
     const Candidate& own = engine().accepted[e];
     // The first of two comes with the second.
@@ -199,21 +199,21 @@ bool Search::check(std::size_t e) {
     evidence_.push_back(std::move(candidates));
     return true;
   }
-  evidence_.clear();  // no longer that of the model as it stands
+  evidence_.clear();  // no longer that of the present model
   // A memory was compared in each of its forms above; the first of two takes its own distance again.
   const bool remembers = own.has_memory() && !own.beside;
   if (best == nullptr) {
     refusals_.push_back({own.effect, own.joint, "another effect has made it needless", 0.0});
     model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(e));
     model().build();
-    if (!remembers) find_memory_anew(own.joint);
+    if (!remembers) find_memory_again(own.joint);
     return false;
   }
   if (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain) {
     trace(fmt::format("exchanged {} for {}", name_of(own), name_of(*best)));
     model().put(e, *best);
     model().build();
-    if (!remembers) find_memory_anew(own.joint);
+    if (!remembers) find_memory_again(own.joint);
   }
   return true;
 }

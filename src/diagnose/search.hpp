@@ -47,7 +47,7 @@ class Search {
   void take_over(std::unique_ptr<Engine> engine);
   void take_out(std::size_t effect, const std::string& why);
 
-  /// Refusals that stand, each once, those that would explain most first.
+  /// Refusals that count, each once, those that would explain most first.
   std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;
   const std::vector<std::string>& notes() const { return notes_; }
 
@@ -61,7 +61,7 @@ class Search {
   std::vector<Candidate> propose(const Engine& engine, int joint, double from, double to) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
   void take(const Candidate& candidate);
-  void find_memory_anew(int joint);
+  void find_memory_again(int joint);
   void refuse(const Candidate& c, const std::string& why);
   void trace_pool(const std::vector<Candidate>& pool, const Rules::Round& round) const;
   bool check(std::size_t effect);

@@ -1,5 +1,5 @@
 /// @file
-/// What a diagnosis found, as one sentence, as text, as tables and as JSON.
+/// Pieces that text, tables, JSON and page of a diagnosis share.
 #pragma once
 
 #include <string>
@@ -8,19 +8,11 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "effect_words.hpp"
-#include "heft/diagnose/diagnose.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/page/table.hpp"
+#include "heft/report/diagnosis.hpp"
 
 namespace heft::report {
-
-/// What belongs to a diagnosis besides its result.
-struct DiagnosisContext {
-  std::vector<std::string> train, validate;  ///< paths of the logs
-  std::string torque_at{"motor"};
-  std::string command;       ///< line that gives the same result
-  host::Judgement torque{};  ///< of the logs' torque, held against the robot
-};
 
 /// Its first letter large.
 std::string capital(std::string text);
@@ -37,16 +29,24 @@ std::string relative_error_in_words(const diagnose::Diagnosis& diagnosis);
 /// "viscous_nonlinear, joint 2 (ΔBIC −640); ...".
 std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool with_score);
 
-/// The answer: what is missing and what it is worth, that nothing is missing, or that something is left.
-std::string diagnosis_verdict(const diagnose::Diagnosis& diagnosis);
-
-/// What a model file says of the diagnosis that it comes from: the answer, each effect, notes.
-std::vector<std::string> diagnosis_notes(const diagnose::Diagnosis& diagnosis);
-
 /// Joint whose error on the validation logs falls most; -1: not known.
 int most_improved_joint(const diagnose::Diagnosis& diagnosis);
 /// Joints whose error rises by more than a hundredth on a validation log, one line each.
 std::vector<std::string> errors_that_rise(const diagnose::Diagnosis& diagnosis);
+
+/// "3e-9", "< 1e-300".
+std::string p_in_words(double p);
+/// Whether both scores are there, of the same joints.
+bool has_scores(const validate::Score& before, const validate::Score& after);
+/// Refusals, those that would explain most first.
+std::vector<diagnose::Refusal> strongest(const diagnose::Diagnosis& diagnosis);
+/// "joint 2, 15 % of the squared residual is no noise".
+std::string unexplained_in_words(const diagnose::Unexplained& unexplained);
+/// Before and after, in band: of all samples, and of the motion alone.
+struct RelativeErrors {
+  double before, after, moving_before, moving_after;
+};
+RelativeErrors relative_errors(const diagnose::Diagnosis& diagnosis);
 
 /// "−33 %"; "–" where there is nothing to compare.
 std::string change_percent(double before, double after);
@@ -63,12 +63,10 @@ page::Table ranking_table(const diagnose::Diagnosis& diagnosis, const model::Rob
 /// The refusals that explain most, strongest first.
 page::Table refusal_table(const diagnose::Diagnosis& diagnosis, std::size_t most);
 
-/// diagnose::judge() and what is known of the logs.
+/// Diagnosis::judgement() and what is known of the logs.
 host::Judgement judgement_of(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
 
-/// All of it for a terminal.
-std::string diagnosis_text(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
-
+/// What json() prints.
 nlohmann::ordered_json diagnosis_json(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);
 
 }  // namespace heft::report

@@ -125,7 +125,9 @@ std::string effect_in_place(EffectKind effect, int joint) {
   return joint < 0 ? effect_name(effect) : fmt::format("{} in joint {}", effect_name(effect), joint + 1);
 }
 
-std::string effect_equation(const Finding& finding) { return with_joints(finding.effect.equation(), finding); }
+std::string effect_equation(const Finding& finding) {
+  return with_joints(finding.effect.equation(), finding);
+}
 
 std::string shown_by(const Finding& finding) { return with_joints(finding.effect.shown_by(), finding); }
 

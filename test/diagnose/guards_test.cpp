@@ -65,7 +65,8 @@ TEST(Guards, RefuseSamplesThatTheFitHasSeen) {
   data::Log copy = train;
   copy.path = "b";
   copy.time.array() += 100.0;
-  EXPECT_THAT(refusal<DataError>(train, copy), AllOf(HasSubstr("b: the same samples as a"), HasSubstr("not seen")));
+  EXPECT_THAT(refusal<DataError>(train, copy),
+              AllOf(HasSubstr("b: the same samples as a"), HasSubstr("not seen")));
   const data::Log part = rows_of(train, "b", 300, 400);
   EXPECT_THAT(refusal<DataError>(train, part), HasSubstr("b: a part of a"));
   EXPECT_THAT(refusal<DataError>(rows_of(train, "a", 300, 800), rows_of(train, "b", 0, 1200)),

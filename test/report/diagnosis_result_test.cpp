@@ -7,7 +7,6 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "diagnosis_report.hpp"
 #include "diagnosis_result.hpp"
 
 namespace heft::tools {
@@ -74,7 +73,7 @@ const report::DiagnosisContext kContext{
 TEST(DiagnosisVerdict, NamesJointEffectAndWhatItIsWorth) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
-  EXPECT_EQ(report::diagnosis_verdict(diagnosis),
+  EXPECT_EQ(report::brief(diagnosis),
             "Joint 1 lacks Stribeck friction: adding it cuts its error on the validation log from 0.430 to "
             "0.290 N·m "
             "(−33 %).");
@@ -85,7 +84,7 @@ TEST(DiagnosisVerdict, SaysWhatTheMotionCannotTellApart) {
   diagnosis.findings = {stribeck()};
   diagnosis.findings[0].effect = Offset{};
   diagnosis.findings[0].equivalent = {{Spring{}, 0, 0.0}};
-  EXPECT_THAT(report::diagnosis_verdict(diagnosis),
+  EXPECT_THAT(report::brief(diagnosis),
               EndsWith("This motion cannot distinguish it from a spring in joint 1."));
 }
 
@@ -96,7 +95,7 @@ TEST(DiagnosisVerdict, ListsSeveralEffects) {
   diagnosis.findings = {stribeck(), delay};
   diagnosis.validate_after = score_of(0.29, 0.3);
   EXPECT_EQ(
-      report::diagnosis_verdict(diagnosis),
+      report::brief(diagnosis),
       "2 effects are missing: Stribeck friction in joint 1 and a delay of the torque channel. With all "
       "of them the error on the validation log falls most in joint 2 (0.600 → 0.300 N, −50 %) and joint 1 "
       "(0.430 → 0.290 N·m, −33 %).");
@@ -114,7 +113,7 @@ TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
                         of(Ripple{}, 0)};
   diagnosis.unexplained = {{0, "this", {}}, {1, "that", {}}, {1, "more", {}}};
   EXPECT_EQ(
-      report::diagnosis_verdict(diagnosis),
+      report::brief(diagnosis),
       "5 effects are missing, the strongest Stribeck friction in joint 1, a torque offset in joints 1 and 2 "
       "and a spring in joint 1. With all of them the error on the validation log falls most in "
       "joint 1 (0.430 → 0.290 N·m, −33 %). Beyond that an unexplained residual remains: in joints 1 "
@@ -127,7 +126,7 @@ TEST(DiagnosisVerdict, NamesPreslidingOfTwoDistancesOnce) {
   memory.effect = Hysteresis{};
   diagnosis.findings = {memory, memory, stribeck()};
   EXPECT_THAT(
-      report::diagnosis_verdict(diagnosis),
+      report::brief(diagnosis),
       StartsWith("3 effects are missing: presliding (friction hysteresis) in joint 1 and Stribeck friction "
                  "in joint 1. "));
   // Where each has its own place, it is told that it is one of two.
@@ -146,22 +145,20 @@ TEST(DiagnosisVerdict, NamesOtherJointsThatGainMuch) {
   coupling.validate_after = 0.5;
   diagnosis.findings = {coupling};
   EXPECT_THAT(
-      report::diagnosis_verdict(diagnosis),
+      report::brief(diagnosis),
       EndsWith("cuts joint 2's error on the validation log from 0.600 to 0.500 N (−17 %), and that of "
                "joint 1 (0.430 → 0.290 N·m, −33 %)."));
 }
 
 TEST(DiagnosisVerdict, TellsNothingMissingFromSomethingUnknown) {
   Diagnosis diagnosis = empty_diagnosis();
-  EXPECT_THAT(report::diagnosis_verdict(diagnosis), StartsWith("Nothing is missing: "));
+  EXPECT_THAT(report::brief(diagnosis), StartsWith("Nothing is missing: "));
   diagnosis.unexplained = {{1, "a vibration at 11 Hz", {{"frequency", 11.0}}}};
-  EXPECT_EQ(report::diagnosis_verdict(diagnosis),
-            "An unexplained residual remains: joint 2, a vibration at 11 Hz.");
+  EXPECT_EQ(report::brief(diagnosis), "An unexplained residual remains: joint 2, a vibration at 11 Hz.");
   diagnosis.findings = {stribeck()};
-  EXPECT_THAT(
-      report::diagnosis_verdict(diagnosis),
-      AllOf(StartsWith("Joint 1 lacks Stribeck friction"),
-            EndsWith("Beyond that an unexplained residual remains: joint 2, a vibration at 11 Hz.")));
+  EXPECT_THAT(report::brief(diagnosis),
+              AllOf(StartsWith("Joint 1 lacks Stribeck friction"),
+                    EndsWith("Beyond that an unexplained residual remains: joint 2, a vibration at 11 Hz.")));
 }
 
 TEST(DiagnosisWords, TellWhatIsLeftByItsShares) {
@@ -198,9 +195,9 @@ TEST(DiagnosisVerdict, DoesNotCallARiseACut) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
   diagnosis.findings[0].validate_after = 0.5;
-  EXPECT_THAT(report::diagnosis_verdict(diagnosis), HasSubstr("adding it raises its error"));
+  EXPECT_THAT(report::brief(diagnosis), HasSubstr("adding it raises its error"));
   diagnosis.findings[0].validate_after = 0.43;
-  EXPECT_THAT(report::diagnosis_verdict(diagnosis), HasSubstr("stays at 0.430 N·m"));
+  EXPECT_THAT(report::brief(diagnosis), HasSubstr("stays at 0.430 N·m"));
 }
 
 TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
@@ -214,7 +211,7 @@ TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
   diagnosis.findings = {load};
   diagnosis.validate_before = diagnosis.validate_after;
   EXPECT_EQ(
-      report::diagnosis_verdict(diagnosis),
+      report::brief(diagnosis),
       "A load of 0.5 kg was picked up 14.2 s into the training log: adding it cuts joint 2's error on the "
       "validation log from 2.00 to 1.00 N (−50 %).");
 }
@@ -229,7 +226,7 @@ TEST(DiagnosisWords, TellEffectsKindByKindAndJointByJoint) {
   };
   diagnosis.findings = {of(Hysteresis{}, 1), of(Offset{}, 0), of(Hysteresis{}, 0)};
   EXPECT_THAT(
-      report::diagnosis_verdict(diagnosis),
+      report::brief(diagnosis),
       StartsWith("3 effects are missing: presliding (friction hysteresis) in joints 1 and 2 and a torque "
                  "offset in joint 1."));
   std::vector<std::string> order;
@@ -243,7 +240,7 @@ TEST(DiagnosisWords, TellAJointThatIsNotExplainedBeforeAnythingElse) {
   diagnosis.findings = {stribeck()};
   diagnosis.not_explained = {{1, 170.0, 160.0, 0.98, 0.5, false}};
   EXPECT_THAT(
-      report::diagnosis_verdict(diagnosis),
+      report::brief(diagnosis),
       StartsWith("Joint 2 is not explained by the arm model at all (error 170 N, 98 % of its torque). In the "
                  "other joints: Joint 1 lacks Stribeck friction"));
   const auto json = report::diagnosis_json(diagnosis, kContext);
@@ -251,7 +248,7 @@ TEST(DiagnosisWords, TellAJointThatIsNotExplainedBeforeAnythingElse) {
   EXPECT_THAT(json.at("reasons").at(0).get<std::string>(),
               AllOf(StartsWith("joint 2 is not explained"), HasSubstr("check its sign, its unit")));
   EXPECT_EQ(json.at("not_explained").at(0).at("joint"), 2);
-  EXPECT_THAT(report::diagnosis_text(diagnosis, kContext), HasSubstr("\nVerdict: bad\n  - joint 2 is not"));
+  EXPECT_THAT(report::full(diagnosis, kContext), HasSubstr("\nVerdict: bad\n  - joint 2 is not"));
 }
 
 TEST(DiagnosisJson, HasTheFieldsOfTheContract) {
@@ -314,7 +311,7 @@ TEST(DiagnosisText, GivesParametersWithUnitsRivalsAndRefusals) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
   diagnosis.refusals = {{Ripple{}, 0, "leads the motion", 0.02}};
-  const std::string text = report::diagnosis_text(diagnosis, kContext);
+  const std::string text = report::full(diagnosis, kContext);
   EXPECT_THAT(text,
               AllOf(StartsWith("Joint 1 lacks Stribeck friction"), HasSubstr("Fs 1.2 N·m, vs 0.05 rad/s"),
                     HasSubstr("p 3e-09, ΔBIC −812, error on blocks not fitted −31 %"),
@@ -346,9 +343,9 @@ TEST(DiagnosisText, StandsWithoutScoresAndTraces) {
     *score = {};
   }
   diagnosis.validate_each_before = {{}};
-  EXPECT_THAT(report::diagnosis_text(diagnosis, kContext), HasSubstr("Stribeck"));
+  EXPECT_THAT(report::full(diagnosis, kContext), HasSubstr("Stribeck"));
   EXPECT_TRUE(report::diagnosis_json(diagnosis, kContext).at("band_hz").is_null());
-  EXPECT_THAT(report::diagnosis_page(diagnosis, kContext).html(), HasSubstr("Stribeck"));
+  EXPECT_THAT(report::page(diagnosis, kContext).html(), HasSubstr("Stribeck"));
 }
 
 TEST(DiagnosisPage, ShowsFourPlotsOfTheJointWithAnEffect) {
@@ -361,7 +358,7 @@ TEST(DiagnosisPage, ShowsFourPlotsOfTheJointWithAnEffect) {
   traces.before = 0.4 * traces.qd.array().sign();
   traces.after = 0.1 * (9.0 * traces.q.array()).sin();
   diagnosis.validate = diagnosis.train = {traces};
-  const std::string html = report::diagnosis_page(diagnosis, kContext).html();
+  const std::string html = report::page(diagnosis, kContext).html();
   EXPECT_THAT(html, AllOf(HasSubstr("Joint 1: Stribeck friction (validation log)"), HasSubstr("Over time"),
                           HasSubstr("Against velocity"), HasSubstr("Against position"), HasSubstr("Spectrum"),
                           HasSubstr("cuts its error on the validation log"), Not(HasSubstr("http://"))));

@@ -10,13 +10,11 @@
 
 #include "command.hpp"
 #include "console.hpp"
-#include "diagnosis_report.hpp"
-#include "diagnosis_result.hpp"
 #include "heft/data/log_checks.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/model_file.hpp"
-#include "heft/model/physical_links.hpp"
+#include "heft/report/diagnosis.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
 
@@ -88,16 +86,16 @@ void run(const Options& options) {
     diagnosis = diagnose::diagnose(robot, train, validate, asked);
   }
 
-  const DiagnosisContext context{options.log.logs, options.validate, options.log.torque_at,
-                                 command_line(options), torque};
-  console.print("{}", diagnosis_text(diagnosis, context));
-  finish(console, options.model, options.result, diagnosis_json(diagnosis, context),
-         diagnosis_page(diagnosis, context),
+  const report::DiagnosisContext context{options.log.logs, options.validate, options.log.torque_at,
+                                         command_line(options), torque};
+  console.print("{}", report::full(diagnosis, context));
+  finish(console, options.model, options.result,
+         nlohmann::ordered_json::parse(report::json(diagnosis, context)), report::page(diagnosis, context),
          [&] {
-    model::ModelFile file = diagnosis.model_file();
-    file.provenance.notes = diagnosis_notes(diagnosis);
-    model::write_model(options.model, file);
-  });
+           model::ModelFile file = diagnosis.model_file();
+           file.provenance.notes = report::notes(diagnosis);
+           model::write_model(options.model, file);
+         });
 }
 
 }  // namespace

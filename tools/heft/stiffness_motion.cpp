@@ -302,13 +302,13 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   for (const data::Log& log : logs) add_log_line(page, log_line(log));
   page.verdict(verdict, judgement);
   page.table(table, "Elastic joints among the effects of a diagnosis");
-  page.paragraph(diagnosis_verdict(diagnosis));
+  page.paragraph(report::brief(diagnosis));
   page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, robot),
              "Errors on the validation logs, all effects found");
   nlohmann::ordered_json json{{"source", "motor side"}, {"logs", options.log.logs}, {"joints", joints}};
   put_verdict(json, judgement);
   console.print("{}\n{}\n{}\n{}\n", verdict, verdict_text(judgement), table.to_text(2),
-                diagnosis_verdict(diagnosis));
+                report::brief(diagnosis));
   finish(console, options.model, options.result, json, page, [&] {
     write_elastic_model(options.model, diagnosis.after, stiffness, "stiffness", options.log.logs, {verdict});
   });

@@ -25,7 +25,7 @@ namespace {
 constexpr double kTouch = 1000.0;
 /// Least part of what forces of single bins could explain that the one force must: a push holds its direction.
 constexpr double kOneForce = 0.6;
-/// A touch stands alone. Where the next stretch comes to a third of it, something else is wrong all along.
+/// A touch is alone. Where the next stretch comes to a third of it, something else is wrong all along.
 constexpr double kAlone = 3.0;
 constexpr int kMostTouches = 6;
 constexpr double kBin = 0.02, kShortest = 0.26, kLongest = 1.2, kMargin = 0.1;  // [s]

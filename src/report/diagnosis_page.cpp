@@ -1,4 +1,4 @@
-#include "diagnosis_report.hpp"
+#include "diagnosis_result.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -274,50 +274,38 @@ std::vector<page::Fact> facts_of(const Diagnosis& diagnosis) {
   return facts;
 }
 
-}  // namespace
+/// The effects with their terms and their evidence.
+void add_effects(page::Page& page, const Diagnosis& diagnosis) {
+  if (diagnosis.findings.empty()) return;
+  page.heading("What is missing");
+  page::Table effects({"", "effect", "term", "parameters", "motion that shows it"});
+  int rank = 0;
+  for (const Finding* effect : by_kind(diagnosis)) {
+    const Finding& finding = *effect;
+    effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)),
+                     effect_equation(finding), parameters_in_words(finding, diagnosis.after),
+                     shown_by(finding)});
+  }
+  page.table(effects);
+  page.table(ranking_table(diagnosis, diagnosis.after),
+             "Evidence. p and ΔBIC account for residuals correlated in time and for all candidates tried; "
+             "blocks not fitted: fall of the error in cross-validation.");
+}
 
-page::Page diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  constexpr std::size_t kMostRefusals = 20;
-  const model::Robot& robot = diagnosis.after;
-  page::Page page = new_page(fmt::format("{}: diagnosis", robot.name),
-                             fmt::format("trained on {}; judged on {}", file_names_of(context.train),
-                                         file_names_of(context.validate)));
-  for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
-    for (const Traces& log : *logs) {
-      if (log.time.size() < 2) continue;
-      add_log_line(page,
-                   {log.log, rate_of(log), log.time[log.time.size() - 1] - log.time[0], diagnosis.cutoff});
-    }
+void add_unexplained(page::Page& page, const Diagnosis& diagnosis) {
+  if (diagnosis.unexplained.empty()) return;
+  page.heading("Unexplained");
+  page::Table table({"joint", "what is left", "evidence"});
+  for (const diagnose::Unexplained& u : diagnosis.unexplained) {
+    table.add_row({u.joint < 0 ? "–" : fmt::format("{}", u.joint + 1), u.what, evidence_in_words(u)});
   }
-  page.verdict(diagnosis_verdict(diagnosis), judgement_of(diagnosis, context));
-  page.facts(facts_of(diagnosis));
-  add_bars(page, diagnosis);
-  if (!diagnosis.findings.empty()) {
-    page.heading("What is missing");
-    page::Table effects({"", "effect", "term", "parameters", "motion that shows it"});
-    int rank = 0;
-    for (const Finding* effect : by_kind(diagnosis)) {
-      const Finding& finding = *effect;
-      effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)),
-                       effect_equation(finding), parameters_in_words(finding, robot), shown_by(finding)});
-    }
-    page.table(effects);
-    page.table(ranking_table(diagnosis, robot),
-               "Evidence. p and ΔBIC account for residuals correlated in time and for all candidates tried; "
-               "blocks not "
-               "fitted: fall of the error in cross-validation.");
-  }
-  if (!diagnosis.unexplained.empty()) {
-    page.heading("Unexplained");
-    page::Table table({"joint", "what is left", "evidence"});
-    for (const diagnose::Unexplained& u : diagnosis.unexplained) {
-      table.add_row({u.joint < 0 ? "–" : fmt::format("{}", u.joint + 1), u.what, evidence_in_words(u)});
-    }
-    page.table(table);
-  }
-  add_residuals(page, diagnosis);
+  page.table(table);
+}
+
+void add_errors(page::Page& page, const Diagnosis& diagnosis) {
   page.heading("Before and after");
   if (diagnosis.validate_after.rmse.size() > 0) {
+    const model::Robot& robot = diagnosis.after;
     page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, robot),
                "Validation, not seen by the fit. " + score_meaning(diagnosis.validate_after));
     const std::size_t logs =
@@ -331,15 +319,40 @@ page::Page diagnosis_page(const Diagnosis& diagnosis, const DiagnosisContext& co
     if (diagnosis.validate_torque.rmse_in_band.size() > 0) page.paragraph(relative_error_in_words(diagnosis));
   }
   for (const std::string& line : errors_that_rise(diagnosis)) page.note("Worse: " + line);
-  if (!diagnosis.refusals.empty()) {
-    page.heading("Refused");
-    page.table(
-        refusal_table(diagnosis, kMostRefusals),
-        fmt::format(
-            "{} of {} that were considered and not taken; share of the joint's squared error that each "
-            "would have explained",
-            std::min(kMostRefusals, diagnosis.refusals.size()), diagnosis.refusals.size()));
+}
+
+void add_refusals(page::Page& page, const Diagnosis& diagnosis) {
+  constexpr std::size_t kMost = 20;
+  if (diagnosis.refusals.empty()) return;
+  page.heading("Refused");
+  page.table(
+      refusal_table(diagnosis, kMost),
+      fmt::format("{} of {} that were considered and not taken; share of the joint's squared error that each "
+                  "would have explained",
+                  std::min(kMost, diagnosis.refusals.size()), diagnosis.refusals.size()));
+}
+
+}  // namespace
+
+page::Page page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  page::Page page = new_page(fmt::format("{}: diagnosis", diagnosis.after.name),
+                             fmt::format("trained on {}; judged on {}", file_names_of(context.train),
+                                         file_names_of(context.validate)));
+  for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
+    for (const Traces& log : *logs) {
+      if (log.time.size() < 2) continue;
+      add_log_line(page,
+                   {log.log, rate_of(log), log.time[log.time.size() - 1] - log.time[0], diagnosis.cutoff});
+    }
   }
+  page.verdict(brief(diagnosis), judgement_of(diagnosis, context));
+  page.facts(facts_of(diagnosis));
+  add_bars(page, diagnosis);
+  add_effects(page, diagnosis);
+  add_unexplained(page, diagnosis);
+  add_residuals(page, diagnosis);
+  add_errors(page, diagnosis);
+  add_refusals(page, diagnosis);
   page.heading("Again");
   page.preformatted(context.command);
   page.paragraph(

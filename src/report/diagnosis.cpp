@@ -1,0 +1,90 @@
+#include "diagnosis_result.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "page_lines.hpp"
+#include "torque_score.hpp"
+
+namespace heft::report {
+
+using diagnose::Diagnosis;
+using diagnose::Finding;
+using page::number;
+
+host::Judgement judgement_of(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  host::Judgement judgement = diagnosis.judgement();
+  judgement.add(context.torque);
+  return judgement;
+}
+
+std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  constexpr std::size_t kMostRefusals = 5;
+  const model::Robot& robot = diagnosis.after;
+  std::string text = brief(diagnosis) + "\n" + verdict_text(judgement_of(diagnosis, context));
+  int rank = 0;
+  for (const Finding* effect : by_kind(diagnosis)) {
+    const Finding& finding = *effect;
+    text += fmt::format("\n{}. {}\n", ++rank, capital(finding_in_place(diagnosis, finding)));
+    const auto line = [&](const char* label, const std::string& content) {
+      if (!content.empty()) text += fmt::format("   {:<12}{}\n", label, content);
+    };
+    line("kind", std::string(finding.effect.id()));
+    line("term", effect_equation(finding));
+    line("parameters", parameters_in_words(finding, robot));
+    line("evidence", evidence_in_words(finding));
+    line("validation",
+         finding.validate_before > 0.0
+             ? fmt::format("joint {}: {} → {} {} ({})", finding.main_joint + 1,
+                           number(finding.validate_before, 3), number(finding.validate_after, 3),
+                           torque_unit(robot, finding.main_joint),
+                           change_percent(finding.validate_before, finding.validate_after))
+             : "");
+    line("rivals", rivals_in_words(finding.rivals, true));
+    line("the same as", rivals_in_words(finding.equivalent, false));
+    if (!finding.rivals.empty() || !finding.equivalent.empty())
+      line("distinguish", "by " + shown_by(finding));
+  }
+  const auto scores = [&](const char* title, const validate::Score& before, const validate::Score& after) {
+    if (!has_scores(before, after)) return;
+    text += fmt::format("\n{}\n{}", title, before_after_table(before, after, robot).to_text(2));
+  };
+  scores("Validation, not seen by the fit", diagnosis.validate_before, diagnosis.validate_after);
+  scores("Training", diagnosis.train_before, diagnosis.train_after);
+  if (has_scores(diagnosis.validate_before, diagnosis.validate_after)) {
+    if (diagnosis.validate_torque.rmse_in_band.size() > 0) text += relative_error_in_words(diagnosis) + "\n";
+    text += fmt::format(
+        "{} Before: rigid bodies, Coulomb and viscous friction; after: with the effects. Positions through a "
+        "low-pass of {:.3g} Hz.\n",
+        score_meaning(diagnosis.validate_after), diagnosis.cutoff);
+  }
+  if (diagnosis.validate_each_after.size() > 1) {
+    const std::size_t count =
+        std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+    for (std::size_t k = 0; k < count; ++k) {
+      scores(diagnosis.validate_each_after[k].log.c_str(), diagnosis.validate_each_before[k],
+             diagnosis.validate_each_after[k]);
+    }
+  }
+  for (const std::string& line : errors_that_rise(diagnosis)) text += "Worse: " + line + "\n";
+  if (!diagnosis.refusals.empty()) {
+    text += fmt::format("\nRefused{}\n{}",
+                        diagnosis.refusals.size() > kMostRefusals
+                            ? fmt::format(", the {} largest of {}", kMostRefusals, diagnosis.refusals.size())
+                            : "",
+                        refusal_table(diagnosis, kMostRefusals).to_text(2));
+  }
+  text += "\nUnexplained\n";
+  if (diagnosis.unexplained.empty()) text += "  nothing above noise\n";
+  for (const diagnose::Unexplained& u : diagnosis.unexplained) {
+    const std::string evidence = evidence_in_words(u);
+    text += fmt::format("  {}{}\n", unexplained_in_words(u), evidence.empty() ? "" : " (" + evidence + ")");
+  }
+  for (const std::string& line : diagnosis.notes) text += "Note: " + line + "\n";
+  text += fmt::format("\n{} candidates tried on {:.1f} s of training motion. Again:\n  {}\n",
+                      diagnosis.candidates, diagnosis.seconds, context.command);
+  return text;
+}
+
+}  // namespace heft::report

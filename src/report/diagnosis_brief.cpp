@@ -1,0 +1,185 @@
+#include "diagnosis_result.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace heft::report {
+namespace {
+
+using diagnose::Diagnosis;
+using diagnose::Finding;
+using page::number;
+
+std::string list_of(const std::vector<std::string>& parts) {
+  if (parts.size() < 2) return parts.empty() ? "" : parts.front();
+  const std::vector<std::string> first(parts.begin(), parts.end() - 1);
+  return fmt::format("{} and {}", fmt::join(first, ", "), parts.back());
+}
+
+/// What it is worth on the validation logs.
+std::string worth(const std::string& whose, double before, double after, const std::string& unit,
+                  std::size_t logs) {
+  const std::string where = logs > 1 ? "the validation logs" : "the validation log";
+  if (!(before > 0.0) || !std::isfinite(after)) return "";
+  constexpr double kNoChange = 0.005;
+  if (std::abs(after / before - 1.0) < kNoChange) {
+    return fmt::format("{} error on {} stays at {} {}", whose, where, number(before, 3), unit);
+  }
+  return fmt::format("adding it {} {} error on {} from {} to {} {} ({})", after < before ? "cuts" : "raises",
+                     whose, where, number(before, 3), number(after, 3), unit, change_percent(before, after));
+}
+
+/// One in full, several by their joints.
+std::string what_is_left(const std::vector<diagnose::Unexplained>& unexplained) {
+  if (unexplained.size() == 1) return unexplained_in_words(unexplained.front());
+  std::set<int> joints;
+  for (const diagnose::Unexplained& u : unexplained) joints.insert(u.joint);
+  std::vector<std::string> numbers;
+  for (const int j : joints) {
+    if (j >= 0) numbers.push_back(fmt::format("{}", j + 1));
+  }
+  if (numbers.empty()) return unexplained.empty() ? "" : "of the whole arm";
+  return fmt::format("in joint{} {}", numbers.size() > 1 ? "s" : "", list_of(numbers));
+}
+
+std::vector<std::string> names_of(const std::vector<diagnose::Rival>& rivals) {
+  std::vector<std::string> names;
+  for (const diagnose::Rival& rival : rivals) names.push_back(effect_in_place(rival.effect, rival.joint));
+  return names;
+}
+
+/// "joint 2", "joints 1, 3 and 5" of joints counted from 0.
+std::string joints_in_words(const std::set<int>& joints) {
+  std::vector<std::string> numbers;
+  for (const int joint : joints) numbers.push_back(fmt::format("{}", joint + 1));
+  return fmt::format("joint{} {}", numbers.size() > 1 ? "s" : "", list_of(numbers));
+}
+
+/// "presliding (friction hysteresis) in joints 1, 3 and 5", one entry a kind, the one with the strongest effect first.
+std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
+  std::vector<EffectKind> kinds;
+  std::vector<std::set<int>> joints;
+  for (const Finding& finding : findings) {
+    const auto at = std::find(kinds.begin(), kinds.end(), finding.effect);
+    const auto place = static_cast<std::size_t>(at - kinds.begin());
+    if (at == kinds.end()) {
+      kinds.push_back(finding.effect);
+      joints.emplace_back();
+    }
+    if (finding.joint >= 0) joints[place].insert(finding.joint);
+  }
+  std::vector<std::string> words;
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    words.push_back(effect_name(kinds[k]) + (joints[k].empty() ? "" : " in " + joints_in_words(joints[k])));
+  }
+  return words;
+}
+
+/// Fall of a joint's error on the validation logs, as a share.
+struct Fall {
+  int joint;
+  double share;
+};
+/// Share from which the sentence at the top names a joint besides the main one.
+constexpr double kMuch = 0.2;
+
+/// All joints, the largest fall first.
+std::vector<Fall> falls(const Diagnosis& diagnosis) {
+  std::vector<Fall> all;
+  const validate::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
+  if (!has_scores(before, after)) return all;
+  for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
+    if (before.rmse[j] > 0.0) all.push_back({static_cast<int>(j), 1.0 - after.rmse[j] / before.rmse[j]});
+  }
+  std::stable_sort(all.begin(), all.end(), [](const Fall& a, const Fall& b) { return a.share > b.share; });
+  return all;
+}
+
+/// "joint 2 (0.43 → 0.29 N·m, −33 %)".
+std::string fall_in_words(const Diagnosis& diagnosis, int joint) {
+  const double before = diagnosis.validate_before.rmse[joint], after = diagnosis.validate_after.rmse[joint];
+  return fmt::format("joint {} ({} → {} {}, {})", joint + 1, number(before, 3), number(after, 3),
+                     torque_unit(diagnosis.after, joint), change_percent(before, after));
+}
+
+}  // namespace
+
+std::string brief(const Diagnosis& diagnosis) {
+  const std::size_t logs = std::max<std::size_t>(1, diagnosis.validate_each_after.size());
+  const std::string left = what_is_left(diagnosis.unexplained);
+  if (!diagnosis.not_explained.empty()) {
+    // Before anything else: what the small effects are worth is of no interest while a joint is wrong.
+    std::string text;
+    for (const diagnose::NotExplained& joint : diagnosis.not_explained)
+      text += (text.empty() ? "" : " ") + capital(diagnose::in_words(joint, diagnosis.after)) + ".";
+    Diagnosis others = diagnosis;
+    others.not_explained.clear();
+    return others.findings.empty() ? text : text + " In the other joints: " + brief(others);
+  }
+  if (diagnosis.findings.empty()) {
+    if (!left.empty()) return fmt::format("An unexplained residual remains: {}.", left);
+    return "Nothing is missing: rigid bodies with Coulomb and viscous friction explain these logs, and no "
+           "further effect lowers the error on data not fitted by more than chance and by enough to matter.";
+  }
+  std::string text;
+  if (diagnosis.findings.size() == 1) {
+    const Finding& finding = diagnosis.findings.front();
+    text = matter(finding);
+    const std::string whose =
+        finding.joint == finding.main_joint ? "its" : fmt::format("joint {}'s", finding.main_joint + 1);
+    const std::string value = worth(whose, finding.validate_before, finding.validate_after,
+                                    torque_unit(diagnosis.after, finding.main_joint), logs);
+    text += value.empty() ? "" : ": " + value;
+    // What else it does falls to it alone.
+    std::vector<std::string> others;
+    for (const Fall& fall : falls(diagnosis)) {
+      if (fall.joint != finding.main_joint && others.size() < 2 && fall.share > kMuch)
+        others.push_back(fall_in_words(diagnosis, fall.joint));
+    }
+    if (!value.empty() && !others.empty()) text += fmt::format(", and that of {}", list_of(others));
+    text += ".";
+    if (!finding.equivalent.empty()) {
+      text +=
+          fmt::format(" This motion cannot distinguish it from {}.", list_of(names_of(finding.equivalent)));
+    }
+  } else {
+    constexpr std::size_t kMostNames = 3, kMostJoints = 2;
+    std::vector<std::string> effects = kinds_in_place(diagnosis.findings), joints;
+    const bool some = effects.size() > kMostNames;
+    if (some) effects.resize(kMostNames);
+    text = fmt::format("{} effects are missing{}{}", diagnosis.findings.size(),
+                       some ? ", the strongest " : ": ", list_of(effects));
+    for (const Fall& fall : falls(diagnosis)) {
+      if (fall.share > 0.0 && joints.size() < kMostJoints)
+        joints.push_back(fall_in_words(diagnosis, fall.joint));
+    }
+    if (!joints.empty()) {
+      text += fmt::format(". With all of them the error on the validation log{} falls most in {}",
+                          logs > 1 ? "s" : "", list_of(joints));
+    }
+    text += ".";
+  }
+  if (!left.empty()) text += fmt::format(" Beyond that an unexplained residual remains: {}.", left);
+  return text;
+}
+
+std::vector<std::string> notes(const Diagnosis& diagnosis) {
+  std::vector<std::string> notes{brief(diagnosis)};
+  for (const Finding& finding : diagnosis.findings) {
+    notes.push_back(fmt::format("{}: {}; {}", finding_in_place(diagnosis, finding),
+                                parameters_in_words(finding, diagnosis.after), evidence_in_words(finding)));
+  }
+  notes.insert(notes.end(), diagnosis.notes.begin(), diagnosis.notes.end());
+  return notes;
+}
+
+int most_improved_joint(const Diagnosis& diagnosis) {
+  const std::vector<Fall> all = falls(diagnosis);
+  return all.empty() ? -1 : all.front().joint;
+}
+
+}  // namespace heft::report

@@ -1,0 +1,167 @@
+#include "diagnosis_result.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "page_lines.hpp"
+#include "torque_score.hpp"
+
+namespace heft::report {
+namespace {
+
+using diagnose::Diagnosis;
+using diagnose::Finding;
+using page::number;
+
+nlohmann::ordered_json number_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json joint_or_null(int joint) {
+  return joint < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(joint + 1);
+}
+
+nlohmann::ordered_json before_after_json(const validate::Score& before, const validate::Score& after) {
+  nlohmann::ordered_json json;
+  json["rmse_before"] = json_array(before.rmse);
+  json["rmse_after"] = json_array(after.rmse);
+  json["rmse_in_band_before"] = json_array(before.rmse_in_band);
+  json["rmse_in_band_after"] = json_array(after.rmse_in_band);
+  json["r2_before"] = json_array(before.r2);
+  json["r2_after"] = json_array(after.r2);
+  json["rmse_percent_of_max_before"] = json_array(before.percent_of_max);
+  json["rmse_percent_of_max_after"] = json_array(after.percent_of_max);
+  json["samples"] = after.samples;
+  return json;
+}
+
+/// R² in band: 1 - mean square of the error / variance of the torque, all samples.
+Eigen::VectorXd r2_in_band(const validate::Score& score, const validate::Score& torque) {
+  const Eigen::VectorXd variance = torque.rmse_in_band.cwiseAbs2() - torque.bias.cwiseAbs2();
+  return (1.0 - score.rmse_in_band.array().square() / variance.array()).matrix();
+}
+
+nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, bool with_score) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const diagnose::Rival& rival : rivals) {
+    nlohmann::ordered_json entry{{"kind", rival.effect.id()}, {"joint", joint_or_null(rival.joint)}};
+    if (with_score) entry["delta_bic"] = number_or_null(rival.delta_bic);
+    json.push_back(std::move(entry));
+  }
+  return json;
+}
+
+nlohmann::ordered_json parameters_json(const Finding& finding) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (const auto& [name, value] : finding.parameters) json[name] = number_or_null(value);
+  // Components of one vector stand as one.
+  if (json.contains("com_x") && json.contains("com_y") && json.contains("com_z")) {
+    json["com"] = {json["com_x"], json["com_y"], json["com_z"]};
+    for (const char* part : {"com_x", "com_y", "com_z"}) json.erase(part);
+  }
+  for (const auto& [name, value] : finding.words) json[name] = value;
+  if (!finding.events.empty()) {
+    json["events"] = nlohmann::ordered_json::array();
+    for (std::size_t k = 0; k < finding.events.size(); ++k) {
+      nlohmann::ordered_json event{{"t0", finding.events[k].first}, {"duration", finding.events[k].second}};
+      if (k < finding.forces.size()) event["force"] = json_array(finding.forces[k]);
+      json["events"].push_back(std::move(event));
+    }
+  }
+  return json;
+}
+
+nlohmann::ordered_json effect_json(const Finding& finding) {
+  nlohmann::ordered_json json{{"kind", finding.effect.id()},
+                              {"joint", joint_or_null(finding.joint)},
+                              {"name", effect_name(finding.effect)},
+                              {"parameters", parameters_json(finding)},
+                              {"p_value", number_or_null(finding.p_value)},
+                              {"delta_bic", number_or_null(finding.delta_bic)},
+                              {"cross_validated_fall", number_or_null(finding.cross_validated)},
+                              {"main_joint", finding.main_joint + 1},
+                              {"validate_rmse_before", number_or_null(finding.validate_before)},
+                              {"validate_rmse_after", number_or_null(finding.validate_after)},
+                              {"rivals", rivals_json(finding.rivals, true)},
+                              {"equivalent", rivals_json(finding.equivalent, false)},
+                              {"shown_by", shown_by(finding)}};
+  if (finding.driven_joint >= 0) json["driven_joint"] = finding.driven_joint + 1;
+  if (finding.displacement != Displacement::kPosition)
+    json["displacement"] = displacement_name(finding.displacement);
+  return json;
+}
+
+}  // namespace
+
+nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  nlohmann::ordered_json json;
+  json["robot"] = diagnosis.after.name;
+  put_verdict(json, judgement_of(diagnosis, context));
+  json["summary"] = brief(diagnosis);
+  json["not_explained"] = nlohmann::ordered_json::array();
+  for (const diagnose::NotExplained& joint : diagnosis.not_explained) {
+    json["not_explained"].push_back({{"joint", joint.joint + 1},
+                                     {"error", joint.error},
+                                     {"error_alone", joint.alone},
+                                     {"share_of_torque", joint.share},
+                                     {"share_of_max", joint.share_of_largest},
+                                     {"contradicts_other_joints", joint.contradicts}});
+  }
+  json["torque_at"] = context.torque_at;
+  const double band = diagnosis.validate_after.band;
+  json["band_hz"] = band > 0.0 ? nlohmann::ordered_json(band) : nlohmann::ordered_json(nullptr);
+  json["cutoff_hz"] = diagnosis.cutoff;
+  json["train"] = before_after_json(diagnosis.train_before, diagnosis.train_after);
+  json["validate"] = before_after_json(diagnosis.validate_before, diagnosis.validate_after);
+  if (diagnosis.validate_torque.rmse_in_band.size() > 0) {
+    const RelativeErrors relative = relative_errors(diagnosis);
+    nlohmann::ordered_json& validate = json["validate"];
+    validate["r2_in_band_before"] =
+        json_array(r2_in_band(diagnosis.validate_before, diagnosis.validate_torque));
+    validate["r2_in_band_after"] =
+        json_array(r2_in_band(diagnosis.validate_after, diagnosis.validate_torque));
+    validate["relative_error_in_band_before"] = number_or_null(relative.before);
+    validate["relative_error_in_band_after"] = number_or_null(relative.after);
+    validate["relative_error_in_band_moving_before"] = number_or_null(relative.moving_before);
+    validate["relative_error_in_band_moving_after"] = number_or_null(relative.moving_after);
+  }
+  json["effects"] = nlohmann::ordered_json::array();
+  for (const Finding& finding : diagnosis.findings) json["effects"].push_back(effect_json(finding));
+  json["unexplained"] = nlohmann::ordered_json::array();
+  for (const diagnose::Unexplained& u : diagnosis.unexplained) {
+    nlohmann::ordered_json evidence = nlohmann::ordered_json::object();
+    for (const auto& [name, value] : u.evidence) evidence[name] = number_or_null(value);
+    json["unexplained"].push_back(
+        {{"joint", joint_or_null(u.joint)}, {"what", u.what}, {"evidence", std::move(evidence)}});
+  }
+  json["refused"] = nlohmann::ordered_json::array();
+  for (const diagnose::Refusal& refusal : strongest(diagnosis)) {
+    json["refused"].push_back({{"kind", refusal.effect.id()},
+                               {"joint", joint_or_null(refusal.joint)},
+                               {"why", refusal.why},
+                               {"gain", number_or_null(refusal.gain)}});
+  }
+  json["validate_logs"] = nlohmann::ordered_json::array();
+  for (std::size_t k = 0;
+       k < std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size()); ++k) {
+    nlohmann::ordered_json entry{{"log", diagnosis.validate_each_after[k].log}};
+    entry.update(before_after_json(diagnosis.validate_each_before[k], diagnosis.validate_each_after[k]));
+    json["validate_logs"].push_back(std::move(entry));
+  }
+  json["errors_that_rise"] = errors_that_rise(diagnosis);
+  json["candidates_tried"] = diagnosis.candidates;
+  json["train_seconds"] = diagnosis.seconds;
+  json["notes"] = diagnosis.notes;
+  json["logs"] = {{"train", context.train}, {"validate", context.validate}};
+  json["command"] = context.command;
+  return json;
+}
+
+std::string json(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  return diagnosis_json(diagnosis, context)
+      .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace heft::report
