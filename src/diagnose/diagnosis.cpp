@@ -2,6 +2,7 @@
 
 #include "findings.hpp"
 #include "guards.hpp"
+#include "heft/host/error.hpp"
 #include "search.hpp"
 #include "start.hpp"
 #include "veto.hpp"
@@ -21,11 +22,23 @@ BeforeAndAfter scores_of(const JudgedMotion& motion, const MatrixXd& before, con
   return {motion.scores(before, band), motion.scores(after, band)};
 }
 
+std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources) {
+  std::vector<data::Log> logs;
+  for (const data::LogSource& source : sources) logs.push_back(data::read(source));
+  return logs;
+}
+
 }  // namespace
 
-Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
-                   const std::vector<data::Log>& validate, const DiagnoseOptions& options) {
-  refuse_seen(train, validate);
+Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& asked) {
+  if (logs.judge().empty()) {
+    throw DataError(
+        "no log to judge on: an effect is accepted only if it also lowers the error on a log that the fit has not "
+        "seen; give one, or cut one log in two");
+  }
+  DiagnoseOptions options = asked;
+  options.joint_sensor = asked.joint_sensor || logs.torque_at() == data::TorqueAt::kJoint;
+  const std::vector<data::Log> train = read_all(logs.train()), validate = read_all(logs.judge());
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
   Start start = start_of(robot, train, validate, options);
@@ -70,6 +83,11 @@ Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& trai
   result.candidates = search.tried();
   for (const double s : fitted.table().run_seconds) result.seconds += s;
   return result;
+}
+
+Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
+                   const std::vector<data::Log>& validate, const DiagnoseOptions& options) {
+  return diagnose(robot, data::log_set(robot.joint_specs(), train, validate), options);
 }
 
 }  // namespace heft::diagnose

@@ -1,7 +1,6 @@
 #include "guards.hpp"
 
 #include <algorithm>
-#include <filesystem>
 #include <string>
 
 #include <fmt/format.h>
@@ -17,33 +16,6 @@ namespace {
 constexpr const char* kMotionToRecord =
     "record a motion of at least 20 s in which every joint turns back and forth over much of its range, at "
     "slow and at fast speeds (heft excite designs one)";
-
-/// Whether all rows of `part` follow one another in `whole`.
-bool holds(const data::Log& whole, const data::Log& part) {
-  const Eigen::Index rows = part.q.rows();
-  const auto same_row = [&](Eigen::Index i, Eigen::Index k) {
-    return whole.q.row(i) == part.q.row(k) && whole.tau.row(i) == part.tau.row(k);
-  };
-  for (Eigen::Index from = 0; from + rows <= whole.q.rows(); ++from) {
-    Eigen::Index k = 0;
-    while (k < rows && same_row(from + k, k)) ++k;
-    if (k == rows) return true;
-  }
-  return false;
-}
-
-/// How a log to judge on is one to train on; empty: it is not.
-std::string shared_with(const data::Log& trained, const data::Log& judged) {
-  std::error_code ignored;
-  if (std::filesystem::equivalent(judged.path, trained.path, ignored))
-    return "given both to train on and to judge on";
-  if (judged.q.rows() == trained.q.rows())
-    return holds(trained, judged) ? fmt::format("the same samples as {}, given to train on", trained.path)
-                                  : "";
-  if (holds(trained, judged)) return fmt::format("a part of {}, given to train on", trained.path);
-  if (holds(judged, trained)) return fmt::format("holds all of {}, given to train on", trained.path);
-  return "";
-}
 
 /// "joints 1, 2 and 4".
 std::string joint_list(const std::vector<int>& joints) {
@@ -73,19 +45,6 @@ Extent extent_of(const std::vector<data::Log>& logs) {
 constexpr double kResting = 5e-3;
 
 }  // namespace
-
-void refuse_seen(const std::vector<data::Log>& train, const std::vector<data::Log>& validate) {
-  for (const data::Log& judged : validate) {
-    for (const data::Log& trained : train) {
-      const std::string what = shared_with(trained, judged);
-      if (what.empty()) continue;
-      throw DataError(
-          fmt::format("{}: {}; expected a log that the fit has not seen, of another motion; record one, or "
-                      "cut one log in two",
-                      judged.path, what));
-    }
-  }
-}
 
 void refuse_too_little_motion(const model::Robot& robot, const std::vector<data::Log>& train) {
   // A joint below these never leaves one posture.

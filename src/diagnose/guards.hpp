@@ -9,10 +9,6 @@
 
 namespace heft::diagnose {
 
-/// A log says nothing about a model that was fitted to it.
-/// @throws DataError for a log to judge on that is, holds or is part of one to train on
-void refuse_seen(const std::vector<data::Log>& train, const std::vector<data::Log>& validate);
-
 /// Nothing can be said about an arm that stands still, or that moves for a moment.
 /// @throws NotIdentifiableError
 void refuse_too_little_motion(const model::Robot& robot, const std::vector<data::Log>& train);

@@ -73,6 +73,11 @@ TEST(Guards, RefuseSamplesThatTheFitHasSeen) {
               HasSubstr("b: holds all of a"));
 }
 
+TEST(Guards, WantALogToJudgeOn) {
+  const model::Robot robot = test::planar_two_link();
+  EXPECT_THROW(diagnose(robot, data::log_set(robot.joint_specs(), {log_of("a", 12.0)}, {})), DataError);
+}
+
 TEST(Guards, RefuseAnArmThatHardlyMoves) {
   const data::Log judge = log_of("b", 12.0, 0.4, 1.0);
   EXPECT_THAT(refusal<NotIdentifiableError>(log_of("a", 12.0, 1e-3), judge), HasSubstr("a: no joint moves"));

@@ -10,7 +10,7 @@
 
 #include "command.hpp"
 #include "console.hpp"
-#include "heft/data/log_checks.hpp"
+#include "heft/data/log_set.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/model_file.hpp"
@@ -31,19 +31,27 @@ struct Options {
   bool trace{false};
 };
 
-/// @param torque  gets what the torque is suspected of
-data::Log read(const std::string& path, const Options& options, const model::Robot& robot,
-               host::Judgement& torque) {
-  data::LogRequirements needs;
-  needs.num_joints = robot.num_joints();
-  needs.robot_name = robot.name;
-  needs.torque = true;
-  PreparedLog prepared = prepare_log(path, options.log, needs);
-  const std::vector<data::LogFinding> findings = data::check_log(prepared.log, limits_of(robot));
-  data::refuse_errors(findings);
-  for (const data::LogFinding& finding : findings) note(finding.message);
-  torque.add(judge_torque(prepared.log, robot, options.log, options.log.measured_at()));
-  return std::move(prepared.log);
+data::LogSet open(const Options& options, const model::Robot& robot) {
+  data::LogFiles files;
+  files.train = options.log.logs;
+  files.judge = options.validate;
+  files.torque_constant = options.log.torque_constant;
+  files.torque_at =
+      options.log.measured_at() == TorqueAt::kJoint ? data::TorqueAt::kJoint : data::TorqueAt::kMotor;
+  files.robot = robot.name;
+  data::LogSet logs = data::open_logs(robot.joint_specs(), files);
+  for (const std::string& line : logs.notes()) note(line);
+  return logs;
+}
+
+/// What is found when the logs' torque is compared with the robot.
+host::Judgement compare_torque(const data::LogSet& logs, const Options& options, const model::Robot& robot) {
+  host::Judgement torque;
+  for (const auto* sources : {&logs.train(), &logs.judge()}) {
+    for (const data::LogSource& source : *sources)
+      torque.add(judge_torque(data::stream(source), robot, options.log, options.log.measured_at()));
+  }
+  return torque;
 }
 
 /// The line that gives the same result, without the files to write.
@@ -69,21 +77,18 @@ std::string command_line(const Options& options) {
 void run(const Options& options) {
   const Console console{options.result.json, options.model};
   const model::Robot robot = load_robot(options.robot);
-  std::vector<data::Log> train, validate;
-  host::Judgement torque;
-  for (const std::string& path : options.log.logs) train.push_back(read(path, options, robot, torque));
-  for (const std::string& path : options.validate) validate.push_back(read(path, options, robot, torque));
+  const data::LogSet logs = open(options, robot);
+  const host::Judgement torque = compare_torque(logs, options, robot);
 
   diagnose::DiagnoseOptions asked;
   asked.band = options.log.band;
   asked.cutoff = options.cutoff;
-  asked.joint_sensor = options.log.measured_at() == TorqueAt::kJoint;
   if (options.trace) asked.trace = [](const std::string& line) { print_to(stderr, line + "\n"); };
   diagnose::Diagnosis diagnosis;
   {
     Progress progress("diagnosing");
     asked.progress = [&](const std::string& what, double done) { progress.update(done, what); };
-    diagnosis = diagnose::diagnose(robot, train, validate, asked);
+    diagnosis = diagnose::diagnose(robot, logs, asked);
   }
 
   const report::DiagnosisContext context{options.log.logs, options.validate, options.log.torque_at,

@@ -12,6 +12,7 @@
 
 #include "heft/core/effects/arm_effects.hpp"
 #include "heft/data/log.hpp"
+#include "heft/data/log_set.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
@@ -86,7 +87,8 @@ struct DiagnoseOptions {
   double cutoff{0.0};  ///< of the low-pass on q [Hz]; 0: the one that leaves the smallest residual
   double band{0.0};    ///< of the figures in band [Hz]; 0: validate::default_band
   int most_effects{20};
-  bool joint_sensor{false};  ///< torque was measured behind the gear: no rotor inertia is looked for
+  /// Torque was measured behind the gear: no rotor inertia is looked for. So it is when the LogSet says so.
+  bool joint_sensor{false};
   /// Pairs of joints that may share a motor, with the ratio of each. Those of the robot's own couplings are tried as well;
   /// where there are none at all, joints 5 and 6.
   std::vector<GearCoupling<double>> couplings{};
@@ -137,10 +139,12 @@ std::string in_words(const NotExplained& joint, const model::Robot& robot);
 ///
 /// @param robot  kinematics; its inertial parameters serve where the logs say nothing. What it holds in addition to rigid
 ///               bodies, Coulomb and viscous friction is searched for again, and a note says so.
-/// @param train, validate  at least one log each, with torque; no sample may be in both
-/// @throws DataError when samples to judge on are also samples to train on
+/// @param logs   at least one log to train on and one to judge on, with torque; a LogSet holds no sample in both
+/// @throws DataError when there is no log to judge on
 /// @throws NotIdentifiableError when the training logs move too little to determine an eighth of the parameters of rigid
 ///         bodies and friction, or the validation logs too little to judge on
+Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& options = {});
+/// The same of logs in memory, which are checked and kept apart as data::log_set() does.
 Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
                    const std::vector<data::Log>& validate, const DiagnoseOptions& options = {});
 
