@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -11,6 +10,7 @@
 #include <fmt/ranges.h>
 
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 
 namespace heft::data {
 namespace {
@@ -19,7 +19,6 @@ using Eigen::Index;
 
 constexpr double kDegree = 180.0 / std::numbers::pi;
 constexpr double kTurn = 2.0 * std::numbers::pi;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// A stretch over which a rate is compared with the change of what it is the rate of.
 constexpr int kStretchRows = 4;

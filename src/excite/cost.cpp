@@ -1,11 +1,11 @@
 /// What a motion reveals, as a number to make small, with its exact gradient (excitation.md).
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
 #include "design_impl.hpp"
 #include "heft/host/decompositions.hpp"
+#include "heft/host/numbers.hpp"
 
 namespace heft::excite {
 namespace {
@@ -15,7 +15,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Distance from the limits that the search keeps for the motion between its samples. At 30 samples of the
 // fastest harmonic a sine passes its highest sample by 1 − cos(π/30) = 0.55 %.
 constexpr double kReserve = 0.006;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <random>
 
@@ -13,6 +12,7 @@
 #include "design_impl.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/regression/base_parameters.hpp"
 
 namespace heft::excite {
@@ -25,7 +25,6 @@ using Eigen::VectorXd;
 using regression::BaseParameters;
 using regression::find_base_parameters;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPi = std::numbers::pi;
 
 // Bounds on the work of a design: rows of the log that its score represents, samples of the search.

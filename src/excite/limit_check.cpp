@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "robot_words.hpp"
 
 namespace heft::excite {
@@ -18,7 +18,6 @@ using Eigen::Index;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Distances count as shares of a clearance that is at least this [m].
 constexpr double kLeastClearance = 1e-3;
 constexpr const char* kTool = "the tool";  // name of the capsule that is added for it

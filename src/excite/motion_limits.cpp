@@ -8,7 +8,8 @@
 
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
-#include "heft/sim/settings_reader.hpp"
+#include "heft/host/numbers.hpp"
+#include "heft/host/settings_reader.hpp"
 #include "robot_words.hpp"
 
 namespace heft::excite {
@@ -19,7 +20,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPi = std::numbers::pi;
 // Lengths beyond this are slips of a unit or of the keyboard.
 constexpr double kLongest = 1e4;  // [m]
@@ -117,18 +117,18 @@ MotionLimits limits_of(const model::Robot& robot, const LimitDefaults& defaults)
 
 LimitsFile read_limits(const model::Robot& robot, const std::string& path, MotionLimits limits) {
   const int n = robot.num_joints();
-  const sim::SettingsReader reader = sim::SettingsReader::parse(host::read_file(path, "limits"), path);
+  const host::SettingsReader reader = host::SettingsReader::parse(host::read_file(path, "limits"), path);
   LimitsFile file{std::move(limits), {}, {}};
-  const auto take = [&](const char* key, sim::Range range, VectorXd& value) {
+  const auto take = [&](const char* key, host::Range range, VectorXd& value) {
     const VectorXd found = reader.numbers_or_none(key, n, range);
     if (found.size() > 0) value = found;
   };
   MotionLimits& read = file.limits;
-  take("lower", sim::Range::kAny, read.lower);
-  take("upper", sim::Range::kAny, read.upper);
-  take("velocity", sim::Range::kPositive, read.velocity);
-  take("acceleration", sim::Range::kPositive, read.acceleration);
-  take("torque", sim::Range::kPositive, read.torque);
+  take("lower", host::Range::kAny, read.lower);
+  take("upper", host::Range::kAny, read.upper);
+  take("velocity", host::Range::kPositive, read.velocity);
+  take("acceleration", host::Range::kPositive, read.acceleration);
+  take("torque", host::Range::kPositive, read.torque);
   for (Index j = 0; j < n; ++j) {
     if (read.lower[j] >= read.upper[j]) {
       throw ModelError(
@@ -137,9 +137,9 @@ LimitsFile read_limits(const model::Robot& robot, const std::string& path, Motio
                       path, joint_name(robot, j), read.lower[j], read.upper[j]));
     }
   }
-  read.margin = reader.number_or("margin", read.margin, sim::Range::kNotNegative);
-  read.clearance = reader.number_or("clearance", read.clearance, sim::Range::kNotNegative);
-  read.tool_speed = reader.number_or("tool_speed", read.tool_speed, sim::Range::kPositive);
+  read.margin = reader.number_or("margin", read.margin, host::Range::kNotNegative);
+  read.clearance = reader.number_or("clearance", read.clearance, host::Range::kNotNegative);
+  read.tool_speed = reader.number_or("tool_speed", read.tool_speed, host::Range::kPositive);
   if (reader.has("floor")) {
     if (reader.is_text("floor")) {
       reader.word("floor", {"none"});
@@ -153,7 +153,7 @@ LimitsFile read_limits(const model::Robot& robot, const std::string& path, Motio
     read.box = std::array<Vector3d, 2>{box.row(0), box.row(1)};
   }
   if (reader.has("obstacles")) {
-    for (const sim::SettingsReader& obstacle : reader.objects("obstacles")) {
+    for (const host::SettingsReader& obstacle : reader.objects("obstacles")) {
       collision::BoxObstacle box;
       box.name = obstacle.has("name") ? obstacle.text("name")
                                       : fmt::format("obstacle {}", read.obstacles.size() + 1);
@@ -164,9 +164,9 @@ LimitsFile read_limits(const model::Robot& robot, const std::string& path, Motio
     }
   }
   if (reader.has("tool")) read.tool = reader.numbers("tool", 3);
-  read.tool_radius = reader.number_or("tool_radius", read.tool_radius, sim::Range::kNotNegative);
-  take("start", sim::Range::kAny, file.start);
-  take("torque_noise", sim::Range::kPositive, file.torque_noise);
+  read.tool_radius = reader.number_or("tool_radius", read.tool_radius, host::Range::kNotNegative);
+  take("start", host::Range::kAny, file.start);
+  take("torque_noise", host::Range::kPositive, file.torque_noise);
   reader.finish();
   return file;
 }

@@ -1,13 +1,13 @@
 /// Random motions inside the limits, how near a motion comes to them, and motions drawn together until they are kept.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <random>
 
 #include <fmt/format.h>
 
 #include "design_impl.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 
 namespace heft::excite {
 namespace {
@@ -16,8 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 

@@ -12,6 +12,7 @@
 
 #include "gnuplot.hpp"
 #include "heft/host/file.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/page/page.hpp"
 #include "level_outline.hpp"
 #include "palette.hpp"
@@ -20,7 +21,6 @@ namespace heft::page {
 namespace {
 
 constexpr std::size_t kMaxSvgBytes = 300 * 1024;
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// Palette entry of each series; kAuto takes the hues from blue on in turn.
 std::vector<std::size_t> colours_of(const PlotSpec& spec) {

@@ -8,6 +8,7 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/model/physical_links.hpp"
+#include "heft/statistics/distributions.hpp"
 
 namespace heft::payload {
 namespace {
@@ -27,8 +28,8 @@ Eigen::Matrix4d pseudo_inertia(const VectorXd& p) {
 /// Scheffé's factor for ten parameters: 95 % for all their combinations at once, whichever the data choose, with
 /// `factor` the one of a single parameter.
 double simultaneous(double factor) {
-  constexpr double kChiSquare10 = 18.307, kNormal = 1.96;
-  return std::sqrt(kChiSquare10) * factor / kNormal;
+  constexpr double kChiSquare10 = 18.307;
+  return std::sqrt(kChiSquare10) * factor / statistics::kNormal95;
 }
 
 /// By how much of its standard deviation the load's pseudo-inertia is negative in its worst direction; 0: a body can

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <random>
 
@@ -15,6 +14,7 @@
 #include "heft/core/inertia.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/payload/recursive_fit.hpp"
 #include "heft/statistics/block_jackknife.hpp"
@@ -24,7 +24,6 @@
 namespace heft::payload {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A parameter counts as identified when the data have reduced its prior standard deviation to less than
 /// this share.
 constexpr double kIdentified = 0.1;
@@ -371,7 +370,7 @@ class Run {
     const auto solution = jackknife_->solve(segments_.back().blocks, neighbours);
     if (solution.blocks < 3) return 1.0;
     const double variance = solution.covariance(0, 0) * residual_.edge_factor(neighbours * kFineBlock);
-    return std::max(1.0, std::sqrt(variance) / own * solution.interval_factor / 1.96);
+    return std::max(1.0, std::sqrt(variance) / own * solution.interval_factor / statistics::kNormal95);
   }
 
   /// Short blocks that make one block which may count as independent.

@@ -1,9 +1,9 @@
 #include "torque_scales.hpp"
 
 #include <cmath>
-#include <limits>
 
 #include "heft/host/decompositions.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 
 namespace heft::payload {
@@ -12,7 +12,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A joint that hardly feels the load has no scale worth naming.
 constexpr double kWidest = 0.5;
 

@@ -1,4 +1,5 @@
 #include "diagnosis_result.hpp"
+#include "host/json.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,10 +15,6 @@ namespace {
 using diagnose::Diagnosis;
 using diagnose::Finding;
 using page::number;
-
-nlohmann::ordered_json number_or_null(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-}
 
 nlohmann::ordered_json joint_or_null(int joint) {
   return joint < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(joint + 1);
@@ -47,7 +44,7 @@ nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, b
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   for (const diagnose::Rival& rival : rivals) {
     nlohmann::ordered_json entry{{"kind", rival.effect.id()}, {"joint", joint_or_null(rival.joint)}};
-    if (with_score) entry["delta_bic"] = number_or_null(rival.delta_bic);
+    if (with_score) entry["delta_bic"] = host::number_or_null(rival.delta_bic);
     json.push_back(std::move(entry));
   }
   return json;
@@ -55,7 +52,7 @@ nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, b
 
 nlohmann::ordered_json parameters_json(const Finding& finding) {
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
-  for (const auto& [name, value] : finding.parameters) json[name] = number_or_null(value);
+  for (const auto& [name, value] : finding.parameters) json[name] = host::number_or_null(value);
   // Components of one vector stand as one.
   if (json.contains("com_x") && json.contains("com_y") && json.contains("com_z")) {
     json["com"] = {json["com_x"], json["com_y"], json["com_z"]};
@@ -78,12 +75,12 @@ nlohmann::ordered_json effect_json(const Finding& finding) {
                               {"joint", joint_or_null(finding.joint)},
                               {"name", effect_name(finding.effect)},
                               {"parameters", parameters_json(finding)},
-                              {"p_value", number_or_null(finding.p_value)},
-                              {"delta_bic", number_or_null(finding.delta_bic)},
-                              {"cross_validated_fall", number_or_null(finding.cross_validated)},
+                              {"p_value", host::number_or_null(finding.p_value)},
+                              {"delta_bic", host::number_or_null(finding.delta_bic)},
+                              {"cross_validated_fall", host::number_or_null(finding.cross_validated)},
                               {"main_joint", finding.main_joint + 1},
-                              {"validate_rmse_before", number_or_null(finding.validate_before)},
-                              {"validate_rmse_after", number_or_null(finding.validate_after)},
+                              {"validate_rmse_before", host::number_or_null(finding.validate_before)},
+                              {"validate_rmse_after", host::number_or_null(finding.validate_after)},
                               {"rivals", rivals_json(finding.rivals, true)},
                               {"equivalent", rivals_json(finding.equivalent, false)},
                               {"shown_by", shown_by(finding)}};
@@ -122,17 +119,17 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
         json_array(r2_in_band(diagnosis.validate_before, diagnosis.validate_torque));
     validate["r2_in_band_after"] =
         json_array(r2_in_band(diagnosis.validate_after, diagnosis.validate_torque));
-    validate["relative_error_in_band_before"] = number_or_null(relative.before);
-    validate["relative_error_in_band_after"] = number_or_null(relative.after);
-    validate["relative_error_in_band_moving_before"] = number_or_null(relative.moving_before);
-    validate["relative_error_in_band_moving_after"] = number_or_null(relative.moving_after);
+    validate["relative_error_in_band_before"] = host::number_or_null(relative.before);
+    validate["relative_error_in_band_after"] = host::number_or_null(relative.after);
+    validate["relative_error_in_band_moving_before"] = host::number_or_null(relative.moving_before);
+    validate["relative_error_in_band_moving_after"] = host::number_or_null(relative.moving_after);
   }
   json["effects"] = nlohmann::ordered_json::array();
   for (const Finding& finding : diagnosis.findings) json["effects"].push_back(effect_json(finding));
   json["unexplained"] = nlohmann::ordered_json::array();
   for (const diagnose::Unexplained& u : diagnosis.unexplained) {
     nlohmann::ordered_json evidence = nlohmann::ordered_json::object();
-    for (const auto& [name, value] : u.evidence) evidence[name] = number_or_null(value);
+    for (const auto& [name, value] : u.evidence) evidence[name] = host::number_or_null(value);
     json["unexplained"].push_back(
         {{"joint", joint_or_null(u.joint)}, {"what", u.what}, {"evidence", std::move(evidence)}});
   }
@@ -141,7 +138,7 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
     json["refused"].push_back({{"kind", refusal.effect.id()},
                                {"joint", joint_or_null(refusal.joint)},
                                {"why", refusal.why},
-                               {"gain", number_or_null(refusal.gain)}});
+                               {"gain", host::number_or_null(refusal.gain)}});
   }
   json["validate_logs"] = nlohmann::ordered_json::array();
   for (std::size_t k = 0;

@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "heft/statistics/distributions.hpp"
+#include "host/json.hpp"
 #include "page_lines.hpp"
 #include "torque_score.hpp"
 
@@ -14,11 +16,9 @@ namespace {
 
 constexpr std::array<const char*, 3> kComNames{"x", "y", "z"};
 constexpr std::array<const char*, 6> kInertiaNames{"Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"};
-/// Half-width of a 95 % interval in standard deviations.
-constexpr double kInterval = 1.96;
 
 double half_width(const Estimate& estimate, Eigen::Index k) {
-  return estimate.half_width.size() > k ? estimate.half_width[k] : kInterval * estimate.std[k];
+  return estimate.half_width.size() > k ? estimate.half_width[k] : statistics::kNormal95 * estimate.std[k];
 }
 
 Eigen::VectorXd half_widths(const Estimate& estimate) {
@@ -46,10 +46,6 @@ nlohmann::ordered_json estimate_json(const Estimate& estimate) {
 Estimate withdrawn(Estimate estimate) {
   estimate.identifiable.assign(estimate.identifiable.size(), false);
   return estimate;
-}
-
-nlohmann::ordered_json number_or_null(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }
 
 bool identifiable(const Estimate& estimate, Eigen::Index k) {
@@ -193,10 +189,10 @@ nlohmann::ordered_json to_json(const PayloadResult& result) {
   const bool has_mass =
       result.mass.value.size() > 0 && identifiable(result.mass, 0) && !result.contradicts_itself;
   json["mass"] = {
-      {"value", has_mass ? number_or_null(result.mass.value[0]) : nlohmann::ordered_json(nullptr)},
-      {"std", has_mass ? number_or_null(result.mass.std[0]) : nlohmann::ordered_json(nullptr)},
+      {"value", has_mass ? host::number_or_null(result.mass.value[0]) : nlohmann::ordered_json(nullptr)},
+      {"std", has_mass ? host::number_or_null(result.mass.std[0]) : nlohmann::ordered_json(nullptr)},
       {"half_width_95",
-       has_mass ? number_or_null(half_width(result.mass, 0)) : nlohmann::ordered_json(nullptr)},
+       has_mass ? host::number_or_null(half_width(result.mass, 0)) : nlohmann::ordered_json(nullptr)},
       {"identifiable", has_mass}};
   if (result.first_moment.value.size() > 0) {
     json["first_moment"] =
@@ -212,7 +208,7 @@ nlohmann::ordered_json to_json(const PayloadResult& result) {
       result.converged_at ? nlohmann::ordered_json(*result.converged_at) : nlohmann::ordered_json(nullptr);
   json["changes"] = nlohmann::ordered_json::array();
   for (const MassChange& change : result.changes) {
-    nlohmann::ordered_json entry{{"time", change.time}, {"mass", number_or_null(change.mass)}};
+    nlohmann::ordered_json entry{{"time", change.time}, {"mass", host::number_or_null(change.mass)}};
     if (std::isfinite(change.std)) entry["std"] = change.std;
     if (std::isfinite(change.mass_before)) entry["mass_before"] = change.mass_before;
     json["changes"].push_back(std::move(entry));
@@ -300,7 +296,7 @@ void add_to(page::Page& page, const PayloadResult& result) {
     spec.x_label = "time [s]";
     spec.y_label = "mass [kg]";
     if (result.mass_std_history.size() == result.time.size()) {
-      const Eigen::VectorXd half = kInterval * result.mass_std_history;
+      const Eigen::VectorXd half = statistics::kNormal95 * result.mass_std_history;
       spec.series.push_back(page::band("95 % interval", result.time, result.mass_history - half,
                                        result.mass_history + half, page::Hue::kBlue));
     }

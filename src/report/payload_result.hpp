@@ -20,7 +20,7 @@ struct Estimate {
   Eigen::VectorXd value;
   Eigen::VectorXd std;  ///< standard deviations
   std::vector<bool> identifiable;
-  Eigen::VectorXd half_width{};  ///< of the 95 % interval; empty: 1.96 standard deviations
+  Eigen::VectorXd half_width{};  ///< of the 95 % interval; empty: statistics::kNormal95 standard deviations
 };
 
 /// The load's mass jumped.

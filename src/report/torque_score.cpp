@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "heft/data/differentiate.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/validate/acceptance.hpp"
+#include "host/json.hpp"
 
 namespace heft::report {
 namespace {
@@ -83,7 +84,7 @@ page::Table score_table(const validate::Score& score) {
 nlohmann::ordered_json json_array(const Eigen::VectorXd& values) {
   nlohmann::ordered_json array = nlohmann::ordered_json::array();
   for (const double value : values) {
-    array.push_back(std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr));
+    array.push_back(host::number_or_null(value));
   }
   return array;
 }
@@ -198,9 +199,7 @@ std::string criteria_summary(const std::vector<validate::Criterion>& criteria) {
 }
 
 nlohmann::ordered_json fit_json(const model::FitRecord& fit) {
-  const auto number = [](double value) {
-    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-  };
+  const auto number = host::number_or_null;
   nlohmann::ordered_json json;
   json["base_parameters"] = nlohmann::ordered_json::array();
   for (const model::BaseParameterRecord& parameter : fit.base_parameters) {
@@ -241,7 +240,6 @@ void TorqueTrace::add(const Eigen::VectorXd& time, const Eigen::MatrixXd& measur
   for (Eigen::Index k = 0; k < time.size(); ++k) {
     if (rows_++ % rows_a_step_ == 0) {
       time_.push_back(time[k]);
-      constexpr double kInfinity = std::numeric_limits<double>::infinity();
       const Extremes none{kInfinity, -kInfinity};
       steps_.emplace_back(static_cast<std::size_t>(joints_), std::array<Extremes, 3>{none, none, none});
     }

@@ -14,6 +14,9 @@
 namespace heft::sim {
 namespace {
 
+using host::Range;
+using host::SettingsReader;
+
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 

@@ -17,6 +17,9 @@
 namespace heft::sim {
 namespace {
 
+using host::Range;
+using host::SettingsReader;
+
 /// A force on the tool that sets in and ends smoothly.
 struct Push {
   double start, duration;

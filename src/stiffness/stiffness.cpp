@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include <fmt/format.h>
@@ -11,6 +10,8 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
+#include "heft/host/words.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "heft/stiffness/dexterity.hpp"
 
@@ -24,9 +25,6 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 void check_limits(const model::Robot& robot, const data::Deflection& row) {
   // Encoders are read with some error; a pose at a stop may read a little beyond it.
@@ -104,12 +102,6 @@ LoadedPose merged(const std::vector<LoadedPose>& repeats) {
   pose.scatter = pose.scatter.cwiseSqrt();
   pose.sigmas /= std::sqrt(count);
   return pose;
-}
-
-std::string joint_list(const std::vector<int>& joints) {
-  std::vector<int> numbers;
-  for (const int j : joints) numbers.push_back(j + 1);
-  return fmt::format("{} {}", numbers.size() == 1 ? "joint" : "joints", fmt::join(numbers, ", "));
 }
 
 /// Why the readings do not tell a group's compliance.
@@ -369,7 +361,7 @@ StiffnessFit fit_stiffness(const model::Kinematics& kinematics, const std::vecto
                    [](bool d) { return d; })) {
     std::string list;
     for (const auto& joints : groups) {
-      list += fmt::format("; {}: {}", joint_list(joints), why_open(poses, joints));
+      list += fmt::format("; {}: {}", host::joints_in_words(joints), why_open(poses, joints));
     }
     throw NotIdentifiableError("no compliance can be told from these readings" + list);
   }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <numeric>
 #include <random>
@@ -12,6 +11,7 @@
 
 #include "heft/host/error.hpp"
 
+#include "heft/host/numbers.hpp"
 #include "stiffness_design.hpp"
 
 namespace heft::stiffness {
@@ -23,8 +23,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Chance that is allowed, over all effects tried.
 constexpr double kChance = 0.05;
 /// Share of the error on poses left out that an effect has to take away.

@@ -1,10 +1,11 @@
 #include "heft/validate/acceptance.hpp"
 
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include "heft/host/numbers.hpp"
 
 namespace heft::validate {
 namespace {
@@ -12,8 +13,6 @@ namespace {
 using Eigen::Index;
 using host::Judgement;
 using Rank = host::Verdict;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "heft/host/numbers.hpp"
 #include "heft/host/words.hpp"
 
 namespace heft::validate {
@@ -17,8 +17,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using host::Judgement;
 using Rank = host::Verdict;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// What one joint's error is on the log where it is worst.
 struct JointError {

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <queue>
 
 #include <fmt/format.h>
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "heft/statistics/correlation.hpp"
 #include "heft/statistics/spectrum.hpp"
@@ -21,8 +21,6 @@ static_assert(model::kSeenAtRest <= kScoreEnd, "no error counts what friction's 
 namespace {
 
 using Eigen::Index;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// Largest `capacity` values seen.
 class LargestValues {

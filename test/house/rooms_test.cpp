@@ -42,7 +42,7 @@ const std::map<std::string, Rooms>& table() {
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/heft",
        {"bench", "core", "data", "diagnose", "excite", "host", "identify", "model", "page", "payload",
-        "plausibility", "report", "sim", "stiffness", "urdf", "validate"}}};
+        "plausibility", "report", "sim", "statistics", "stiffness", "urdf", "validate"}}};
   return rooms;
 }
 
@@ -112,7 +112,7 @@ TEST(Rooms, IncludeWhatTheTableSaysAndNothingElse) {
       found[room].emplace(other, file.path.string() + " includes " + name);
       // What is private to src/<room> is for that room; bench and the folders of tools have no public part. Parts of
       // words and JSON that commands still put together themselves are in src/report until the answers' own verbs do it.
-      EXPECT_TRUE(target.begin()->string() != "src" || other == "report")
+      EXPECT_TRUE(target.begin()->string() != "src" || other == "report" || target == "src/host/json.hpp")
           << file.path << " includes \"" << name << "\", which is private to room " << other;
     }
   }

@@ -13,6 +13,7 @@
 #include "heft/excite/excitation_design.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/identify/fit_record.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/simulator.hpp"
@@ -24,8 +25,6 @@ namespace heft::tools {
 namespace {
 
 using Eigen::Index;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// Natural frequency of every position loop [Hz]. It closes on the encoder's noisy readings and on the drives' own
 /// velocity, in experiments as in the tracking comparison.

@@ -17,7 +17,9 @@
 #include "heft/model/named_arms.hpp"
 #include "heft/page/page.hpp"
 #include "heft/sim/simulator.hpp"
+#include "heft/statistics/distributions.hpp"
 #include "heft/validate/judgement.hpp"
+#include "host/json.hpp"
 #include "operation_count_line.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
@@ -185,16 +187,14 @@ void run(const Options& options) {
                                             "that without it", after_without));
   const std::string operations = operation_count_line();
 
-  const auto number = [](double v) {
-    return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
-  };
+  const auto number = host::number_or_null;
   nlohmann::ordered_json json{
       {"robot", robot.name},
       {"grasp_time", kGrasp},
       {"mass",
        {{"value", number(mass)},
         {"half_width_95", number(half)},
-        {"std", number(half / 1.96)},
+        {"std", number(half / statistics::kNormal95)},
         {"identifiable", std::isfinite(half) && half < 0.5 * std::abs(mass)},
         {"true", load.mass}}},
       {"com",
@@ -264,8 +264,7 @@ void run(const Options& options) {
   error_plot.y_label = "error [mrad]";
   error_plot.height = 340;
   error_plot.series = {
-      page::line("without the load in the model", without.time, error_level(without),
-                   page::Hue::kVermillion),
+      page::line("without the load in the model", without.time, error_level(without), page::Hue::kVermillion),
       page::line("with the estimated load", with.time, error_level(with), page::Hue::kBlue)};
   error_plot.marks = {grasp_mark()};
   page.plot(error_plot);
@@ -293,7 +292,7 @@ void run(const Options& options) {
     spec.height = 200;
     spec.series = {
         page::line("without the load in the model", without.time, 1e3 * without.error.col(j),
-                     page::Hue::kVermillion),
+                   page::Hue::kVermillion),
         page::line("with the estimated load", with.time, 1e3 * with.error.col(j), page::Hue::kBlue)};
     spec.marks = {grasp_mark()};
     small.push_back(spec);
@@ -345,7 +344,7 @@ void run(const Options& options) {
       "of the arm's own model is explained by ten inertial parameters of a body at the last link and a "
       "change of the last joint's friction, by recursive least squares. Residuals several times their usual "
       "size over some samples say that the load is another; what was known is then forgotten and the new "
-      "load is weighed afresh. The interval is 1.96 standard deviations, from the residuals' own size and "
+      "load is weighed afresh. The interval (95 %) is from the residuals' own size and "
       "correlation.");
   console.print(
       "The load weighs {:.3f} kg ± {:.3f} kg (in truth {:.3f} kg), found {:.2f} s after the grasp.\n", mass,

@@ -9,7 +9,7 @@
 #include <CLI/CLI.hpp>
 
 #include "console.hpp"
-#include "spelling.hpp"
+#include "heft/host/words.hpp"
 #include "text_layout.hpp"
 
 namespace heft::tools {
@@ -265,7 +265,7 @@ void CommandParser::refuse_leftovers() const {
   const std::string& first = leftovers.front();
   if (first.size() > 1 && first.front() == '-') {
     const std::string name = first.substr(0, first.find('='));
-    const std::string nearest = nearest_word(name, known);
+    const std::string nearest = host::nearest_word(name, known);
     throw UsageError(fmt::format("there is no option '{}'{}", name,
                                  nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
   }

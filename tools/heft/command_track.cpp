@@ -15,9 +15,12 @@
 #include "example_scenario.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
+#include "heft/host/settings_reader.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/page/page.hpp"
+#include "heft/statistics/distributions.hpp"
 #include "heft/validate/judgement.hpp"
+#include "host/json.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
 #include "parallel.hpp"
@@ -41,9 +44,9 @@ constexpr std::array<TrackingMethod, 4> kMethods = {TrackingMethod::kPd, Trackin
 
 /// Friction values that the scenario states for the arm belong to what the controllers know; the load does not.
 void take_friction(const std::string& path, model::Robot& robot) {
-  const sim::SettingsReader top = sim::SettingsReader::parse(host::read_file(path, "scenario"), path);
+  const host::SettingsReader top = host::SettingsReader::parse(host::read_file(path, "scenario"), path);
   if (!top.has("friction") || top.is_text("friction")) return;
-  const sim::SettingsReader friction = top.object("friction");
+  const host::SettingsReader friction = top.object("friction");
   const int n = robot.num_joints();
   const Eigen::VectorXd coulomb = friction.numbers_or_none("coulomb", n),
                         viscous = friction.numbers_or_none("viscous", n),
@@ -80,15 +83,16 @@ Eigen::MatrixXd tracking_error(const data::Log& log, const model::Robot& robot) 
 TrackingSettings read_settings(const sim::Scenario& scenario) {
   TrackingSettings settings;
   if (scenario.controller.kind == "track") {
-    const sim::SettingsReader& reader = scenario.controller.settings;
-    settings.bandwidth_hz = reader.number_or("bandwidth_hz", settings.bandwidth_hz, sim::Range::kPositive);
-    settings.damping_ratio = reader.number_or("damping_ratio", settings.damping_ratio, sim::Range::kPositive);
+    const host::SettingsReader& reader = scenario.controller.settings;
+    settings.bandwidth_hz = reader.number_or("bandwidth_hz", settings.bandwidth_hz, host::Range::kPositive);
+    settings.damping_ratio =
+        reader.number_or("damping_ratio", settings.damping_ratio, host::Range::kPositive);
     settings.friction_feed_forward = reader.flag_or("friction_feed_forward", true);
     const int n = scenario.settings.robot.num_joints();
     if (reader.has("rows")) settings.rows = static_cast<int>(reader.whole_number("rows", 1, n));
-    settings.filter_hz = reader.number_or("filter_hz", settings.filter_hz, sim::Range::kPositive);
-    settings.mass_prior = reader.number_or("mass_prior", 0.0, sim::Range::kNotNegative);
-    settings.noise = reader.numbers_or_none("torque_residual", n, sim::Range::kPositive);
+    settings.filter_hz = reader.number_or("filter_hz", settings.filter_hz, host::Range::kPositive);
+    settings.mass_prior = reader.number_or("mass_prior", 0.0, host::Range::kNotNegative);
+    settings.noise = reader.numbers_or_none("torque_residual", n, host::Range::kPositive);
     reader.finish();
   } else if (scenario.controller.kind != "none") {
     note(
@@ -109,10 +113,6 @@ TrackingRun part_of(const TrackingRun& run, double from) {
 double rms(const TrackingRun& run) {
   return std::sqrt(run.error.squaredNorm() /
                    static_cast<double>(std::max<Eigen::Index>(1, run.error.size())));
-}
-
-nlohmann::ordered_json number_or_null(double v) {
-  return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
 }
 
 void run(const Options& options) {
@@ -208,9 +208,9 @@ void run(const Options& options) {
                                             "that with nominal values", rms(judged[2])));
   put_verdict(json, judgement);
   json["load"] = {{"mass",
-                   {{"value", number_or_null(mass)},
-                    {"std", number_or_null(half / 1.96)},
-                    {"half_width_95", number_or_null(half)},
+                   {{"value", host::number_or_null(mass)},
+                    {"std", host::number_or_null(half / statistics::kNormal95)},
+                    {"half_width_95", host::number_or_null(half)},
                     {"identifiable", std::isfinite(half)},
                     {"true", true_mass}}},
                   {"changes", trace->change},

@@ -5,8 +5,9 @@
 
 #include <fmt/format.h>
 
-#include "motion_result.hpp"
 #include "console.hpp"
+#include "host/json.hpp"
+#include "motion_result.hpp"
 #include "page_lines.hpp"
 
 namespace heft::tools {
@@ -132,22 +133,23 @@ nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const E
   const excite::ExcitationTrajectory& trajectory = motion.excitation.trajectory;
   const excite::ExcitationScore& score = motion.excitation.score;
   const excite::ExcitationDesign& design = *motion.design;
-  nlohmann::ordered_json json{{"robot", motion.robot.name},
-                              {"duration", trajectory.duration},
-                              {"period", trajectory.period},
-                              {"harmonics", trajectory.num_harmonics()},
-                              {"cost", wording.cost},
-                              {"seed", design.options().seed},
-                              {"parameters", nlohmann::ordered_json::array()},
-                              {"columns", wording.parameters},
-                              {"condition_number", finite_or_null(score.condition)},
-                              {"condition_number_scaling", scaling_text(wording)},
-                              {"condition_number_unweighted_rows", finite_or_null(score.condition_unit_rows)},
-                              {"log_det", finite_or_null(score.log_det)},
-                              {"torque_noise", array_of(design.torque_noise())},
-                              {"sample_rate", design.options().sample_rate},
-                              {"std_geometric_mean", finite_or_null(score.mean_std)},
-                              {"std_principal_axes_geometric_mean", finite_or_null(score.volume_std)}};
+  nlohmann::ordered_json json{
+      {"robot", motion.robot.name},
+      {"duration", trajectory.duration},
+      {"period", trajectory.period},
+      {"harmonics", trajectory.num_harmonics()},
+      {"cost", wording.cost},
+      {"seed", design.options().seed},
+      {"parameters", nlohmann::ordered_json::array()},
+      {"columns", wording.parameters},
+      {"condition_number", host::number_or_null(score.condition)},
+      {"condition_number_scaling", scaling_text(wording)},
+      {"condition_number_unweighted_rows", host::number_or_null(score.condition_unit_rows)},
+      {"log_det", host::number_or_null(score.log_det)},
+      {"torque_noise", array_of(design.torque_noise())},
+      {"sample_rate", design.options().sample_rate},
+      {"std_geometric_mean", host::number_or_null(score.mean_std)},
+      {"std_principal_axes_geometric_mean", host::number_or_null(score.volume_std)}};
   const VectorXd values = design.values();
   for (Index i = 0; i < score.std.size(); ++i) {
     const auto k = static_cast<std::size_t>(i);
@@ -155,23 +157,23 @@ nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const E
                                   {"expression", design.expressions()[k]},
                                   {"unit", design.units()[k]},
                                   {"value", values[i]},
-                                  {"std", finite_or_null(score.std[i])}});
+                                  {"std", host::number_or_null(score.std[i])}});
   }
   if (!wording.given.empty()) {
     json["given"] = {
         {"logs", wording.given},
-        {"condition_number", wording.before ? finite_or_null(wording.before->condition) : nullptr},
-        {"std_geometric_mean", wording.before ? finite_or_null(wording.before->mean_std) : nullptr}};
+        {"condition_number", wording.before ? host::number_or_null(wording.before->condition) : nullptr},
+        {"std_geometric_mean", wording.before ? host::number_or_null(wording.before->mean_std) : nullptr}};
   }
   if (wording.random) {
     const RandomMotions& random = *wording.random;
-    json["random"] = {
-        {"count", random.count},
-        {"median_condition_number", finite_or_null(random.condition)},
-        {"median_std_geometric_mean", finite_or_null(random.mean_std)},
-        {"median_std_principal_axes_geometric_mean", finite_or_null(random.volume_std)},
-        {"std_reduction_percent", finite_or_null(less(score.mean_std, random.mean_std))},
-        {"std_principal_axes_reduction_percent", finite_or_null(less(score.volume_std, random.volume_std))}};
+    json["random"] = {{"count", random.count},
+                      {"median_condition_number", host::number_or_null(random.condition)},
+                      {"median_std_geometric_mean", host::number_or_null(random.mean_std)},
+                      {"median_std_principal_axes_geometric_mean", host::number_or_null(random.volume_std)},
+                      {"std_reduction_percent", host::number_or_null(less(score.mean_std, random.mean_std))},
+                      {"std_principal_axes_reduction_percent",
+                       host::number_or_null(less(score.volume_std, random.volume_std))}};
   }
   add_safety(motion, json);
   json["trajectory"] = {{"start", array_of(trajectory.start)},

@@ -19,10 +19,10 @@
 #include "heft/host/file.hpp"
 #include "heft/host/file_plan.hpp"
 #include "heft/host/signals.hpp"
+#include "heft/host/words.hpp"
 #include "heft/urdf/urdf_export.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "page_lines.hpp"
-#include "spelling.hpp"
 
 namespace heft::tools {
 namespace {
@@ -36,7 +36,7 @@ const Command* find_command(const std::string& name) {
 std::string nearest_command(const std::string& name) {
   std::vector<std::string> names;
   for (const Command& command : commands()) names.emplace_back(command.name);
-  return nearest_word(name, names);
+  return host::nearest_word(name, names);
 }
 
 int wrong_usage(const std::string& message, const std::string& command = {}) {

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "host/json.hpp"
+
 namespace heft::tools {
 namespace {
 
@@ -74,13 +76,9 @@ std::string floor_text(const excite::Motion& motion) {
 
 }  // namespace
 
-nlohmann::ordered_json finite_or_null(double v) {
-  return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
-}
-
 nlohmann::ordered_json array_of(const Eigen::Ref<const VectorXd>& values) {
   nlohmann::ordered_json array = nlohmann::ordered_json::array();
-  for (const double v : values) array.push_back(finite_or_null(v));
+  for (const double v : values) array.push_back(host::number_or_null(v));
   return array;
 }
 
@@ -166,8 +164,8 @@ void add_safety(const excite::Motion& motion, nlohmann::ordered_json& json) {
                     {"velocity", array_of(limits.velocity)},
                     {"acceleration", array_of(limits.acceleration)},
                     {"torque", array_of(limits.torque)},
-                    {"tool_speed", finite_or_null(limits.tool_speed)},
-                    {"floor", limits.floor ? finite_or_null(*limits.floor) : nullptr},
+                    {"tool_speed", host::number_or_null(limits.tool_speed)},
+                    {"floor", limits.floor ? host::number_or_null(*limits.floor) : nullptr},
                     {"clearance", limits.clearance},
                     {"obstacles", limits.obstacles.size()},
                     {"pairs_watched", limits.arm.pairs.size()}};
@@ -181,11 +179,11 @@ void add_safety(const excite::Motion& motion, nlohmann::ordered_json& json) {
                                   {"acceleration", array_of(of.acceleration)},
                                   {"torque", array_of(of.torque)},
                                   {"tool_speed", of.tool_speed},
-                                  {"link_distance", finite_or_null(of.link_distance)},
+                                  {"link_distance", host::number_or_null(of.link_distance)},
                                   {"closest_links", of.closest_links},
-                                  {"obstacle_distance", finite_or_null(of.obstacle_distance)},
-                                  {"lowest_height", finite_or_null(of.lowest_height)},
-                                  {"box_distance", finite_or_null(of.box_distance)}};
+                                  {"obstacle_distance", host::number_or_null(of.obstacle_distance)},
+                                  {"lowest_height", host::number_or_null(of.lowest_height)},
+                                  {"box_distance", host::number_or_null(of.box_distance)}};
   };
   json["reached"] = reached(use);
   json["reached"]["nearest"] = use.worst;
@@ -195,7 +193,7 @@ void add_safety(const excite::Motion& motion, nlohmann::ordered_json& json) {
     json["rehearsal"] = reached(motion.rehearsal->use);
     json["rehearsal"]["passed"] = motion.rehearsal->passed;
     json["rehearsal"]["tracking_error"] = motion.rehearsal->tracking_error;
-    json["rehearsal"]["shape_distance"] = finite_or_null(motion.rehearsal->shape_distance);
+    json["rehearsal"]["shape_distance"] = host::number_or_null(motion.rehearsal->shape_distance);
   }
 }
 

@@ -11,7 +11,6 @@
 
 namespace heft::tools {
 
-nlohmann::ordered_json finite_or_null(double v);
 nlohmann::ordered_json array_of(const Eigen::Ref<const Eigen::VectorXd>& values);
 nlohmann::ordered_json rows_of(const Eigen::MatrixXd& values);
 std::string percent_text(double share);

@@ -14,6 +14,7 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/page/page.hpp"
+#include "host/json.hpp"
 #include "page_lines.hpp"
 #include "payload_result.hpp"
 #include "report_folder.hpp"
@@ -584,9 +585,7 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
   json["errors"] = instruments;
   nlohmann::ordered_json estimates = nlohmann::ordered_json::array();
   for (const EncoderEstimate& e : loop.estimates) {
-    estimates.push_back(
-        {{"name", e.name},
-         {"e", std::isfinite(e.error) ? nlohmann::ordered_json(e.error) : nlohmann::ordered_json(nullptr)}});
+    estimates.push_back({{"name", e.name}, {"e", host::number_or_null(e.error)}});
   }
   json["closed_loop"] = {{"payload",
                           {{"true", loop.payload_true},

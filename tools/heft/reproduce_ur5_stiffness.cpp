@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -12,7 +11,9 @@
 #include <nlohmann/json.hpp>
 
 #include "console.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/page/page.hpp"
+#include "host/json.hpp"
 #include "page_lines.hpp"
 #include "report_folder.hpp"
 #include "reproduce.hpp"
@@ -29,7 +30,6 @@ using page::Series;
 using page::Style;
 using page::Table;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegree = std::numbers::pi / 180.0;
 const std::vector<std::string> kJoints = {"joint 1", "joint 2", "joint 3", "joint 4", "joint 5", "joint 6"};
 
@@ -467,21 +467,17 @@ Table plan_table(const SimulationStudy& simulation) {
 // ---------------------------------------------------------------------------------------------------------------------
 // Results for programs.
 
-nlohmann::ordered_json json_number(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-}
-
 nlohmann::ordered_json json_fit(const stiffness::StiffnessFit& fit) {
-  nlohmann::ordered_json json{{"residual_rms", json_number(fit.fit_rms)},
-                              {"left_out_rms", json_number(fit.left_out_rms)},
+  nlohmann::ordered_json json{{"residual_rms", host::number_or_null(fit.fit_rms)},
+                              {"left_out_rms", host::number_or_null(fit.left_out_rms)},
                               {"joints", nlohmann::ordered_json::array()}};
   for (const stiffness::StiffnessEstimate& e : fit.joints) {
     json["joints"].push_back(
         {{"determined", e.determined},
-         {"compliance", json_number(e.compliance)},
-         {"compliance_95", {json_number(e.compliance_low), json_number(e.compliance_high)}},
-         {"stiffness", json_number(e.stiffness)},
-         {"stiffness_95", {json_number(e.stiffness_low), json_number(e.stiffness_high)}}});
+         {"compliance", host::number_or_null(e.compliance)},
+         {"compliance_95", {host::number_or_null(e.compliance_low), host::number_or_null(e.compliance_high)}},
+         {"stiffness", host::number_or_null(e.stiffness)},
+         {"stiffness_95", {host::number_or_null(e.stiffness_low), host::number_or_null(e.stiffness_high)}}});
   }
   return json;
 }
@@ -491,18 +487,18 @@ nlohmann::ordered_json json_diagnosis(const stiffness::StiffnessDiagnosis& d) {
       {"verdict", d.verdict},
       {"accepted", d.accepted >= 0 ? nlohmann::ordered_json(d.trials[static_cast<std::size_t>(d.accepted)].id)
                                    : nlohmann::ordered_json(nullptr)},
-      {"mean_rms", json_number(d.mean_rms)},
-      {"before_left_out_rms", json_number(d.before.left_out_rms)},
-      {"after_left_out_rms", json_number(d.after.left_out_rms)},
+      {"mean_rms", host::number_or_null(d.mean_rms)},
+      {"before_left_out_rms", host::number_or_null(d.before.left_out_rms)},
+      {"after_left_out_rms", host::number_or_null(d.after.left_out_rms)},
       {"trials", nlohmann::ordered_json::array()},
       {"correlations", nlohmann::ordered_json::array()}};
   for (const auto& t : d.trials) {
     json["trials"].push_back({{"id", t.id},
-                              {"parameter", json_number(t.parameter)},
+                              {"parameter", host::number_or_null(t.parameter)},
                               {"unit", t.unit},
-                              {"residual_rms", json_number(t.fit_rms)},
-                              {"left_out_rms", json_number(t.left_out_rms)},
-                              {"p", json_number(t.p_value)}});
+                              {"residual_rms", host::number_or_null(t.fit_rms)},
+                              {"left_out_rms", host::number_or_null(t.left_out_rms)},
+                              {"p", host::number_or_null(t.p_value)}});
   }
   for (const auto& c : d.correlations) {
     json["correlations"].push_back({{"with", c.with}, {"r", c.coefficient}, {"p", c.p_value}});

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include <fmt/format.h>
@@ -15,13 +14,13 @@
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/statistics/distributions.hpp"
 
 namespace heft::tools {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kTwoSided95 = 1.96;
 /// Scale of the smooth Coulomb sign in feed-forward and residual [rad/s, m/s].
 constexpr double kSignWidth = 0.02;
 
@@ -379,7 +378,7 @@ class LoadObserver {
   void record(double time) {
     if (!trace_) return;
     const InertialParameters<double> load = estimator_.payload();
-    const double wide = kTwoSided95 * widening();
+    const double wide = statistics::kNormal95 * widening();
     const bool unclear = reset_due_ || time < quiet_until_;
     const double half = unclear ? kNaN : wide * estimator_.standard_deviation(0);
     trace_->time.push_back(time);

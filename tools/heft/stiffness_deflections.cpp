@@ -12,6 +12,7 @@
 #include "console.hpp"
 #include "heft/data/deflections.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/stiffness/judgement.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
 #include "heft/urdf/urdf_import.hpp"
@@ -27,8 +28,6 @@ using Eigen::VectorXd;
 using page::Table;
 using stiffness::StiffnessEstimate;
 using stiffness::StiffnessFit;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// "1-3,4-6" as joints from 0.
 std::vector<std::vector<int>> read_groups(const std::string& text, int n) {

@@ -14,6 +14,7 @@
 #include "heft/core/estimate/terminal_link_estimator.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/sim/simulator.hpp"
+#include "heft/statistics/distributions.hpp"
 #include "parallel.hpp"
 #include "sim_controllers.hpp"
 #include "terminal_link_setup.hpp"
@@ -324,7 +325,7 @@ void weigh(const std::vector<FilteredSample>& without, const std::vector<Filtere
   }
   payload = estimator.payload();
   out.payload_mass = payload[kMass];
-  out.payload_half_width = 1.96 * widening * estimator.standard_deviation(kMass);
+  out.payload_half_width = statistics::kNormal95 * widening * estimator.standard_deviation(kMass);
   for (std::size_t a = 0; a < 3; ++a) out.payload_com[a] = payload[kMcx + a] / payload[kMass];
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <limits>
 #include <map>
 #include <numbers>
 #include <random>
@@ -14,6 +13,8 @@
 
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
+#include "heft/host/numbers.hpp"
+#include "heft/statistics/distributions.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "parallel.hpp"
 
@@ -26,8 +27,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kStatedReach = 0.850;  // of the maker [m]
 // (135) in axes of the tool, and the cantilever's end that its moment puts the weight at.
@@ -329,7 +328,8 @@ std::vector<Plan> plans_of(const model::Kinematics& kinematics, const Simulation
       plan.least_dexterity = kLeast;
       plan.half_width.fill(kInfinity);
       for (Index j = 0; j < p; ++j) {
-        plan.half_width[static_cast<std::size_t>(j)] = 1.96 * std::sqrt(covariance(j, j)) / truth[j];
+        plan.half_width[static_cast<std::size_t>(j)] =
+            statistics::kNormal95 * std::sqrt(covariance(j, j)) / truth[j];
       }
       plans.push_back(plan);
     }

@@ -8,9 +8,9 @@
 #include <string_view>
 
 #include "heft/data/log.hpp"
+#include "heft/host/settings_reader.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/sim/controller.hpp"
-#include "heft/sim/settings_reader.hpp"
 #include "heft/sim/simulator.hpp"
 
 namespace heft::sim {
@@ -20,8 +20,8 @@ using RobotLoader = std::function<model::Robot(const std::string& name)>;
 
 /// The scenario's controller, still to be made.
 struct ControllerRequest {
-  std::string kind;         ///< "none", "pd", "pd_gravity" or one that a factory knows
-  SettingsReader settings;  ///< the controller's object; "kind" is already known
+  std::string kind;               ///< "none", "pd", "pd_gravity" or one that a factory knows
+  host::SettingsReader settings;  ///< the controller's object; "kind" is already known
 };
 
 /// A simulation as a file describes it.

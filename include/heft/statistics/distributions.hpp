@@ -4,6 +4,9 @@
 
 namespace heft::statistics {
 
+/// Half-width of a 95 % interval in standard deviations of a normal distribution, 0.975, rounded as tables have it.
+inline constexpr double kNormal95 = 1.96;
+
 /// Half-width of a 95 % interval in standard deviations for that many degrees of freedom (Student's t,
 /// 0.975).
 double interval_factor(int degrees_of_freedom);

@@ -1,4 +1,4 @@
-#include "heft/sim/settings_reader.hpp"
+#include "heft/host/settings_reader.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,36 +7,19 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <nlohmann/json.hpp>
 
 #include "heft/host/error.hpp"
-#include "heft/host/file.hpp"
+#include "heft/host/words.hpp"
+#include "json.hpp"
 
-namespace heft::sim {
+namespace heft::host {
 namespace {
 
-using nlohmann::json;
-
 /// The value as given in the file, shortened.
-std::string shown(const json& value) {
-  std::string text = value.dump(-1, ' ', false, json::error_handler_t::replace);
+std::string shown(const Json& value) {
+  std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
   if (text.size() > 60) text = text.substr(0, 57) + "...";
   return text;
-}
-
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above = row[j];
-      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
-      diagonal = above;
-    }
-  }
-  return row[b.size()];
 }
 
 bool fits(double value, Range range) {
@@ -65,10 +48,10 @@ const char* bound(Range range) {
 struct SettingsReader::Impl {
   std::string file;
   std::string path;  ///< JSON pointer of this object, "" for the whole file
-  json value;
+  Json value;
   std::set<std::string> known;
 
-  const json* find(const std::string& key) {
+  const Json* find(const std::string& key) {
     known.insert(key);
     const auto it = value.find(key);
     return it == value.end() ? nullptr : &*it;
@@ -80,30 +63,7 @@ SettingsReader::SettingsReader(std::shared_ptr<Impl> impl) : impl_(std::move(imp
 SettingsReader SettingsReader::parse(std::string_view text, const std::string& file) {
   auto impl = std::make_shared<Impl>();
   impl->file = file;
-  host::refuse_deep_json(text, file);
-  try {
-    constexpr bool kThrows = true, kTakesComments = true;
-    impl->value = json::parse(text, nullptr, kThrows, kTakesComments);
-  } catch (const json::out_of_range& e) {
-    // The library's message ends with the number in quotes.
-    const std::string_view reason = e.what();
-    const std::size_t quote = reason.find('\'');
-    throw ModelError(
-        fmt::format("{}: found the number {}, which is too large, expected finite numbers in SI units; "
-                    "correct it",
-                    file, quote == std::string_view::npos ? reason : reason.substr(quote)));
-  } catch (const json::parse_error& e) {
-    const std::size_t at = std::min(text.size(), e.byte > 0 ? e.byte - 1 : 0);
-    const std::string_view before = text.substr(0, at);
-    const auto line = std::count(before.begin(), before.end(), '\n') + 1;
-    const std::size_t start = before.rfind('\n');
-    const std::size_t column = start == std::string_view::npos ? at + 1 : at - start;
-    const std::string near = at < text.size() ? fmt::format("'{}'", text[at]) : "the end of the file";
-    throw ModelError(
-        fmt::format("{}:{}:{}: found {} where JSON does not allow it, expected a JSON object; look for a "
-                    "missing comma, quote or bracket just before",
-                    file, line, column, near));
-  }
+  impl->value = parse_json(text, file);
   if (!impl->value.is_object()) {
     throw ModelError(fmt::format("{}: found {}, expected a JSON object; put the settings in braces", file,
                                  shown(impl->value)));
@@ -114,7 +74,7 @@ SettingsReader SettingsReader::parse(std::string_view text, const std::string& f
 bool SettingsReader::has(const std::string& key) const { return impl_->find(key) != nullptr; }
 
 bool SettingsReader::is_text(const std::string& key) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   return value != nullptr && value->is_string();
 }
 
@@ -122,7 +82,7 @@ void SettingsReader::refuse(const std::string& key, const std::string& found, co
                             const std::string& advice) const {
   std::string what = found;
   if (what.empty()) {
-    const json* value = impl_->find(key);
+    const Json* value = impl_->find(key);
     what = value == nullptr ? "nothing" : shown(*value);
   }
   throw ModelError(fmt::format("{}: {}/{}: found {}, expected {}; {}", impl_->file, impl_->path, key, what,
@@ -130,7 +90,7 @@ void SettingsReader::refuse(const std::string& key, const std::string& found, co
 }
 
 double SettingsReader::number(const std::string& key, Range range) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   const std::string expected = fmt::format("a number{}", bound(range));
   if (value == nullptr) refuse(key, "", expected, "add the key");
   if (!value->is_number() || !fits(value->get<double>(), range))
@@ -143,7 +103,7 @@ double SettingsReader::number_or(const std::string& key, double fallback, Range 
 }
 
 long SettingsReader::whole_number(const std::string& key, long lowest, long highest) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   const std::string expected = fmt::format("a whole number from {} to {}", lowest, highest);
   if (value == nullptr) refuse(key, "", expected, "add the key");
   if (!value->is_number_integer() || value->get<double>() < static_cast<double>(lowest) ||
@@ -154,14 +114,14 @@ long SettingsReader::whole_number(const std::string& key, long lowest, long high
 }
 
 bool SettingsReader::flag_or(const std::string& key, bool fallback) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   if (value == nullptr) return fallback;
   if (!value->is_boolean()) refuse(key, "", "true or false", "correct the value");
   return value->get<bool>();
 }
 
 std::string SettingsReader::text(const std::string& key) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   if (value == nullptr) refuse(key, "", "a text in quotes", "add the key");
   if (!value->is_string() || value->get<std::string>().empty()) {
     refuse(key, "", "a text in quotes", "correct the value");
@@ -170,7 +130,7 @@ std::string SettingsReader::text(const std::string& key) const {
 }
 
 std::string SettingsReader::word(const std::string& key, const std::vector<std::string>& allowed) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   const std::string expected = fmt::format("one of \"{}\"", fmt::join(allowed, "\", \""));
   if (value == nullptr) refuse(key, "", expected, "add the key");
   if (!value->is_string() ||
@@ -186,7 +146,7 @@ std::string SettingsReader::word_or(const std::string& key, const std::string& f
 }
 
 Eigen::VectorXd SettingsReader::numbers(const std::string& key, int size, Range range) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   const std::string expected = size < 0 ? fmt::format("an array of numbers{}", bound(range))
                                         : fmt::format("one number or an array of {}{}", size, bound(range));
   if (value == nullptr) refuse(key, "", expected, "add the key");
@@ -200,7 +160,7 @@ Eigen::VectorXd SettingsReader::numbers(const std::string& key, int size, Range 
   }
   Eigen::VectorXd result(static_cast<Eigen::Index>(value->size()));
   for (std::size_t i = 0; i < value->size(); ++i) {
-    const json& entry = (*value)[i];
+    const Json& entry = (*value)[i];
     if (!entry.is_number() || !fits(entry.get<double>(), range)) {
       refuse(fmt::format("{}/{}", key, i), shown(entry), fmt::format("a number{}", bound(range)),
              "correct the value");
@@ -215,7 +175,7 @@ Eigen::VectorXd SettingsReader::numbers_or_none(const std::string& key, int size
 }
 
 Eigen::MatrixXd SettingsReader::table(const std::string& key, int rows, int columns) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   const std::string expected =
       fmt::format("an array of {}arrays of {}", rows < 0 ? "" : fmt::format("{} ", rows),
                   columns < 0 ? "as many numbers each" : fmt::format("{} numbers", columns));
@@ -225,7 +185,7 @@ Eigen::MatrixXd SettingsReader::table(const std::string& key, int rows, int colu
     refuse(key, fmt::format("{} rows", value->size()), expected, "give one row for each");
   }
   for (std::size_t i = 0; i < value->size(); ++i) {
-    const json& row = (*value)[i];
+    const Json& row = (*value)[i];
     if (!row.is_array() || row.empty())
       refuse(fmt::format("{}/{}", key, i), shown(row), expected, "correct the row");
     const std::size_t width = columns >= 0 ? static_cast<std::size_t>(columns) : value->front().size();
@@ -238,7 +198,7 @@ Eigen::MatrixXd SettingsReader::table(const std::string& key, int rows, int colu
                          static_cast<Eigen::Index>(value->front().size()));
   for (std::size_t i = 0; i < value->size(); ++i) {
     for (std::size_t k = 0; k < (*value)[i].size(); ++k) {
-      const json& entry = (*value)[i][k];
+      const Json& entry = (*value)[i][k];
       if (!entry.is_number() || !std::isfinite(entry.get<double>())) {
         refuse(fmt::format("{}/{}/{}", key, i, k), shown(entry), "a number", "correct the value");
       }
@@ -249,7 +209,7 @@ Eigen::MatrixXd SettingsReader::table(const std::string& key, int rows, int colu
 }
 
 SettingsReader SettingsReader::object(const std::string& key) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   if (value == nullptr || !value->is_object()) {
     refuse(key, "", "an object in braces", value == nullptr ? "add the key" : "correct the value");
   }
@@ -261,14 +221,14 @@ SettingsReader SettingsReader::object(const std::string& key) const {
 }
 
 std::vector<SettingsReader> SettingsReader::objects(const std::string& key) const {
-  const json* value = impl_->find(key);
+  const Json* value = impl_->find(key);
   if (value == nullptr || !value->is_array()) {
     refuse(key, "", "an array of objects",
            value == nullptr ? "add the key" : "put the objects in square brackets");
   }
   std::vector<SettingsReader> result;
   for (std::size_t i = 0; i < value->size(); ++i) {
-    const json& entry = (*value)[i];
+    const Json& entry = (*value)[i];
     if (!entry.is_object()) {
       refuse(fmt::format("{}/{}", key, i), shown(entry), "an object in braces", "correct the entry");
     }
@@ -302,4 +262,4 @@ void SettingsReader::finish() const {
 
 const std::string& SettingsReader::file() const { return impl_->file; }
 
-}  // namespace heft::sim
+}  // namespace heft::host

@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-namespace heft::sim {
+namespace heft::host {
 
 /// Which numbers a setting takes.
 enum class Range { kAny, kNotNegative, kPositive, kPart };
@@ -64,4 +64,4 @@ class SettingsReader {
   std::shared_ptr<Impl> impl_;
 };
 
-}  // namespace heft::sim
+}  // namespace heft::host

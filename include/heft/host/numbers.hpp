@@ -1,0 +1,12 @@
+/// @file
+/// Numbers that stand for "none" and "no bound".
+#pragma once
+
+#include <limits>
+
+namespace heft {
+
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+}  // namespace heft
