@@ -9,6 +9,7 @@
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/lumped_regressor.hpp"
 #include "heft/model/named_arms.hpp"
+#include "support/measured_data.hpp"
 
 namespace heft {
 namespace {
@@ -37,9 +38,7 @@ Eigen::MatrixXd matrix_of(const nlohmann::json& rows) {
 template <typename Description>
 void expect_reference(const std::string& file, double unit) {
   const std::filesystem::path path = std::filesystem::path(HEFT_REFERENCE_DIR) / file;
-  if (!std::filesystem::exists(path)) {
-    GTEST_SKIP() << "reference vectors not present: " << path;
-  }
+  HEFT_NEEDS_MEASURED_DATA(path);
   std::ifstream in(path);
   const nlohmann::json reference = nlohmann::json::parse(in);
   const auto& model = Description::kModel;

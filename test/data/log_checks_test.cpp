@@ -12,6 +12,7 @@
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/error.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft::data {
@@ -341,7 +342,7 @@ JointLimits limits_of(const model::Robot& robot) {
 
 TEST(LogChecks, FindNothingButRestingJointsInTheMeasuredLogs) {
   const std::filesystem::path folder = HEFT_DATA_DIR;
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no measured logs at " << folder;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   int count = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     if (entry.path().extension() != ".csv") continue;

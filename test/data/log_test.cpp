@@ -11,6 +11,7 @@
 #include "heft/data/log_part.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
+#include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft::data {
@@ -407,7 +408,7 @@ TEST(PartOf, HoldsEveryColumnOfTheRowsBetween) {
 
 TEST(Log, ReadsTheMeasuredLogs) {
   const std::filesystem::path folder = HEFT_DATA_DIR;
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no measured logs at " << folder;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   int count = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     if (entry.path().extension() != ".csv") continue;

@@ -18,6 +18,7 @@
 #include "heft/core/effects/hysteresis.hpp"
 #include "heft/host/error.hpp"
 #include "motion_steps.hpp"
+#include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft::data {
@@ -192,7 +193,7 @@ TEST(MotionStream, GivesTheSameFromFileAndFromMemory) {
 
 TEST(MotionStream, GivesInPiecesWhatTheWholeOfAMeasuredLogGives) {
   const std::string folder = HEFT_DATA_DIR "/ur10e-dynamic-calibration";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no measured logs at " << folder;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   StreamOptions options;
   options.prefer_logged = false;
   options.chunk_samples = 500;

@@ -12,6 +12,7 @@
 #include "heft/data/log_part.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/measured_data.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -36,7 +37,7 @@ class Example : public testing::TestWithParam<std::string> {};
 
 TEST_P(Example, IsNamedAndComesWithinTenPercentOfTheOracle) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "undeclared-examples" / ("example-" + GetParam());
-  if (!fs::exists(folder)) GTEST_SKIP() << "no example cases in " << HEFT_DATA_DIR;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
   const auto truth = nlohmann::json::parse(std::ifstream(folder / "truth.json"));
   const Diagnosis d = diagnose(robot, {log_of(folder / "train.csv", robot.num_joints())},
@@ -64,7 +65,7 @@ INSTANTIATE_TEST_SUITE_P(All, Example,
 
 TEST(MeasuredTx40, WristCouplingIsFoundWithoutBeingTold) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "staubli-tx40";
-  if (!fs::exists(folder)) GTEST_SKIP() << "no measured log of the TX40 in " << HEFT_DATA_DIR;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
   const auto [train, judge] = cut_in_two(log_of(folder / "run-first6s.csv", robot.num_joints()));
   const Diagnosis d = diagnose(robot, {train}, {judge});
@@ -78,7 +79,7 @@ TEST(MeasuredTx40, WristCouplingIsFoundWithoutBeingTold) {
 
 TEST(MeasuredUr10e, NoAcceptedEffectRaisesTheErrorOnARunNotSeen) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "ur10e-dynamic-calibration";
-  if (!fs::exists(folder)) GTEST_SKIP() << "no measured logs of the UR10e in " << HEFT_DATA_DIR;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
   const auto log = [&](const char* name) { return log_of(folder / name, robot.num_joints()); };
   DiagnoseOptions options;
@@ -106,7 +107,7 @@ TEST(MeasuredXMate3, NoJointPaysForTheEffectOfAnother) {
   // The seventh joint's offset draws the masses of all, which this short log hardly shows: the error of the fifth
   // would rise by 40 %.
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "xmate3pro-liu";
-  if (!fs::exists(folder)) GTEST_SKIP() << "no measured log of the xMate3 in " << HEFT_DATA_DIR;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
   const auto [train, judge] = cut_in_two(log_of(folder / "exc-first13s.csv", robot.num_joints()));
   DiagnoseOptions options;

@@ -14,6 +14,7 @@
 #include "heft/model/physical_links.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "heft/validate/score.hpp"
+#include "support/measured_data.hpp"
 
 namespace heft::identify {
 namespace {
@@ -26,8 +27,7 @@ data::Log read(const std::string& path) {
   return data::read_log(path, needs);
 }
 
-#define NEEDS_DATA(path) \
-  if (!std::filesystem::exists(data_path(path))) GTEST_SKIP() << "no measured logs: " << data_path(path)
+#define NEEDS_DATA(path) HEFT_NEEDS_MEASURED_DATA(data_path(path))
 
 TEST(MeasuredIdentification, OfAUr10eMeetsTheErrorOfPlainLeastSquaresOnARunNotSeen) {
   NEEDS_DATA("ur10e-dynamic-calibration/robot.urdf");

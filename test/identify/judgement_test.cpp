@@ -15,6 +15,7 @@
 #include "heft/urdf/urdf_import.hpp"
 #include "heft/validate/acceptance.hpp"
 #include "support/arms.hpp"
+#include "support/measured_data.hpp"
 #include "support/synthetic_log.hpp"
 
 namespace heft::identify {
@@ -168,7 +169,7 @@ TEST(SimulatedArm, IsDoubtfulWhereNoiseMakesItsLinksImpossible) {
 
 TEST(MeasuredTx40, IsNotUsable) {
   const std::string folder = HEFT_DATA_DIR "/staubli-tx40";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no measured logs at " << folder;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   const model::Robot robot = urdf::load_urdf(folder + "/robot.urdf");
   data::LogRequirements needs;
   needs.num_joints = 6;

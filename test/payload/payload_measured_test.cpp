@@ -10,6 +10,7 @@
 #include "heft/payload/payload_run.hpp"
 #include "heft/payload/recursive_fit.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/measured_data.hpp"
 
 namespace heft::payload {
 namespace {
@@ -23,7 +24,7 @@ constexpr double kTorqueScale = 0.02 * kMass;
 class MeasuredUr10e : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(folder())) GTEST_SKIP() << "no measured logs at " << folder();
+    HEFT_NEEDS_MEASURED_DATA(folder());
   }
   static std::string folder() { return HEFT_DATA_DIR "/ur10e-dynamic-calibration"; }
   static model::Robot robot() { return urdf::load_urdf(folder() + "/robot.urdf"); }

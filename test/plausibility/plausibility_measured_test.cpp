@@ -18,6 +18,7 @@
 #include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "judge.hpp"
+#include "support/measured_data.hpp"
 
 namespace heft::plausibility {
 namespace {
@@ -88,7 +89,6 @@ std::vector<Case> cases_of(bool all) {
   return list;
 }
 
-bool available() { return fs::is_directory(data_folder()); }
 
 Options options_for(const std::string&) {
   Options options;
@@ -338,7 +338,7 @@ void expect_named(const std::vector<Case>& cases) {
 }
 
 TEST(PlausibilityMeasured, NamesWhatIsWrongInEveryLog) {
-  if (!available()) GTEST_SKIP() << "no measured logs in " << data_folder();
+  HEFT_NEEDS_MEASURED_DATA(data_folder());
   expect_named(cases_of(true));
 }
 
@@ -361,18 +361,18 @@ void expect_nothing(const std::vector<Case>& cases) {
 }
 
 TEST(PlausibilityMeasured, SuspectsNoLogThatIsAsItShouldBe) {
-  if (!available()) GTEST_SKIP() << "no measured logs in " << data_folder();
+  HEFT_NEEDS_MEASURED_DATA(data_folder());
   expect_nothing(cases_of(true));
 }
 
 TEST(PlausibilityMeasured, NamesWhatIsWrong) {
-  if (!available()) GTEST_SKIP() << "no measured logs in " << data_folder();
+  HEFT_NEEDS_MEASURED_DATA(data_folder());
   expect_named(cases_of(false));
 }
 
 TEST(PlausibilityMeasured, SeesThatABaseIsTurned) {
   const std::string folder = data_folder() + "/ar5-frankjie";
-  if (!fs::exists(folder)) GTEST_SKIP() << "no measured logs in " << data_folder();
+  HEFT_NEEDS_MEASURED_DATA(folder);
   const model::Robot robot = urdf::load_urdf(folder + "/robot-asgiven.urdf");
   data::LogRequirements needs;
   needs.num_joints = robot.num_joints();

@@ -8,6 +8,7 @@
 
 #include "heft/data/log.hpp"
 #include "heft/stiffness/joint_encoders.hpp"
+#include "support/measured_data.hpp"
 
 namespace heft::stiffness {
 namespace {
@@ -17,7 +18,7 @@ using ::testing::ElementsAre;
 class MeasuredKr300 : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(folder())) GTEST_SKIP() << "no measured logs at " << folder();
+    HEFT_NEEDS_MEASURED_DATA(folder());
   }
   static std::string folder() { return HEFT_DATA_DIR "/kr300-weigand"; }
   static data::Log log(const std::string& name) {

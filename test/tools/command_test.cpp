@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/host/file.hpp"
+#include "support/measured_data.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -513,7 +514,7 @@ class Reference : public Dynamics, public ::testing::WithParamInterface<Referenc
 
 TEST_P(Reference, TorqueEqualsTheReferenceVectors) {
   const std::string file = fmt::format("{}/{}.json", HEFT_REFERENCE_DIR, GetParam().file);
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no reference vectors at " << file;
+  HEFT_NEEDS_MEASURED_DATA(file);
   const auto arm = nlohmann::json::parse(host::read_file(file, "reference"));
   const double unit = GetParam().unit;
   std::string log = "time";

@@ -12,6 +12,7 @@
 #include "heft/host/file.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/arms.hpp"
+#include "support/measured_data.hpp"
 #include "support/run_heft.hpp"
 #include "support/synthetic_log.hpp"
 #include "support/temporary_folder.hpp"
@@ -289,7 +290,7 @@ TEST_F(PayloadCommand, BadInputEndsWithThreeAndWritesNothing) {
 
 TEST(PayloadOnUr10e, WeighsTheKnownLoadOnMeasuredLogs) {
   const std::string folder = HEFT_DATA_DIR "/ur10e-dynamic-calibration/";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no measured logs at " << folder;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   const test::TemporaryFolder results;
   const Outcome done =
       run_payload({"--urdf", folder + "robot.urdf", "--baseline", folder + "exc-12h-50s.csv", "--zero",

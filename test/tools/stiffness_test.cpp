@@ -17,6 +17,7 @@
 #include "heft/model/model_file.hpp"
 #include "heft/stiffness/cartesian_stiffness.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/measured_data.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -160,7 +161,7 @@ TEST_F(StiffnessCommand, WritesNoStiffnessThatItDoesNotHave) {
 
 TEST_F(StiffnessCommand, SaysInPageAndJsonThatRotorInertiaIsMissing) {
   const std::string data = std::string(HEFT_DATA_DIR) + "/kr300-weigand";
-  if (!std::filesystem::exists(data)) GTEST_SKIP() << "measured logs are not here (HEFT_DATA_DIR)";
+  HEFT_NEEDS_MEASURED_DATA(data);
   const Outcome outcome = run_heft({"stiffness", "--urdf", data + "/robot.urdf", "--log", data + "/run-a.csv",
                                     "--log", data + "/run-b.csv", "--json", folder_.path("k.json"),
                                     "--report", folder_.path("page.html")});
@@ -203,7 +204,7 @@ TEST_F(StiffnessCommand, RefusesBadInputWithTheExitCodeOfTheContract) {
 
 TEST_F(StiffnessCommand, ReadsTheEncodersOfALargeRobot) {
   const std::string data = std::string(HEFT_DATA_DIR) + "/kr300-weigand";
-  if (!std::filesystem::exists(data)) GTEST_SKIP() << "measured logs are not here (HEFT_DATA_DIR)";
+  HEFT_NEEDS_MEASURED_DATA(data);
   const Outcome outcome = run_heft({"stiffness", "--urdf", data + "/robot.urdf", "--log", data + "/run-a.csv",
                                     "--log", data + "/run-b.csv", "--rotor-inertia", "607,844,751,83,98,40",
                                     "--json", folder_.path("k.json")});
@@ -219,7 +220,7 @@ TEST_F(StiffnessCommand, ReadsTheEncodersOfALargeRobot) {
 
 TEST_F(StiffnessCommand, FindsAnElasticJointFromTheMotorsSide) {
   const std::string data = std::string(HEFT_DATA_DIR) + "/undeclared-examples/example-elasticity";
-  if (!std::filesystem::exists(data)) GTEST_SKIP() << "example logs are not here (HEFT_DATA_DIR)";
+  HEFT_NEEDS_MEASURED_DATA(data);
   const nlohmann::json truth = json_of(data + "/truth.json");
   const Outcome outcome = run_heft({"stiffness", "--urdf", data + "/robot.urdf", "--log", data + "/train.csv",
                                     "--validate", data + "/validate.csv", "--json", folder_.path("k.json")});

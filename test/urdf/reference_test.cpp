@@ -8,6 +8,7 @@
 
 #include "heft/model/dynamics.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/measured_data.hpp"
 
 namespace heft::urdf {
 namespace {
@@ -31,7 +32,7 @@ double relative_error(const Eigen::MatrixXd& found, const Eigen::MatrixXd& expec
 
 TEST_P(ReferenceVectors, AreReproducedFromTheUrdf) {
   const std::filesystem::path path = std::filesystem::path(HEFT_REFERENCE_DIR) / GetParam().reference;
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no reference vectors at " << path;
+  HEFT_NEEDS_MEASURED_DATA(path);
   const nlohmann::json reference = nlohmann::json::parse(std::ifstream(path));
   const model::Dynamics dynamics(load_urdf(resolve_robot(GetParam().urdf)));
   ASSERT_EQ(reference["states"].size(), 20u);

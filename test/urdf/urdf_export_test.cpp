@@ -15,6 +15,7 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/kdl.hpp"
+#include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft::urdf {
@@ -635,8 +636,9 @@ TEST(UrdfExport, KdlAgreesOnEveryRobotOfHeft) {
 }
 
 TEST(UrdfExport, KdlAgreesOnEveryMeasuredRobot) {
+  HEFT_NEEDS_MEASURED_DATA(HEFT_DATA_DIR);
   const std::vector<std::string> files = measured_robot_files();
-  if (files.empty()) GTEST_SKIP() << "no measured data in HEFT_DATA_DIR";
+  ASSERT_FALSE(files.empty());
   for (const std::string& path : files) expect_writes_back(path, true);
 }
 

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "heft/host/error.hpp"
+#include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft::urdf {
@@ -356,7 +357,7 @@ TEST(Urdf, AcceptsFlatAndThinBodies) {
 
 TEST(Urdf, ReadsTheRobotsOfTheMeasuredLogs) {
   const std::filesystem::path folder = HEFT_DATA_DIR;
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no measured logs at " << folder;
+  HEFT_NEEDS_MEASURED_DATA(folder);
   int count = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     if (entry.path().extension() != ".urdf") continue;
