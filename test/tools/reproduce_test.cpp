@@ -10,7 +10,7 @@
 #include "terminal_link_closed_loop.hpp"
 #include "terminal_link_study.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 /// One small study for all tests of the table: 4 seeds, 5 ms.
@@ -245,4 +245,4 @@ TEST(ClosedLoop, FilteredEncodersGiveBothEstimatorsNearlyTheSame) {
 }
 
 }  // namespace
-}  // namespace heft::tools
+}  // namespace heft::studies

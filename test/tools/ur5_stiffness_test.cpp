@@ -20,7 +20,7 @@
 #include "support/temporary_folder.hpp"
 #include "ur5_stiffness_study.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 const model::Kinematics& arm() {
@@ -255,4 +255,4 @@ TEST(Ur5Stiffness, CommandWritesEverything) {
 }
 
 }  // namespace
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -16,11 +16,11 @@
 #include "heft/data/log.hpp"
 #include "heft/excite/excite.hpp"
 #include "heft/host/file.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/page/page.hpp"
 #include "motion_safety.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
-#include "parallel.hpp"
 
 namespace heft::tools {
 namespace {
@@ -102,7 +102,7 @@ double median(std::vector<double> values) {
 RandomMotions compare(const excite::ExcitationDesign& design, int count) {
   std::vector<excite::ExcitationScore> scores(static_cast<std::size_t>(count));
   Progress progress("random motions for comparison");
-  for_each_parallel(
+  host::for_each_parallel(
       scores.size(),
       [&](std::size_t i) {
         // Seeds far from those of the search.

@@ -1,14 +1,52 @@
 /// @file
 /// heft reproduce: rebuilds a publication's tables and figures and says what holds.
 #include <memory>
+#include <string>
 
 #include "command.hpp"
-#include "reproduce.hpp"
+#include "console.hpp"
+#include "report_folder.hpp"
+#include "terminal_link_report.hpp"
+#include "ur5_stiffness_report.hpp"
 
 namespace heft::tools {
+namespace {
+
+struct Options {
+  std::string what;
+  std::string output;  ///< folder
+  std::string json;    ///< the results also here; empty: not, "-": standard output
+  int seeds{20};
+};
+
+studies::StudyReport run_study(const Options& options) {
+  if (options.what == "terminal-link") {
+    Progress progress("running the protocol");
+    return studies::reproduce_terminal_link(options.seeds, [&](double done) { progress.update(done); });
+  }
+  Progress progress("simulating");
+  return studies::reproduce_ur5_stiffness(options.seeds, [&](double done) { progress.update(done); });
+}
+
+void run(const Options& options) {
+  const Console console{options.json};
+  const ReportFolder folder(options.output);
+  const studies::StudyReport report = run_study(options);
+  console.print("{}", report.text);
+  report.page.write(folder.file("report.html"));
+  for (const auto& [name, table] : report.tables) folder.csv(name, table);
+  for (const auto& [name, plot] : report.plots) folder.figure(name, plot);
+  for (const auto& [name, map] : report.maps) folder.figure(name, map);
+  write_json(folder.file("results.json"), report.json);
+  write_json(options.json, report.json);
+  console.print("Written: {} (results.json, tables as CSV, figures as SVG)\nReport: {}\n", options.output,
+                folder.file("report.html"));
+}
+
+}  // namespace
 
 Action set_up_reproduce(CommandLine line) {
-  auto options = std::make_shared<ReproduceOptions>();
+  auto options = std::make_shared<Options>();
   line.add_option("publication", options->what, "what to rebuild: terminal-link or ur5-stiffness")
       .required()
       .type_name("NAME")
@@ -31,9 +69,7 @@ Action set_up_reproduce(CommandLine line) {
       "ur5-stiffness: the thesis \"Experimental identification of the joints stiffness of the UR5 robot "
       "arm\" (UPC-ETSEIB, 2017) with its measured deflections: reach, dexterity, joint stiffness by both of "
       "its methods, which claims fail. Seconds.");
-  return [options] {
-    options->what == "terminal-link" ? reproduce_terminal_link(*options) : reproduce_ur5_stiffness(*options);
-  };
+  return [options] { run(*options); };
 }
 
 }  // namespace heft::tools

@@ -16,6 +16,7 @@
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/host/settings_reader.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/page/page.hpp"
 #include "heft/statistics/distributions.hpp"
@@ -23,7 +24,6 @@
 #include "host/json.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
-#include "parallel.hpp"
 #include "payload_result.hpp"
 #include "scenario_input.hpp"
 #include "sim_controllers.hpp"
@@ -151,7 +151,7 @@ void run(const Options& options) {
   std::vector<sim::SimulationEvent> events;
   {
     Progress progress("simulating");
-    for_each_parallel(
+    host::for_each_parallel(
         kMethods.size(),
         [&](std::size_t i) {
           sim::SimulationSettings own = base;

@@ -260,7 +260,7 @@ void judge_logs(const Options& options) {
 
 // Campaign -----------------------------------------------------------------------------------------------------
 
-std::string campaign_text(const CampaignSettings& settings, const CampaignResult& result) {
+std::string campaign_text(const studies::CampaignSettings& settings, const studies::CampaignResult& result) {
   std::string loads;
   for (const double payload : settings.payloads)
     loads += fmt::format("{}{:g}", loads.empty() ? "" : ", ", payload);
@@ -279,7 +279,7 @@ std::string campaign_text(const CampaignSettings& settings, const CampaignResult
       settings.seed + 1000, result.experiments.front().seed);
 }
 
-page::Table parameter_table(const CampaignResult& result) {
+page::Table parameter_table(const studies::CampaignResult& result) {
   page::Table table({"base parameter", "true", "found", "± (95 %)", "unit", "error [%]", "scatter [%]",
                      "torque share [%]", "counted"});
   for (int i = 0; i < result.fit.base.count(); ++i) {
@@ -298,13 +298,13 @@ page::Table parameter_table(const CampaignResult& result) {
   return table;
 }
 
-page::Table tracking_table(const CampaignResult& result) {
+page::Table tracking_table(const studies::CampaignResult& result) {
   std::vector<std::string> header{"computed torque with"};
   const Eigen::Index n = result.tracking.front().rms.size();
   for (Eigen::Index j = 0; j < n; ++j) header.push_back(fmt::format("joint {} [mrad]", j + 1));
   header.emplace_back("all [mrad]");
   page::Table table(header);
-  for (const TrackingResult& tracking : result.tracking) {
+  for (const studies::TrackingResult& tracking : result.tracking) {
     std::vector<std::string> row{tracking.name};
     for (const double rms : tracking.rms) row.push_back(page::number(1e3 * rms, 3));
     row.push_back(page::number(1e3 * tracking.total(), 3));
@@ -313,10 +313,10 @@ page::Table tracking_table(const CampaignResult& result) {
   return table;
 }
 
-page::Table payload_table(const CampaignResult& result) {
+page::Table payload_table(const studies::CampaignResult& result) {
   page::Table table({"identified with [kg]", "judged with [kg]", "worst joint, RMSE [% of max]",
                      "worst joint, in band [% of max]", "mean of the joints [% of max]"});
-  for (const PayloadScore& entry : result.payloads) {
+  for (const studies::PayloadScore& entry : result.payloads) {
     table.add_row({fmt::format("{:g}", entry.trained), fmt::format("{:g}", entry.judged),
                    page::number(entry.score.percent_of_max.maxCoeff(), 3),
                    page::number(entry.score.in_band_percent_of_max.maxCoeff(), 3),
@@ -325,7 +325,8 @@ page::Table payload_table(const CampaignResult& result) {
   return table;
 }
 
-nlohmann::ordered_json campaign_json(const CampaignSettings& settings, const CampaignResult& result) {
+nlohmann::ordered_json campaign_json(const studies::CampaignSettings& settings,
+                                     const studies::CampaignResult& result) {
   nlohmann::ordered_json json{{"robot", settings.nominal.name},
                               {"seed", settings.seed},
                               {"sample_rate", settings.sample_rate},
@@ -347,7 +348,7 @@ nlohmann::ordered_json campaign_json(const CampaignSettings& settings, const Cam
     entry["counted"] = static_cast<bool>(result.counted.counted[static_cast<std::size_t>(i)]);
   }
   json["payload_scores"] = nlohmann::ordered_json::array();
-  for (const PayloadScore& entry : result.payloads) {
+  for (const studies::PayloadScore& entry : result.payloads) {
     json["payload_scores"].push_back(
         {{"identified_with", entry.trained},
          {"judged_with", entry.judged},
@@ -358,15 +359,16 @@ nlohmann::ordered_json campaign_json(const CampaignSettings& settings, const Cam
                              {"std", result.load_difference_std},
                              {"true", result.load_difference_true}};
   json["tracking"] = nlohmann::ordered_json::array();
-  for (const TrackingResult& tracking : result.tracking) {
+  for (const studies::TrackingResult& tracking : result.tracking) {
     json["tracking"].push_back({{"model", tracking.name}, {"rms_error", json_array(tracking.rms)}});
   }
   return json;
 }
 
-void add_campaign_plots(page::Page& page, const CampaignResult& result) {
-  const auto judged = std::find_if(result.experiments.begin(), result.experiments.end(),
-                                   [](const Experiment& e) { return !e.exciting && e.payload == 0; });
+void add_campaign_plots(page::Page& page, const studies::CampaignResult& result) {
+  const auto judged =
+      std::find_if(result.experiments.begin(), result.experiments.end(),
+                   [](const studies::Experiment& e) { return !e.exciting && e.payload == 0; });
   const data::MotionStream stream(judged->log);
   TorqueTrace trace(stream.summary().samples, result.holdout.num_joints());
   validate::ScoreOptions scoring;
@@ -383,7 +385,7 @@ void add_campaign_plots(page::Page& page, const CampaignResult& result) {
     spec.x_label = "time [s]";
     spec.y_label = "error [mrad]";
     for (std::size_t k = 0; k < 2; ++k) {
-      const TrackingResult& tracking = result.tracking[k];
+      const studies::TrackingResult& tracking = result.tracking[k];
       spec.series.push_back(page::line(tracking.name, tracking.time, 1e3 * tracking.error.col(j),
                                        k == 0 ? page::Hue::kNeutral : page::Hue::kBlue));
     }
@@ -393,9 +395,9 @@ void add_campaign_plots(page::Page& page, const CampaignResult& result) {
 }
 
 /// Logs and models of a campaign as files.
-void write_campaign(const std::string& path, const CampaignResult& result) {
+void write_campaign(const std::string& path, const studies::CampaignResult& result) {
   const host::OutputFolder folder(path);
-  for (const Experiment& experiment : result.experiments) {
+  for (const studies::Experiment& experiment : result.experiments) {
     data::write_log(folder.file(experiment.name + ".csv"), experiment.log);
   }
   model::ModelFile truth = model::make_model(result.truth);
@@ -408,17 +410,17 @@ void write_campaign(const std::string& path, const CampaignResult& result) {
 
 void run_simulated(const Options& options) {
   const Console console{options.result.json};
-  CampaignSettings settings;
+  studies::CampaignSettings settings;
   RobotOptions robot = options.robot;
   if (robot.urdf.empty()) robot.urdf = "ur10e";
   settings.nominal = load_robot(robot);
   settings.seed = options.seed;
   settings.repeats = options.repeats;
   settings.duration = options.duration;
-  CampaignResult result;
+  studies::CampaignResult result;
   {
     Progress progress("campaign");
-    result = run_campaign(settings, [&](double done, const std::string&) { progress.update(done); });
+    result = studies::run_campaign(settings, [&](double done, const std::string&) { progress.update(done); });
   }
   const host::Judgement judgement = validate::judge(result.criteria);
   nlohmann::ordered_json json = campaign_json(settings, result);

@@ -1,7 +1,5 @@
 #include "report_folder.hpp"
 
-#include <fmt/format.h>
-
 #include "console.hpp"
 #include "heft/host/file.hpp"
 
@@ -16,11 +14,6 @@ std::string csv_cell(const std::string& text) {
 }
 
 }  // namespace
-
-std::string fixed(double value, int digits) {
-  const std::string text = fmt::format("{:.{}f}", value, digits);
-  return text.find_first_of("123456789") == std::string::npos && text.front() == '-' ? text.substr(1) : text;
-}
 
 std::string to_csv(const page::Table& table) {
   std::string text;

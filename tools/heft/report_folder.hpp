@@ -10,9 +10,6 @@
 
 namespace heft::tools {
 
-/// Fixed digits without a negative zero.
-std::string fixed(double value, int digits);
-
 /// Headers and rows with commas between; quoted where a cell needs it.
 std::string to_csv(const page::Table& table);
 

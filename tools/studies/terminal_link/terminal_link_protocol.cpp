@@ -14,7 +14,7 @@
 #include "heft/host/decompositions.hpp"
 #include "terminal_link_setup.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 using namespace terminal_link;
@@ -282,4 +282,4 @@ FourierTrajectory random_exciting_trajectory(int seed) {
   return best;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

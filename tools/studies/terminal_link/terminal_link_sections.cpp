@@ -16,7 +16,7 @@
 #include "heft/host/decompositions.hpp"
 #include "terminal_link_setup.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 using namespace terminal_link;
@@ -407,4 +407,4 @@ std::vector<StartupPoint> startup(bool rotor_inertia, double period, int seed,
   return points;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

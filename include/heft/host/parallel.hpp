@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-namespace heft::tools {
+namespace heft::host {
 
 /// Calls job(0) .. job(count - 1), each once, on as many threads as there are processors.
 /// @param progress  called from the calling thread with the share done, 0..1; may be empty
@@ -45,4 +45,4 @@ inline void for_each_parallel(std::size_t count, const std::function<void(std::s
   if (failure) std::rethrow_exception(failure);
 }
 
-}  // namespace heft::tools
+}  // namespace heft::host

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace heft::tools {
+namespace heft::studies {
 
 /// A joint trajectory as a sum of sines, six joints: q_i(t) = q0_i + Σ_k A_ik sin(2π f_ik t + φ_ik).
 struct FourierTrajectory {
@@ -74,4 +74,4 @@ FourierTrajectory random_exciting_trajectory(int seed);
 /// Condition number of the column-scaled base regressor over 20 s.
 double condition_number(const FourierTrajectory& trajectory);
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace heft::tools {
+namespace heft::studies {
 
 /// (39) against (39'): the terminal link's change fitted over all six rows on the validation trajectory, noise-free,
 /// with exact nominal values.
@@ -63,4 +63,4 @@ struct StartupPoint {
 std::vector<StartupPoint> startup(bool rotor_inertia, double period, int seed,
                                   const std::vector<int>& samples);
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -1,7 +1,7 @@
 // Coefficients of the two trajectories of the reproduction.
 #include "terminal_link_protocol.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 // clang-format off
 FourierTrajectory exciting_trajectory() {
@@ -50,4 +50,4 @@ FourierTrajectory validation_trajectory() {
 
 // clang-format on
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -15,7 +15,7 @@
 #include "heft/model/named_arms.hpp"
 #include "terminal_link_protocol.hpp"
 
-namespace heft::tools::terminal_link {
+namespace heft::studies::terminal_link {
 
 inline constexpr int kN = 6;
 using Arm = StaticArm<double, model::KawasakiArm>;
@@ -150,4 +150,4 @@ Base column_rms(const FourierTrajectory& trajectory, double period, int samples)
 /// e of the protocol.
 double relative_error(const Base& estimate, const Base& column_rms);
 
-}  // namespace heft::tools::terminal_link
+}  // namespace heft::studies::terminal_link

@@ -18,7 +18,7 @@
 #include "heft/stiffness/stiffness.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 /// One column of tables 7 to 12 and 14 to 19 [mm].
 struct PrintedReading {
@@ -203,4 +203,4 @@ std::vector<stiffness::LoadedPose> loaded_with(const model::Kinematics& kinemati
 /// Values of all readings from compliances: δd = J diag(x) Jᵀ w (106).
 void set_values(std::vector<stiffness::LoadedPose>& poses, const Eigen::VectorXd& compliance);
 
-}  // namespace heft::tools
+}  // namespace heft::studies

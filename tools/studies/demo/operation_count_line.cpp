@@ -9,7 +9,7 @@
 #include "heft/core/estimate/terminal_link_estimator.hpp"
 #include "heft/model/named_arms.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 std::string operation_count_line() {
   using bench::Counted;
@@ -65,4 +65,4 @@ std::string operation_count_line() {
       static_cast<double>(total.mul) / counted, static_cast<double>(total.add) / counted);
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -19,7 +19,7 @@
 #include "heft/validate/acceptance.hpp"
 #include "heft/validate/score.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 /// What the campaign is to be.
 struct CampaignSettings {
@@ -89,4 +89,4 @@ InertialParameters<double> campaign_load(const model::Robot& robot, double mass)
 CampaignResult run_campaign(const CampaignSettings& settings,
                             const std::function<void(double, const std::string&)>& progress = {});
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -1,5 +1,5 @@
-/// @file
-/// heft reproduce ur5-stiffness.
+#include "ur5_stiffness_report.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,16 +10,13 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "console.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/page/page.hpp"
 #include "host/json.hpp"
 #include "page_lines.hpp"
-#include "report_folder.hpp"
-#include "reproduce.hpp"
 #include "ur5_stiffness_study.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 using page::Hue;
@@ -557,13 +554,20 @@ nlohmann::ordered_json json_of(const Ur5Study& study, const std::vector<Check>& 
   return json;
 }
 
-void write_page(const Ur5Study& study, const std::vector<Check>& checks, const ReportFolder& folder) {
+StudyReport report_of(const Ur5Study& study, const std::vector<Check>& checks) {
   const StiffnessStudy& s = study.stiffness;
   const SimulationStudy& simulation = study.simulation;
-  page::Page page = new_page(
-      "Joint stiffness of the UR5, reproduced",
-      "the thesis \"Experimental identification of the joints stiffness of the UR5 robot arm\", from its "
-      "own tables");
+  StudyReport report{
+      report::new_page(
+          "Joint stiffness of the UR5, reproduced",
+          "the thesis \"Experimental identification of the joints stiffness of the UR5 robot arm\", from its "
+          "own tables"),
+      {},
+      {},
+      {},
+      {},
+      {}};
+  page::Page& page = report.page;
   page.verdict(study.verdict, page::Tone::kNeutral);
   const auto confirmed = static_cast<int>(
       std::count_if(study.faults.begin(), study.faults.end(), [](const Fault& f) { return f.confirmed; }));
@@ -589,12 +593,12 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
       "poses. They lie in the zone by θ2 and θ3, but the map holds for a wrist at 45°, and theirs was not.");
   MapSpec map = dexterity_map_plot(study, false);
   page.plot(map);
-  folder.figure("figure_30.svg", map);
+  report.figure("figure_30.svg", map);
   page.plot(dexterity_map_plot(study, true));
-  folder.figure("dexterity_sound_length.svg", dexterity_map_plot(study, true));
+  report.figure("dexterity_sound_length.svg", dexterity_map_plot(study, true));
   PlotSpec poses = pose_dexterity_plot(study.dexterity);
   page.plot(poses);
-  folder.figure("dexterity_of_poses.svg", poses);
+  report.figure("dexterity_of_poses.svg", poses);
   page.note(fmt::format(
       "Poses 1 and 5 have θ5 = 0 and are singular, pose 6 nearly so. Length: {:.3f} m, the root mean square "
       "distance of the joint axes from the tool over the six poses; over all poses k_F is least with {:.3f} "
@@ -607,23 +611,23 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
       "size in joints 1 to 3 and of a smaller one in 4 to 6; with one compliance for each size two numbers "
       "remain, which six readings can bear. Five or six cannot.");
   page.table(stiffness_table(s), "Stiffness [kN m/rad] with 95 % intervals");
-  folder.csv("stiffness.csv", stiffness_table(s));
+  report.csv("stiffness.csv", stiffness_table(s));
   page.table(fit_table(s));
-  folder.csv("fits.csv", fit_table(s));
+  report.csv("fits.csv", fit_table(s));
   PlotSpec figure_38 = least_squares_plot(s);
   page.plot(figure_38);
-  folder.figure("figure_38.svg", figure_38);
+  report.figure("figure_38.svg", figure_38);
   page.note(
       "Joint 6 is not there: no reading at the tool moves with it. The intervals of single joints rest on "
       "one spare reading and go beyond the drawing; two of the five best values are negative.");
   PlotSpec readings = readings_plot(s);
   page.plot(readings);
-  folder.figure("readings.svg", readings);
+  report.figure("readings.svg", readings);
   page.table(direct_table(s.direct), "Direct method, τ_i / δθ_i [kN m/rad]; –: singular, J has no inverse");
-  folder.csv("direct.csv", direct_table(s.direct));
+  report.csv("direct.csv", direct_table(s.direct));
   PlotSpec figure_41 = direct_plot(s.direct);
   page.plot(figure_41);
-  folder.figure("figure_41.svg", figure_41);
+  report.figure("figure_41.svg", figure_41);
   page.note(
       fmt::format("The direct method needs the whole deflection. As in the thesis, the displacement is put "
                   "along (1, 1, 0) of the tool, the rotation about z is the difference of the two sets over "
@@ -639,8 +643,8 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
                   1e6 * s.principal.magnitudes[0], 1e6 * s.principal.magnitudes[2]));
   std::vector<PlotSpec> ellipses = ellipse_plots(s);
   page.plots("Displacement of the tool under a force of 1 N, all directions", ellipses);
-  folder.figure("ellipse_side.svg", ellipses[0]);
-  folder.figure("ellipse_above.svg", ellipses[1]);
+  report.figure("ellipse_side.svg", ellipses[0]);
+  report.figure("ellipse_above.svg", ellipses[1]);
 
   page.heading("Poses and instrument: in the zones and out of them");
   page.paragraph(
@@ -655,14 +659,14 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
                   1e6 * simulation.tracker_rotation));
   PlotSpec precision = precision_plot(simulation);
   page.plot(precision);
-  folder.figure("figures_38_39_40.svg", precision);
+  report.figure("figures_38_39_40.svg", precision);
   PlotSpec singles = singles_plot(simulation);
   page.plot(singles);
-  folder.figure("in_and_out_of_the_zones.svg", singles);
+  report.figure("in_and_out_of_the_zones.svg", singles);
   page.table(
       precision_table(simulation),
       "Spread of each joint [%]: compliance by least squares, stiffness by the direct method; –: not seen");
-  folder.csv("simulated_precision.csv", precision_table(simulation));
+  report.csv("simulated_precision.csv", precision_table(simulation));
   page.note(
       "The direct method inverts J at each pose and suffers where 1/k_F is small. Least squares never "
       "inverts J: stacked poses do nearly as well out of the zones, and the nine poses of table 13 do better "
@@ -674,19 +678,19 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   page.paragraph(s.of_tool.verdict);
   page.table(trial_table(s.of_tool, s.unseen_at_tool),
              "Effects tried on the six readings at the tool, each together with the two stiffnesses");
-  folder.csv("effects_tool.csv", trial_table(s.of_tool, s.unseen_at_tool));
+  report.csv("effects_tool.csv", trial_table(s.of_tool, s.unseen_at_tool));
   page.table(trial_table(s.of_both, s.unseen_in_both), "The same on both sets, twelve readings");
-  folder.csv("effects_both.csv", trial_table(s.of_both, s.unseen_in_both));
+  report.csv("effects_both.csv", trial_table(s.of_both, s.unseen_in_both));
   page.note(
       "p: how often the best of all effects does as well on residuals shuffled among the poses. An effect is "
       "accepted below 0.05 if it takes a tenth of the error on poses left out at least. None is.");
   page.table(correlation_table(s.of_tool, s.of_both), "Correlation of the residual with the pose");
-  folder.csv("correlations.csv", correlation_table(s.of_tool, s.of_both));
+  report.csv("correlations.csv", correlation_table(s.of_tool, s.of_both));
   page.table(
       power_table(simulation),
       fmt::format("Simulated readings with one cause put in: found and named, of {} draws, wire at the tool",
                   simulation.power_draws));
-  folder.csv("power.csv", power_table(simulation));
+  report.csv("power.csv", power_table(simulation));
   page.paragraph(
       "So each effect that a reading at the tool can show would nearly always have been named at these six "
       "poses, had it been the only cause and of that size. None was. Several together, stiffnesses that "
@@ -697,7 +701,7 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
              fmt::format("What would decide: half width of the 95 % interval of each joint's compliance [%], "
                          "poses with 1/k_F of at least {:.2f} chosen best of 400; –: not seen",
                          simulation.plans.empty() ? 0.0 : simulation.plans.front().least_dexterity));
-  folder.csv("plans.csv", plan_table(simulation));
+  report.csv("plans.csv", plan_table(simulation));
   page.note(
       fmt::format("\"Errors as large as now\": {:.0f} µm, what the six poses leave. Joint 5 stays worst: the "
                   "load has a lever of 82 mm about it. The load should be stated in base axes, hung at more "
@@ -708,40 +712,32 @@ void write_page(const Ur5Study& study, const std::vector<Check>& checks, const R
   page.table(fault_table(study.faults, "result"), "What changes results");
   page.table(fault_table(study.faults, "data"), "Measured tables");
   page.table(fault_table(study.faults, "slip"), "Slips of formulas and text");
-  folder.csv("inconsistencies.csv", all_faults(study.faults));
+  report.csv("inconsistencies.csv", all_faults(study.faults));
   page.note(
       "No number of figures 38 to 41 is printed; they are rebuilt in kind. All evidence is computed from the "
       "tables; nothing was adjusted to fit.");
-  page.write(folder.file("report.html"));
+  return report;
 }
 
 }  // namespace
 
-void reproduce_ur5_stiffness(const ReproduceOptions& options) {
-  const Console console{options.json};
-  const ReportFolder folder(options.output);
-  Ur5Study study;
-  {
-    Progress progress("simulating");
-    study = run_ur5_study(options.seeds, [&](double done) { progress.update(done); });
-  }
+StudyReport reproduce_ur5_stiffness(int seeds, const std::function<void(double)>& progress) {
+  const Ur5Study study = run_ur5_study(seeds, progress);
   const std::vector<Check> checks = checks_of(study);
-  console.print("{}\n\n{}\n", study.verdict, check_table(checks).to_text(2));
-  console.print("Stiffness [kN m/rad] with 95 % intervals:\n{}\n",
-                stiffness_table(study.stiffness).to_text(2));
-  console.print("Effects tried on the residual of the six readings at the tool:\n{}\n",
-                trial_table(study.stiffness.of_tool, study.stiffness.unseen_at_tool).to_text(2));
-  console.print("Inconsistencies ({}):\n", study.faults.size());
+  StudyReport report = report_of(study, checks);
+  report.text = fmt::format("{}\n\n{}\n", study.verdict, check_table(checks).to_text(2));
+  report.text += fmt::format("Stiffness [kN m/rad] with 95 % intervals:\n{}\n",
+                             stiffness_table(study.stiffness).to_text(2));
+  report.text += fmt::format("Effects tried on the residual of the six readings at the tool:\n{}\n",
+                             trial_table(study.stiffness.of_tool, study.stiffness.unseen_at_tool).to_text(2));
+  report.text += fmt::format("Inconsistencies ({}):\n", study.faults.size());
   for (const Fault& f : study.faults) {
-    console.print("  {}: {}\n    {}\n", f.where, f.says, f.found);
+    report.text += fmt::format("  {}: {}\n    {}\n", f.where, f.says, f.found);
   }
-  folder.csv("checks.csv", check_table(checks));
-  write_page(study, checks, folder);
-  const nlohmann::ordered_json json = json_of(study, checks);
-  write_json(folder.file("results.json"), json);
-  write_json(options.json, json);
-  console.print("\nWritten: {} (results.json, tables as CSV, figures as SVG)\nReport: {}\n", options.output,
-                folder.file("report.html"));
+  report.text += "\n";
+  report.csv("checks.csv", check_table(checks));
+  report.json = json_of(study, checks);
+  return report;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -14,14 +14,14 @@
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/identify/fit_record.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/simulator.hpp"
 #include "heft/validate/acceptance.hpp"
-#include "parallel.hpp"
 #include "sim_controllers.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 using Eigen::Index;
@@ -102,7 +102,7 @@ sim::SimulationSettings loop_of(const Setup& setup, const model::Robot& arm, con
                                 const std::shared_ptr<const sim::Reference>& motion, std::uint64_t seed) {
   const CampaignSettings& settings = *setup.settings;
   const int n = arm.num_joints();
-  TrackingSettings tracking;
+  tools::TrackingSettings tracking;
   tracking.bandwidth_hz = kBandwidthHz;
   tracking.inertia = setup.inertia;
   tracking.torque_limit = sim::effort_limits_of(arm);
@@ -116,7 +116,8 @@ sim::SimulationSettings loop_of(const Setup& setup, const model::Robot& arm, con
   simulation.loads = sim::loads_of(arm);
   simulation.torque_limit = tracking.torque_limit;
   simulation.reference = motion;
-  simulation.controller = make_tracking_controller(TrackingMethod::kComputedTorque, believed, tracking);
+  simulation.controller =
+      tools::make_tracking_controller(tools::TrackingMethod::kComputedTorque, believed, tracking);
   simulation.sensors.position_noise = Eigen::VectorXd::Constant(n, settings.position_noise);
   simulation.sensors.torque_noise = Eigen::VectorXd::Constant(n, settings.torque_noise);
   simulation.seed = seed;
@@ -273,7 +274,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   setup.judged = std::make_shared<DesignedMotion>(excite::ExcitationDesign(loaded, limits, excitation)
                                                       .optimize(part(0.1, 0.2, "designing motions"))
                                                       .trajectory);
-  setup.inertia = mean_inertia(setup.datasheet, *setup.exciting, settings.duration);
+  setup.inertia = tools::mean_inertia(setup.datasheet, *setup.exciting, settings.duration);
 
   // Experiments.
   std::uint64_t noise = settings.seed * 100;
@@ -292,7 +293,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
       add(false, settings.judged_payload, fmt::format("judged-{:g}kg", settings.judged_payload));
   const std::size_t exciting_heavy =
       add(true, settings.judged_payload, fmt::format("exciting-{:g}kg", settings.judged_payload));
-  for_each_parallel(
+  host::for_each_parallel(
       result.experiments.size(),
       [&](std::size_t k) {
         Experiment& experiment = result.experiments[k];
@@ -305,7 +306,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   trained.insert(trained.end(), loads.begin(), loads.end());
   trained.push_back(exciting_heavy);
   std::vector<identify::Fit> fits(trained.size());
-  for_each_parallel(
+  host::for_each_parallel(
       trained.size(),
       [&](std::size_t k) {
         const data::MotionStream stream(result.experiments[trained[k]].log);
@@ -401,7 +402,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
        {"identified", &result.fit.robot},
        {"URDF alone", &bare}}};
   result.tracking.resize(models.size());
-  for_each_parallel(
+  host::for_each_parallel(
       models.size(),
       [&](std::size_t k) {
         result.tracking[k] = track(setup, models[k].first, *models[k].second, settings.seed * 100 + 99);
@@ -423,4 +424,4 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   return result;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

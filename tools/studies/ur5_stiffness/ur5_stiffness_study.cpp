@@ -15,10 +15,10 @@
 #include "heft/host/file.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "parallel.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -726,7 +726,7 @@ SimulationStudy study_simulation(const model::Kinematics& kinematics, const Ur5M
 
   study.precisions.resize(cases.size());
   const std::size_t powers = causes().size() * readings.size();
-  for_each_parallel(
+  host::for_each_parallel(
       cases.size() + powers + 2,
       [&](std::size_t job) {
         if (job < powers) {
@@ -763,4 +763,4 @@ Ur5Study run_ur5_study(int seeds, const std::function<void(double)>& progress) {
   return study;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

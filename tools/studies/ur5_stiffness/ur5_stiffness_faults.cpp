@@ -13,7 +13,7 @@
 
 #include "ur5_stiffness_study.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -544,4 +544,4 @@ std::vector<Fault> find_faults(const model::Kinematics& kinematics, const Ur5Mea
   return faults;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -8,7 +8,7 @@
 
 #include "payload_result.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 /// Estimates of k = 5 from encoder signals of the loaded arm.
 struct EncoderEstimate {
@@ -23,8 +23,8 @@ struct ClosedLoop {
   std::array<double, 3> payload_com_true{}, payload_com{};
   std::string source;  ///< what the production estimator's estimate rests on
   std::vector<EncoderEstimate> estimates;
-  std::vector<report::TrackingRun> runs;       ///< controllers side by side on the validation trajectory
-  std::vector<std::string> run_notes;  ///< one a run: what the controller knows
+  std::vector<report::TrackingRun> runs;  ///< controllers side by side on the validation trajectory
+  std::vector<std::string> run_notes;     ///< one a run: what the controller knows
   double duration{0};
 };
 
@@ -33,4 +33,4 @@ struct ClosedLoop {
 /// @param seed  of nominal values and noise
 ClosedLoop run_closed_loop(int seed);
 
-}  // namespace heft::tools
+}  // namespace heft::studies

@@ -9,7 +9,7 @@
 
 #include "heft/host/decompositions.hpp"
 
-namespace heft::tools::terminal_link {
+namespace heft::studies::terminal_link {
 
 Motion at(const FourierTrajectory& trajectory, double t) {
   Motion m;
@@ -206,4 +206,4 @@ double relative_error(const Base& estimate, const Base& rms) {
          rms.cwiseProduct(base_with_payload() - base_without_payload()).norm();
 }
 
-}  // namespace heft::tools::terminal_link
+}  // namespace heft::studies::terminal_link

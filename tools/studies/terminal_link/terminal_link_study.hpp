@@ -10,7 +10,7 @@
 #include "terminal_link_protocol.hpp"
 #include "terminal_link_sections.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 
 struct StudyOptions {
   int seeds{20};
@@ -75,4 +75,4 @@ std::vector<double> values_of(const std::vector<ProtocolRun>& runs, bool rotor_i
 /// A value inside [low, high] once it is rounded to the digits the bounds are printed with.
 bool in_range(double value, double low, double high, int decimals);
 
-}  // namespace heft::tools
+}  // namespace heft::studies

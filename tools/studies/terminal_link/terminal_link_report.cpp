@@ -1,28 +1,23 @@
-/// @file
-/// heft reproduce terminal-link.
+#include "terminal_link_report.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "command.hpp"
-#include "console.hpp"
 #include "heft/page/page.hpp"
 #include "host/json.hpp"
 #include "page_lines.hpp"
 #include "payload_result.hpp"
-#include "report_folder.hpp"
-#include "reproduce.hpp"
 #include "terminal_link_closed_loop.hpp"
 #include "terminal_link_study.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 using page::Hue;
@@ -229,7 +224,7 @@ Table mass_column_table(const MassColumnCheck& check) {
   return table;
 }
 
-std::vector<double> rms_of(const TrackingRun& run) {
+std::vector<double> rms_of(const report::TrackingRun& run) {
   std::vector<double> rms;
   for (Eigen::Index j = 0; j < run.error.cols(); ++j) {
     rms.push_back(std::sqrt(run.error.col(j).squaredNorm() / static_cast<double>(run.error.rows())));
@@ -237,14 +232,14 @@ std::vector<double> rms_of(const TrackingRun& run) {
   return rms;
 }
 
-double rms_of_all(const TrackingRun& run) {
+double rms_of_all(const report::TrackingRun& run) {
   return std::sqrt(run.error.squaredNorm() / static_cast<double>(run.error.size()));
 }
 
 Table closed_loop_table(const ClosedLoop& loop) {
   Table table({"controller", "joint 1", "2", "3", "4", "5", "6", "all [mrad]", "of PD [%]"});
   const double reference = rms_of_all(loop.runs.front());
-  for (const TrackingRun& run : loop.runs) {
+  for (const report::TrackingRun& run : loop.runs) {
     std::vector<std::string> row{run.name};
     for (const double v : rms_of(run)) row.push_back(fmt::format("{:.2f}", 1e3 * v));
     row.push_back(fmt::format("{:.2f}", 1e3 * rms_of_all(run)));
@@ -318,9 +313,9 @@ constexpr std::array<Parameter, 4> kFigureParameters = {{{12, "g m²", "inertia6
                                                          {3, "g m²", "inertia5_22"},
                                                          {16, "mN m", "coulomb6"}}};
 
-void add_figures(const Study& study, const ReportFolder& folder, page::Page& page) {
-  page.heading("Estimates against the number of samples (the publication's figures 2 and 3)");
-  page.paragraph(
+void add_figures(const Study& study, StudyReport& report) {
+  report.page.heading("Estimates against the number of samples (the publication's figures 2 and 3)");
+  report.page.paragraph(
       "Four of the eighteen base parameters, LSM against IVM with the joint model (35). The band holds all "
       "seeds, the line is their mean from where all of them are on the drawing, the dashed line the truth. "
       "LSM settles quickly, on a wrong value; IVM scatters at first and converges. Scenario B, in which the "
@@ -329,23 +324,23 @@ void add_figures(const Study& study, const ReportFolder& folder, page::Page& pag
     std::vector<PlotSpec> plots;
     for (const Parameter& p : kFigureParameters) {
       plots.push_back(parameter_plot(study, true, period, p.index, 1e3, p.unit_name));
-      folder.figure(fmt::format("figure_{}_{}.svg", period < 0.003 ? 3 : 2, p.file), plots.back());
+      report.figure(fmt::format("figure_{}_{}.svg", period < 0.003 ? 3 : 2, p.file), plots.back());
     }
-    page.plots(fmt::format("Figure {}: sampled every {:.0f} ms", period < 0.003 ? 3 : 2, 1e3 * period),
-               plots);
+    report.page.plots(fmt::format("Figure {}: sampled every {:.0f} ms", period < 0.003 ? 3 : 2, 1e3 * period),
+                      plots);
   }
   for (const bool b : {false, true}) {
     const PlotSpec spec = error_plot(study, b, 0.005);
-    folder.figure(fmt::format("error_{}.svg", b ? "b" : "a"), spec);
-    page.plot(spec);
+    report.figure(fmt::format("error_{}.svg", b ? "b" : "a"), spec);
+    report.page.plot(spec);
   }
 }
 
-void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, page::Page& page) {
-  page.heading("Closed loop with 250 g at the wrist (the publication's figures 4 and 5)");
+void add_closed_loop(const ClosedLoop& loop, StudyReport& report) {
+  report.page.heading("Closed loop with 250 g at the wrist (the publication's figures 4 and 5)");
   const double pd = rms_of_all(loop.runs[0]), k5 = rms_of_all(loop.runs[3]),
                carried = rms_of_all(loop.runs[4]), whole = rms_of_all(loop.runs[5]);
-  page.paragraph(fmt::format(
+  report.page.paragraph(fmt::format(
       "The publication's arm with rotors, Coulomb friction that sticks, encoders of 131072 steps a turn and "
       "torque noise, simulated in continuous time and controlled at 1 kHz; nominal values within ±10 %. All "
       "controllers get the same bandwidth of 4 Hz: the PD gains are the computed torque's times the mean "
@@ -355,32 +350,32 @@ void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, page::P
       "{:.1f} mrad ({:.0f} %).",
       1e3 * pd, 1e3 * k5, 100 * k5 / pd, 1e3 * carried, 100 * carried / pd, 1e3 * whole, 100 * whole / pd));
   const Table table = closed_loop_table(loop);
-  page.table(table, "Root mean square tracking error [mrad] from 2 s on");
-  folder.csv("closed_loop_tracking.csv", table);
+  report.page.table(table, "Root mean square tracking error [mrad] from 2 s on");
+  report.csv("closed_loop_tracking.csv", table);
 
   const auto subset = [&](const std::vector<std::size_t>& which) {
-    std::vector<TrackingRun> runs;
+    std::vector<report::TrackingRun> runs;
     for (const std::size_t i : which) runs.push_back(loop.runs[i]);
     return runs;
   };
   const auto plots_of = [&](const std::vector<std::size_t>& which, const char* name) {
-    std::vector<PlotSpec> plots = tracking_plots(subset(which));
+    std::vector<PlotSpec> plots = report::tracking_plots(subset(which));
     for (std::size_t j = 0; j < plots.size(); ++j) {
       plots[j].width = 460;
       plots[j].height = 200;
-      folder.figure(fmt::format("{}_joint{}.svg", name, j + 1), plots[j]);
+      report.figure(fmt::format("{}_joint{}.svg", name, j + 1), plots[j]);
     }
     return plots;
   };
-  page.plots("Figure 4: position-velocity feedback against computed torque with the k = 5 estimate",
-             plots_of({0, 3}, "figure_4"));
-  page.plots(
+  report.page.plots("Figure 4: position-velocity feedback against computed torque with the k = 5 estimate",
+                    plots_of({0, 3}, "figure_4"));
+  report.page.plots(
       "Figure 5: computed torque with nominal values, with k = 5, and with the payload's mass in every row",
       plots_of({2, 3, 4}, "figure_5"));
-  const PlotSpec bars = tracking_bars(loop.runs);
-  folder.figure("closed_loop_rms.svg", bars);
-  page.plot(bars);
-  page.paragraph(fmt::format(
+  const PlotSpec bars = report::tracking_bars(loop.runs);
+  report.figure("closed_loop_rms.svg", bars);
+  report.page.plot(bars);
+  report.page.paragraph(fmt::format(
       "The payload as a body of its own, from rows 4 to 6 of an arm that was calibrated without it by the "
       "same estimator: {:.1f} g ± {:.1f} g "
       "(in truth {:.0f} g), centre of mass {:.1f}, {:.1f}, {:.1f} mm (in truth {:.0f}, {:.0f}, {:.0f} mm).",
@@ -389,13 +384,13 @@ void add_closed_loop(const ClosedLoop& loop, const ReportFolder& folder, page::P
       1e3 * loop.payload_com_true[0], 1e3 * loop.payload_com_true[1], 1e3 * loop.payload_com_true[2]));
   Table knows({"controller", "what it knows"});
   for (std::size_t i = 0; i < loop.runs.size(); ++i) knows.add_row({loop.runs[i].name, loop.run_notes[i]});
-  page.table(knows);
+  report.page.table(knows);
   const Table encoders = encoder_table(loop);
-  page.table(
+  report.page.table(
       encoders,
       "Error e of k = 5 estimates from the encoders of the loaded arm, by how the acceleration was made");
-  folder.csv("closed_loop_estimates.csv", encoders);
-  page.note(
+  report.csv("closed_loop_estimates.csv", encoders);
+  report.page.note(
       "The publication saw LSM and IVM give nearly the same values in this experiment. So does the "
       "simulation once position is filtered before it is differentiated: there is then little noise left to "
       "be biased by, and what remains is common to both (reversals, the nonlinearity of the filtered "
@@ -446,17 +441,11 @@ void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& 
 
 }  // namespace
 
-void reproduce_terminal_link(const ReproduceOptions& options) {
-  const Console console{options.json};
-  const ReportFolder folder(options.output);
+StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>& progress) {
   StudyOptions study_options;
-  study_options.seeds = options.seeds;
-  Study study;
-  {
-    Progress progress("running the protocol");
-    study_options.progress = [&](double done) { progress.update(done); };
-    study = run_study(study_options);
-  }
+  study_options.seeds = seeds;
+  study_options.progress = progress;
+  const Study study = run_study(study_options);
   const ClosedLoop loop = run_closed_loop(1);
 
   int held = 0, all = 0;
@@ -470,15 +459,17 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
       held == all ? fmt::format("All {} claims hold.", all)
                   : fmt::format("{} of {} claims hold; those that do not are marked.", held, all);
 
-  console.print("{}\n\n{}\n{}\n", sentence, claim_table(study.table).to_text(2),
-                claim_table(study.requirements).to_text(2));
-  console.print("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
-                closed_loop_table(loop).to_text(2));
+  std::string text = fmt::format("{}\n\n{}\n{}\n", sentence, claim_table(study.table).to_text(2),
+                                 claim_table(study.requirements).to_text(2));
+  text += fmt::format("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
+                      closed_loop_table(loop).to_text(2));
 
-  page::Page page = new_page("Terminal-link estimation, reproduced", kPublication);
-  page.verdict(fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.", sentence,
-                           options.seeds),
-               page::tone_of(held == all ? host::Verdict::kGood : host::Verdict::kBad));
+  StudyReport report{
+      report::new_page("Terminal-link estimation, reproduced", kPublication), text, {}, {}, {}, {}};
+  page::Page& page = report.page;
+  page.verdict(
+      fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.", sentence, seeds),
+      page::tone_of(held == all ? host::Verdict::kGood : host::Verdict::kBad));
   const auto e_of = [&](ProtocolMethod m) {
     return spread(
                values_of(study.runs, true, 0.005, m, 20000, [](const ProtocolPoint& p) { return p.error; }))
@@ -504,7 +495,7 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
       "that the window holds, and may leave the range; those values are in brackets.");
   page.heading("Further requirements, and figures of the corrected equations");
   page.table(claim_table(study.requirements));
-  add_figures(study, folder, page);
+  add_figures(study, report);
   page.heading("Instruments");
   page.table(instrument_table(study), "Error e, rms over seeds");
   page.note(
@@ -543,22 +534,21 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
     ranks.add_row({fmt::format("{}", r.k), fmt::format("{}", r.columns), fmt::format("{}", r.rank),
                    fmt::format("{:.1f}", r.gap)});
   page.table(ranks, "Identifiable parameters of rows k to 6");
-  add_closed_loop(loop, folder, page);
+  add_closed_loop(loop, report);
   add_contradictions(study, loop, page);
-  page.write(folder.file("report.html"));
 
-  folder.csv("table.csv", claim_table(study.table));
-  folder.csv("requirements.csv", claim_table(study.requirements));
-  folder.csv("instruments.csv", instrument_table(study));
-  folder.csv("base_parameters.csv", base_table(study));
-  folder.csv("startup_a_5ms.csv", startup_table(study, false, false));
-  folder.csv("startup_b_1ms.csv", startup_table(study, true, true));
-  folder.csv("mass_column.csv", mass_column_table(study.mass_column));
-  folder.csv("uncorrected_rows.csv", rows);
-  folder.csv("runs.csv", points_table(study));
+  report.csv("table.csv", claim_table(study.table));
+  report.csv("requirements.csv", claim_table(study.requirements));
+  report.csv("instruments.csv", instrument_table(study));
+  report.csv("base_parameters.csv", base_table(study));
+  report.csv("startup_a_5ms.csv", startup_table(study, false, false));
+  report.csv("startup_b_1ms.csv", startup_table(study, true, true));
+  report.csv("mass_column.csv", mass_column_table(study.mass_column));
+  report.csv("uncorrected_rows.csv", rows);
+  report.csv("runs.csv", points_table(study));
 
   nlohmann::ordered_json json{{"publication", kPublication},
-                              {"seeds", options.seeds},
+                              {"seeds", seeds},
                               {"claims", all},
                               {"held", held},
                               {"table", claims_json(study.table)},
@@ -593,13 +583,10 @@ void reproduce_terminal_link(const ReproduceOptions& options) {
                            {"half_width_95", loop.payload_half_width},
                            {"com", loop.payload_com},
                            {"com_true", loop.payload_com_true}}},
-                         {"tracking", tracking_json(loop.runs)},
+                         {"tracking", report::tracking_json(loop.runs)},
                          {"estimates", estimates}};
-  write_json(folder.file("results.json"), json);
-  write_json(options.json, json);
-
-  console.print("Written: {} (results.json, tables as CSV, figures as SVG)\nReport: {}\n", options.output,
-                folder.file("report.html"));
+  report.json = std::move(json);
+  return report;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies

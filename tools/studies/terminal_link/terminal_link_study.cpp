@@ -6,9 +6,9 @@
 
 #include <fmt/format.h>
 
-#include "parallel.hpp"
+#include "heft/host/parallel.hpp"
 
-namespace heft::tools {
+namespace heft::studies {
 namespace {
 
 constexpr double kSlow = 0.005, kFast = 0.001;
@@ -439,7 +439,7 @@ Study run_study(const StudyOptions& options) {
   jobs.push_back([&study] { study.uncorrected_rows = check_uncorrected_rows(); });
   jobs.push_back([&study] { study.ranks = check_ranks(); });
   jobs.push_back([&study] { study.forms = check_forms(1, 4000); });
-  for_each_parallel(
+  host::for_each_parallel(
       jobs.size(), [&](std::size_t i) { jobs[i](); }, options.progress);
 
   TableMaker(study).make();
@@ -447,4 +447,4 @@ Study run_study(const StudyOptions& options) {
   return study;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::studies
