@@ -60,6 +60,80 @@ MatrixXd earlier(const MotionTable& table, const MatrixXd& signal, double delay)
   return result;
 }
 
+namespace {
+
+/// Averages of `group` neighbouring samples of one log into the table's rows from `at` on.
+/// @return whether each row counts at all: not in gaps, not at the ends
+std::vector<bool> add_rows(const Collected& part, Index group, Index at, double reversal_seconds,
+                           MotionTable& table) {
+  constexpr double kEnds = 0.3;  // [s]: the derived motion means nothing there
+  const int n = table.num_joints;
+  const Index count = static_cast<Index>(part.time.size()) / group, steps = table.displacement.cols();
+  const double begin = part.time.empty() ? 0.0 : part.time.front();
+  const double end = part.time.empty() ? 0.0 : part.time.back();
+  std::vector<bool> counts(static_cast<std::size_t>(count));
+  VectorXd before;
+  for (Index i = 0; i < count; ++i, ++at) {
+    VectorXd mean = VectorXd::Zero(4 * n + steps);
+    double time = 0.0;
+    bool usable = true;
+    for (Index k = 0; k < group; ++k) {
+      const auto s = static_cast<std::size_t>(i * group + k);
+      mean += part.rows[s].head(mean.size());
+      time += part.time[s];
+      usable = usable && part.usable[s];
+    }
+    mean /= static_cast<double>(group);
+    time /= static_cast<double>(group);
+    table.time[at] = time - begin;
+    table.q.row(at) = mean.segment(0, n);
+    table.qd.row(at) = mean.segment(n, n);
+    table.qdd.row(at) = mean.segment(2 * n, n);
+    table.tau.row(at) = mean.segment(3 * n, n);
+    if (before.size() > 0) table.displacement.row(at) = (mean - before).tail(steps);
+    before = mean;
+    if (time - begin < kEnds || end - time < kEnds) usable = false;
+    counts[static_cast<std::size_t>(i)] = usable && std::isfinite(mean.sum());
+    for (int j = 0; j < n; ++j) {
+      const double v = table.qd(at, j);
+      table.direction(at, j) = velocity_sign(v, table.sign_width[j]);
+      const double unresolved =
+          std::max(2.0 * table.sign_width[j], reversal_seconds * std::abs(table.qdd(at, j)));
+      table.keep(at, j) = counts[static_cast<std::size_t>(i)] && std::abs(v) > unresolved ? 1.0 : 0.0;
+    }
+  }
+  return counts;
+}
+
+/// A joint at rest is no reversal: what holds it there is part of the log.
+/// @param rest  rows from which on it rests
+void keep_resting_rows(Index first, Index last, Index rest, const std::vector<bool>& counts,
+                       MotionTable& table) {
+  for (int j = 0; j < table.num_joints; ++j) {
+    for (Index i = first; i < last;) {
+      Index k = i;
+      while (k < last && std::abs(table.qd(k, j)) <= 2.0 * table.sign_width[j]) ++k;
+      for (Index row = i; k - i >= rest && row < k; ++row)
+        table.keep(row, j) = counts[static_cast<std::size_t>(row - first)] ? 1.0 : 0.0;
+      i = std::max(k, i + 1);
+    }
+  }
+}
+
+/// Whole blocks of about the same length, dealt out to the folds in turn.
+void add_blocks(Index first, Index count, int run, int pieces, int folds, MotionTable& table) {
+  for (int b = 0; b < pieces; ++b) {
+    Block block;
+    block.begin = first + count * b / pieces;
+    block.count = first + count * (b + 1) / pieces - block.begin;
+    block.run = run;
+    block.fold = static_cast<int>(table.blocks.size()) % folds;
+    if (block.count > 0) table.blocks.push_back(block);
+  }
+}
+
+}  // namespace
+
 MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const std::vector<bool>& prismatic,
                        const TableOptions& options) {
   MotionTable table;
@@ -87,85 +161,32 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
   const bool measured = std::all_of(parts.begin(), parts.end(), [&](const Collected& part) {
     return !part.rows.empty() && part.rows.front().size() > 4 * n;
   });
-  const Index steps = measured ? kMeasuredDisplacements * n : 0;
-  table.displacement.setZero(rows, steps);
-  Index at = 0;
+  table.displacement.setZero(rows, measured ? kMeasuredDisplacements * n : 0);
+  Index first = 0;
   for (std::size_t r = 0; r < parts.size(); ++r) {
     const Collected& part = parts[r];
     const data::StreamSummary& summary = logs[r]->summary();
-    const Index count = static_cast<Index>(part.time.size()) / group;
+    const Index count = static_cast<Index>(part.time.size()) / group, last = first + count;
     const double rate = summary.sample_rate / static_cast<double>(group);
     if (r == 0) table.sample_rate = rate;
     table.runs.push_back(summary.path);
     table.run_seconds.push_back(summary.end - summary.begin);
-    table.run_begin.push_back(at);
+    table.run_begin.push_back(first);
+    const std::vector<bool> counts = add_rows(part, group, first, options.reversal_seconds, table);
+    keep_resting_rows(first, last, static_cast<Index>(options.rest_seconds * rate), counts, table);
     const double begin = part.time.empty() ? 0.0 : part.time.front();
-    const double end = part.time.empty() ? 0.0 : part.time.back();
-    std::vector<bool> counts(static_cast<std::size_t>(count));
-    VectorXd before;
-    for (Index i = 0; i < count; ++i, ++at) {
-      VectorXd mean = VectorXd::Zero(4 * n + steps);
-      double time = 0.0;
-      bool usable = true;
-      for (Index k = 0; k < group; ++k) {
-        const auto s = static_cast<std::size_t>(i * group + k);
-        mean += part.rows[s].head(mean.size());
-        time += part.time[s];
-        usable = usable && part.usable[s];
-      }
-      mean /= static_cast<double>(group);
-      time /= static_cast<double>(group);
-      table.time[at] = time - begin;
-      table.q.row(at) = mean.segment(0, n);
-      table.qd.row(at) = mean.segment(n, n);
-      table.qdd.row(at) = mean.segment(2 * n, n);
-      table.tau.row(at) = mean.segment(3 * n, n);
-      if (before.size() > 0) table.displacement.row(at) = (mean - before).tail(steps);
-      before = mean;
-      if (time - begin < 0.3 || end - time < 0.3) usable = false;
-      counts[static_cast<std::size_t>(i)] = usable && std::isfinite(mean.sum());
-      for (int j = 0; j < n; ++j) {
-        const double v = table.qd(at, j);
-        table.direction(at, j) = velocity_sign(v, table.sign_width[j]);
-        const double unresolved =
-            std::max(2.0 * table.sign_width[j], options.reversal_seconds * std::abs(table.qdd(at, j)));
-        table.keep(at, j) = counts[static_cast<std::size_t>(i)] && std::abs(v) > unresolved ? 1.0 : 0.0;
-      }
-    }
-    // A joint at rest is no reversal: what holds it there is part of the log.
-    const Index first_row = table.run_begin.back();
-    const auto rest = static_cast<Index>(options.rest_seconds * rate);
-    for (int j = 0; j < n; ++j) {
-      for (Index i = first_row; i < at;) {
-        Index k = i;
-        while (k < at && std::abs(table.qd(k, j)) <= 2.0 * table.sign_width[j]) ++k;
-        if (k - i >= rest) {
-          for (Index r2 = i; r2 < k; ++r2)
-            table.keep(r2, j) = counts[static_cast<std::size_t>(r2 - first_row)] ? 1.0 : 0.0;
-        }
-        i = std::max(k, i + 1);
-      }
-    }
-    for (Index i = first_row; i < at; ++i) {
+    for (Index i = first; i < last; ++i) {
       const double t = begin + table.time[i];
       if (t >= summary.moving_from && t <= summary.moving_to) continue;
       table.standing.row(i) = table.keep.row(i);
       table.keep.row(i).setZero();
     }
-    // Whole blocks of about the same length, dealt out to the folds in turn.
-    const Index begin_row = table.run_begin.back();
     const int pieces =
         std::max(1, static_cast<int>(std::lround(static_cast<double>(count) / rate / options.block_seconds)));
-    for (int b = 0; b < pieces; ++b) {
-      Block block;
-      block.begin = begin_row + count * b / pieces;
-      block.count = begin_row + count * (b + 1) / pieces - block.begin;
-      block.run = static_cast<int>(r);
-      block.fold = static_cast<int>(table.blocks.size()) % options.folds;
-      if (block.count > 0) table.blocks.push_back(block);
-    }
+    add_blocks(first, count, static_cast<int>(r), pieces, options.folds, table);
+    first = last;
   }
-  table.run_begin.push_back(at);
+  table.run_begin.push_back(first);
   return table;
 }
 

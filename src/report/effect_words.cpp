@@ -13,7 +13,15 @@ namespace {
 using diagnose::Finding;
 using page::number;
 
-// A new effect needs its line here.
+/// Name of an effect that has no line below: its own kName where it states one, or its id.
+template <typename Effect>
+constexpr std::string_view name(Effect) {
+  if constexpr (requires { Effect::kName; }) {
+    return Effect::kName;
+  } else {
+    return Effect::kId;
+  }
+}
 constexpr std::string_view name(Offset) { return "a torque offset"; }
 constexpr std::string_view name(RotorInertia) { return "rotor inertia"; }
 constexpr std::string_view name(ViscousNonlinear) { return "viscous friction that is not linear in speed"; }
