@@ -23,7 +23,7 @@ struct DiagnosisContext {
 std::string brief(const diagnose::Diagnosis& diagnosis);
 /// All of it for a terminal, as `heft diagnose` prints it.
 std::string full(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context = {});
-/// One JSON object; its fields are described in src/report/README.md.
+/// One JSON object; its fields are described in tools/README.md.
 std::string json(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context = {});
 /// Verdict, ranking, residuals of the joints that are worth a look, errors before and after, refusals.
 page::Page page(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context = {});
