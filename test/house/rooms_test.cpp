@@ -41,8 +41,8 @@ const std::map<std::string, Rooms>& table() {
       {"report", {"data", "diagnose", "host", "model", "page", "statistics", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/studies",
-       {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "stiffness",
-        "urdf", "validate"}},
+       {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
+        "stiffness", "urdf", "validate"}},
       {"tools/heft",
        {"core", "data", "diagnose", "excite", "host", "identify", "model", "page", "payload", "plausibility",
         "report", "sim", "statistics", "stiffness", "tools/studies", "urdf", "validate"}}};
