@@ -21,7 +21,7 @@ namespace heft::host {
 /// Keys keep the order of the file.
 using Json = nlohmann::ordered_json;
 
-/// JSON has neither NaN nor infinity: null stands for both.
+/// JSON has neither NaN nor infinity: null is written for both.
 inline Json number_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 /// The value of a JSON text; comments as in C are left out.

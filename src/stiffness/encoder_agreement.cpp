@@ -57,7 +57,7 @@ StiffnessAgreement compare(const std::vector<std::vector<JointStiffness>>& separ
     dof.push_back(std::max(1, s.blocks - 1));
   }
   if (x.size() < 2) {
-    a.text = "fewer than two logs tell the stiffness of this joint";
+    a.text = "fewer than two logs determine the stiffness of this joint";
     return a;
   }
   const Mean mean = weighted_mean(x, variance, dof);

@@ -37,9 +37,9 @@ class EncoderProblem {
     build(0.0);
   }
 
-  /// The terms that are not linear in the torque, anew from the torque less this friction on the motor's side:
+  /// The terms that are not linear in the torque, again from the torque less this friction on the motor's side:
   /// its steps at reversals never reach the gear. Of the widths of the play the one that takes most of what these
-  /// terms leave. Asks for set_blocks() anew.
+  /// terms leave. set_blocks() must be called again.
   void set_friction(double friction, const std::vector<DeflectionTerm>& terms);
 
   /// Deflection with the link's channel taken `shift` later.
@@ -47,7 +47,7 @@ class EncoderProblem {
   double shift() const { return shift_; }
 
   /// Rows weighted for a residual whose autocorrelation falls off as exp(-|t|/memory): y(k) − a y(k−1), a =
-  /// exp(-T/memory), so that what is left of it is white. 0: as they are. Asks for set_blocks() anew.
+  /// exp(-T/memory), so that what is left of it is white. 0: as they are. set_blocks() must be called again.
   void set_memory(double memory);
 
   /// Sums over blocks of about that length [s].

@@ -78,7 +78,7 @@ std::string obstacle(const EncoderProblem& problem, const std::vector<Deflection
   std::vector<DeflectionTerm> rest = with(used, term);
   std::erase(rest, term);
   if (problem.own_power(problem.indices(rest), columns->columns) < kOwnPower)
-    return "this motion cannot tell it from the other terms";
+    return "this motion cannot distinguish it from the other terms";
   return {};
 }
 

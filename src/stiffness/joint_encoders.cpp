@@ -62,7 +62,7 @@ void read_direction(JointStiffness& s, const Uncertain& h, double coulomb) {
         kMicro * d.lost_motion_if_no_friction, most);
   } else {
     d.text = fmt::format(
-        "loop {:.0f} ± {:.0f} µrad, not told from none: lost motion and motor-side friction are absent or "
+        "loop {:.0f} ± {:.0f} µrad, indistinguishable from none: lost motion and motor-side friction are absent or "
         "cancel; "
         "lost motion {}",
         kMicro * d.loop.value, kMicro * d.loop.std, most);

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "heft/stiffness/stiffness.hpp"
+#include "heft/stiffness/deflection_fit.hpp"
 
 namespace heft::stiffness {
 

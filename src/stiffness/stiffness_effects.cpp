@@ -376,7 +376,7 @@ StiffnessDiagnosis diagnose_stiffness(const model::Kinematics& kinematics,
   }
 
   // What the best of all effects gains where there is none: the readings of the base model with its residuals
-  // shuffled among the poses (Freedman and Lane), every effect tried anew.
+  // shuffled among the poses (Freedman and Lane), every effect tried again.
   const MatrixXd base_M = left_out_operator(design, solve(design), nullptr);
   std::vector<double> chance_gains;
   for (std::size_t s = 0; s < shuffles.size() && std::isfinite(before); ++s) {

@@ -38,7 +38,7 @@ const std::map<std::string, Rooms>& table() {
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim"}},
       {"diagnose", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
-      {"report", {"data", "diagnose", "host", "model", "page", "statistics", "validate"}},
+      {"report", {"data", "diagnose", "host", "model", "page", "statistics", "stiffness", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/studies",
        {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",

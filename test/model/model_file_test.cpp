@@ -195,7 +195,7 @@ TEST(ModelFile, NamesFileAndPathOfWhatIsWrong) {
   EXPECT_THAT(message_after("\"rotor_inertia\": 0.1", "\"rotor_inertia\": 1e999"), HasSubstr("arm.json"));
   EXPECT_THAT(message_after("\"provenance\": {", "\"provenance\": [] ,\"x\": {"),
               AllOf(HasSubstr("arm.json: /provenance"), HasSubstr("an object")));
-  EXPECT_THAT(message_after("{", "["), HasSubstr("arm.json:1:2: found '\n' where JSON does not allow it"));
+  EXPECT_THAT(message_after("{", "["), HasSubstr("arm.json:2:10: found ':' where JSON does not allow it"));
 }
 
 TEST(ModelFile, RefusesALinkWithoutTenParameters) {

@@ -11,7 +11,7 @@
 #include "heft/host/error.hpp"
 #include "heft/stiffness/cartesian_stiffness.hpp"
 #include "heft/stiffness/dexterity.hpp"
-#include "heft/stiffness/stiffness.hpp"
+#include "heft/stiffness/deflection_fit.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
 #include "support/thesis_ur5.hpp"
 

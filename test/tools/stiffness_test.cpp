@@ -202,6 +202,27 @@ TEST_F(StiffnessCommand, RefusesBadInputWithTheExitCodeOfTheContract) {
   EXPECT_EQ(refuse(cases[4].rows, {"--groups", "1-3,3-6"}).exit_code, 3);
 }
 
+// A joint is elastic only where a log that the fit has not seen says so.
+TEST_F(StiffnessCommand, RefusesToJudgeOnTheLogThatWasFitted) {
+  data::Log log;
+  log.time = VectorXd::LinSpaced(2001, 0.0, 20.0);
+  log.q.resize(log.time.size(), 6);
+  log.tau.resize(log.time.size(), 6);
+  for (Index j = 0; j < 6; ++j) {
+    const double rate = 0.7 + 0.3 * static_cast<double>(j);
+    log.q.col(j) = 0.4 * (rate * log.time.array()).sin();
+    log.tau.col(j) = 10.0 * (rate * log.time.array() + 1.0).cos();
+  }
+  const std::string train = folder_.path("train.csv"), copy = folder_.path("copy.csv");
+  data::write_log(train, log);
+  data::write_log(copy, log);
+  for (const std::string& judged : {train, copy}) {
+    const Outcome outcome = run_heft({"stiffness", "--urdf", "ur5", "--log", train, "--validate", judged});
+    EXPECT_EQ(outcome.exit_code, 3) << outcome.out;
+    EXPECT_THAT(outcome.err, HasSubstr("which the model is fitted to"));
+  }
+}
+
 TEST_F(StiffnessCommand, ReadsTheEncodersOfALargeRobot) {
   const std::string data = std::string(HEFT_DATA_DIR) + "/kr300-weigand";
   HEFT_NEEDS_MEASURED_DATA(data);

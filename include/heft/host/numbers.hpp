@@ -1,5 +1,5 @@
 /// @file
-/// Numbers that stand for "none" and "no bound".
+/// NaN for "none", infinity for "no bound".
 #pragma once
 
 #include <limits>

@@ -30,7 +30,7 @@ class BlockJackknife {
   void add(int block, const Eigen::VectorXd& w, double y, double noise_variance);
 
   /// Says for a row added that its y was made as y = (measured) − d·z with a z that is itself uncertain, so
-  /// that dependence() can tell what an error of z does to the estimate.
+  /// that dependence() can say what an error of z does to the estimate.
   void add_dependence(int block, const Eigen::VectorXd& w, const Eigen::VectorXd& d, double noise_variance);
 
   struct Result {

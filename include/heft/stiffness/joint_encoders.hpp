@@ -1,6 +1,6 @@
 /// @file
 /// Stiffness of joints from a log with encoders on both sides of the gear.
-/// Derivation, and what the terms can be told from: src/stiffness/joint_encoders.md
+/// Derivation, and how the terms are distinguished: src/stiffness/joint_encoders.md
 #pragma once
 
 #include <limits>
@@ -142,7 +142,7 @@ struct JointStiffness {
   std::vector<std::string> notes;
 };
 
-/// Whether the logs tell the same, each with the terms of the pooled fit.
+/// Whether the logs agree, each with the terms of the pooled fit.
 struct StiffnessAgreement {
   int joint{0};
   double chi_square{0.0};  ///< of the compliances about their weighted mean, by their own variances

@@ -4,7 +4,7 @@
 
 #include "heft/host/verdict.hpp"
 #include "heft/stiffness/joint_encoders.hpp"
-#include "heft/stiffness/stiffness.hpp"
+#include "heft/stiffness/deflection_fit.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
 
 namespace heft::stiffness {

@@ -15,7 +15,7 @@
 #include "heft/model/kinematics.hpp"
 #include "heft/stiffness/cartesian_stiffness.hpp"
 #include "heft/stiffness/dexterity.hpp"
-#include "heft/stiffness/stiffness.hpp"
+#include "heft/stiffness/deflection_fit.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
 
 namespace heft::studies {
