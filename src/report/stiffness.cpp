@@ -35,8 +35,8 @@ nlohmann::ordered_json to_json(const StiffnessReport& report) {
   return json;
 }
 
-std::string json(const StiffnessReport& report) { return to_json(report).dump(1) + "\n"; }
-std::string json(const stiffness::MeasurementPlan& plan) { return to_json(plan).dump(1) + "\n"; }
+std::string json(const StiffnessReport& report) { return text_of(to_json(report)); }
+std::string json(const stiffness::MeasurementPlan& plan) { return text_of(to_json(plan)); }
 
 page::Page page(const StiffnessReport& report) {
   const stiffness::Stiffness& stiffness = report.stiffness;

@@ -46,5 +46,11 @@ void add_tool(page::Page& page, const stiffness::ToolUse& use, const data::Log& 
 /// What the commands write.
 nlohmann::ordered_json to_json(const StiffnessReport& report);
 nlohmann::ordered_json to_json(const stiffness::MeasurementPlan& plan);
+nlohmann::ordered_json to_json(const MotorSideReport& report);
+
+/// As it stands in files. Names of files are bytes; what is not UTF-8 in them is replaced.
+inline std::string text_of(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
 
 }  // namespace heft::report

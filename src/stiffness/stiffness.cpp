@@ -104,8 +104,6 @@ Stiffness from_deflections(const model::Robot& robot, const std::vector<data::De
   return result;
 }
 
-bool has_link_encoders(const data::LogSource& log) { return !link_encoder_joints(data::read(log)).empty(); }
-
 Stiffness from_encoders(const model::Robot& robot, const data::LogSet& logs, const EncoderOptions& options) {
   const auto n = static_cast<std::size_t>(robot.num_joints());
   if (!options.rotor_inertia.empty() && options.rotor_inertia.size() != n) {

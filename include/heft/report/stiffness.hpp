@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "heft/data/log.hpp"
+#include "heft/diagnose/diagnose.hpp"
+#include "heft/host/verdict.hpp"
 #include "heft/page/page.hpp"
 #include "heft/stiffness/stiffness.hpp"
 
@@ -33,5 +35,22 @@ std::string brief(const stiffness::MeasurementPlan& plan);
 std::string full(const stiffness::MeasurementPlan& plan);
 std::string json(const stiffness::MeasurementPlan& plan);
 page::Page page(const stiffness::MeasurementPlan& plan);
+
+/// Elastic joints among the effects of a diagnosis: what encoders and torque of the motor's side alone show.
+struct MotorSideReport {
+  diagnose::Diagnosis diagnosis;
+  std::vector<std::string> sources;  ///< paths of the logs fitted to
+  host::Judgement judgement;
+  std::vector<data::Log> logs{};  ///< fitted to, for the page's lines
+};
+
+/// n: stiffness of each elastic joint found [N·m/rad, N/m], infinite for the others.
+Eigen::VectorXd elastic_joints(const diagnose::Diagnosis& diagnosis);
+/// Why there is none, and what to record.
+std::string why_none(const diagnose::Diagnosis& diagnosis);
+std::string brief(const MotorSideReport& report);
+std::string full(const MotorSideReport& report);
+std::string json(const MotorSideReport& report);
+page::Page page(const MotorSideReport& report);
 
 }  // namespace heft::report

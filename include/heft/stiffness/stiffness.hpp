@@ -99,9 +99,6 @@ struct EncoderOptions {
   double cutoff{0.0};  ///< low-pass of positions and torque [Hz]; 0: from the bandwidth of the motion
 };
 
-/// Whether a log has columns qlink1.. of link-side encoders.
-bool has_link_encoders(const data::LogSource& log);
-
 /// Springs from the motor's and the link's encoder, all training logs together and each for itself.
 /// @param logs  with qlink1..; logs to judge on take no part
 /// @throws DataError on logs without link encoders or torque, or too short; InputError when the number of inertias is not

@@ -1,0 +1,104 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <nlohmann/json.hpp>
+
+#include "diagnosis_result.hpp"
+#include "effect_words.hpp"
+#include "heft/host/numbers.hpp"
+#include "heft/report/diagnosis.hpp"
+#include "page_lines.hpp"
+#include "stiffness_parts.hpp"
+#include "torque_score.hpp"
+
+namespace heft::report {
+namespace {
+
+using diagnose::Diagnosis;
+using diagnose::Finding;
+using page::Table;
+
+std::vector<const Finding*> elastic_findings(const Diagnosis& diagnosis) {
+  std::vector<const Finding*> found;
+  for (const Finding& finding : diagnosis.findings) {
+    if (finding.effect.is<ElasticJoint>()) found.push_back(&finding);
+  }
+  return found;
+}
+
+Table joint_table(const Diagnosis& diagnosis) {
+  Table table({"joint", "found", "evidence"});
+  for (const Finding* finding : elastic_findings(diagnosis)) {
+    table.add_row({fmt::format("{}", finding->joint + 1), parameters_in_words(*finding, diagnosis.after),
+                   evidence_in_words(*finding)});
+  }
+  return table;
+}
+
+}  // namespace
+
+Eigen::VectorXd elastic_joints(const Diagnosis& diagnosis) {
+  Eigen::VectorXd stiffness = Eigen::VectorXd::Constant(diagnosis.after.num_joints(), kInfinity);
+  for (const Finding* finding : elastic_findings(diagnosis)) {
+    for (const auto& [name, value] : finding->parameters) {
+      if (name == "stiffness") stiffness[finding->joint] = value;
+    }
+  }
+  return stiffness;
+}
+
+std::string why_none(const Diagnosis& diagnosis) {
+  std::vector<std::string> why;
+  for (const diagnose::Refusal& refusal : diagnosis.refusals) {
+    if (refusal.effect.is<ElasticJoint>())
+      why.push_back(fmt::format("joint {}: {}", refusal.joint + 1, refusal.why));
+  }
+  return fmt::format(
+      "the motor's side shows no elastic joint{}{}; expected motion that reaches towards the resonance of a joint "
+      "with its load (fast reversals, steps), or link-side encoders (columns qlink1..); record such a log, or measure "
+      "deflections under load (--measurements)",
+      why.empty() ? "" : ": ", fmt::join(why, "; "));
+}
+
+std::string brief(const MotorSideReport& report) {
+  const Eigen::VectorXd stiffness = elastic_joints(report.diagnosis);
+  std::vector<std::string> known;
+  for (const Finding* finding : elastic_findings(report.diagnosis)) {
+    known.push_back(
+        fmt::format("joint {} {}", finding->joint + 1, stiffness_in_words(stiffness[finding->joint], false)));
+  }
+  return fmt::format("Elastic, as the motor's side shows: {}.", fmt::join(known, ", "));
+}
+
+std::string full(const MotorSideReport& report) {
+  return fmt::format("{}\n{}\n{}\n{}\n", brief(report), verdict_text(report.judgement),
+                     joint_table(report.diagnosis).to_text(2), brief(report.diagnosis));
+}
+
+nlohmann::ordered_json to_json(const MotorSideReport& report) {
+  nlohmann::ordered_json joints = nlohmann::ordered_json::array();
+  for (const Finding* finding : elastic_findings(report.diagnosis)) {
+    nlohmann::ordered_json entry{{"joint", finding->joint + 1}, {"p_value", finding->p_value}};
+    for (const auto& [name, value] : finding->parameters) entry[name] = value;
+    joints.push_back(entry);
+  }
+  nlohmann::ordered_json json{{"source", "motor side"}, {"logs", report.sources}, {"joints", joints}};
+  put_verdict(json, report.judgement);
+  return json;
+}
+
+std::string json(const MotorSideReport& report) { return text_of(to_json(report)); }
+
+page::Page page(const MotorSideReport& report) {
+  const Diagnosis& diagnosis = report.diagnosis;
+  page::Page page = new_page("Joint stiffness from the motor's side",
+                             fmt::format("{}, {}", diagnosis.after.name, file_names_of(report.sources)));
+  for (const data::Log& log : report.logs) add_log_line(page, log_line(log));
+  page.verdict(brief(report), report.judgement);
+  page.table(joint_table(diagnosis), "Elastic joints among the effects of a diagnosis");
+  page.paragraph(brief(diagnosis));
+  page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, diagnosis.after),
+             "Errors on the validation logs, all effects found");
+  return page;
+}
+
+}  // namespace heft::report
