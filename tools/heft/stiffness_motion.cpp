@@ -33,8 +33,7 @@ void from_link_encoders(const StiffnessCommandOptions& options, const model::Rob
 
 /// What the motor's side alone shows is the elasticity among the effects of a diagnosis.
 void from_motor_side(const StiffnessCommandOptions& options, const model::Robot& robot,
-                     std::vector<data::Log> logs, const std::vector<data::Log>& validate,
-                     const host::Judgement& torque) {
+                     const data::LogSet& opened, std::vector<data::Log> logs, const host::Judgement& torque) {
   const Console console{options.result.json, options.model};
   report::MotorSideReport answer;
   {
@@ -43,7 +42,7 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
     asked.band = options.log.band;
     asked.joint_sensor = options.log.torque_at == "joint";
     asked.progress = [&](const std::string& what, double done) { progress.update(done, what); };
-    answer.diagnosis = diagnose::diagnose(robot, logs, validate, asked);
+    answer.diagnosis = diagnose::diagnose(robot, opened, asked);
   }
   stiffness::Stiffness found =
       stiffness::given(answer.diagnosis.after, report::elastic_joints(answer.diagnosis));
@@ -94,8 +93,8 @@ void stiffness_from_motion(const StiffnessCommandOptions& options) {
         "the log has no link-side encoders (columns qlink1..); from the motor's side alone an elastic joint "
         "is taken only when a log that the fit has not seen confirms it: give one with --validate LOG.csv");
   }
-  const std::vector<data::Log> validate = read_all(opened.judge(), options, robot, torque);
-  from_motor_side(options, robot, std::move(logs), validate, torque);
+  (void)read_all(opened.judge(), options, robot, torque);
+  from_motor_side(options, robot, opened, std::move(logs), torque);
 }
 
 }  // namespace heft::tools

@@ -402,15 +402,6 @@ std::string verdict_of(const Ur5Study& study) {
 
 }  // namespace
 
-model::Robot make_thesis_ur5() {
-  return model::make_standard_dh_robot("ur5 (table 3)", {{0.0, 0.08916, 1.0, 0.0},
-                                                         {-0.425, 0.0, 0.0, 1.0},
-                                                         {-0.39225, 0.0, 0.0, 1.0},
-                                                         {0.0, 0.10915, 1.0, 0.0},
-                                                         {0.0, 0.09465, -1.0, 0.0},
-                                                         {0.0, 0.0823, 0.0, 1.0}});
-}
-
 Ur5Measurements read_ur5_measurements() {
   Ur5Measurements m;
   for (const bool cantilever : {false, true}) {

@@ -14,8 +14,8 @@
 #include "heft/data/deflections.hpp"
 #include "heft/model/kinematics.hpp"
 #include "heft/stiffness/cartesian_stiffness.hpp"
-#include "heft/stiffness/dexterity.hpp"
 #include "heft/stiffness/deflection_fit.hpp"
+#include "heft/stiffness/dexterity.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
 
 namespace heft::studies {
@@ -38,9 +38,6 @@ struct Ur5Measurements {
 
 /// @throws DataError when a file is not there or not as it should be
 Ur5Measurements read_ur5_measurements();
-
-/// The arm of table 3.
-model::Robot make_thesis_ur5();
 
 /// How far the arm reaches.
 struct ReachStudy {

@@ -1,0 +1,19 @@
+/// @file
+/// The UR5 as a Denavit-Hartenberg table: table 3 of "Experimental identification of the joints stiffness of the UR5 robot
+/// arm", UPC-ETSEIB, Barcelona, 2017 [m].
+#pragma once
+
+#include "heft/model/kinematics.hpp"
+
+namespace heft::studies {
+
+inline model::Robot make_thesis_ur5() {
+  return model::make_standard_dh_robot("ur5 (table 3)", {{0.0, 0.08916, 1.0, 0.0},
+                                                         {-0.425, 0.0, 0.0, 1.0},
+                                                         {-0.39225, 0.0, 0.0, 1.0},
+                                                         {0.0, 0.10915, 1.0, 0.0},
+                                                         {0.0, 0.09465, -1.0, 0.0},
+                                                         {0.0, 0.0823, 0.0, 1.0}});
+}
+
+}  // namespace heft::studies
