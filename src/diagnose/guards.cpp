@@ -8,6 +8,7 @@
 
 #include "engine.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/words.hpp"
 #include "motion_scores.hpp"
 
 namespace heft::diagnose {
@@ -16,14 +17,6 @@ namespace {
 constexpr const char* kMotionToRecord =
     "record a motion of at least 20 s in which every joint turns back and forth over much of its range, at "
     "slow and at fast speeds (heft excite designs one)";
-
-/// "joints 1, 2 and 4".
-std::string joint_list(const std::vector<int>& joints) {
-  std::string text = joints.size() == 1 ? "joint " : "joints ";
-  for (std::size_t k = 0; k < joints.size(); ++k)
-    text += fmt::format("{}{}", k == 0 ? "" : k + 1 == joints.size() ? " and " : ", ", joints[k] + 1);
-  return text;
-}
 
 /// Largest travel of each joint in one of the logs, and the length of all of them [s].
 struct Extent {
@@ -65,7 +58,7 @@ void refuse_too_little_motion(const model::Robot& robot, const std::vector<data:
   throw NotIdentifiableError(fmt::format(
       "{}: {} of {} hardly move (by less than {} rad or {} m): their parameters, and what the arm lacks, "
       "cannot be determined; {}",
-      train.front().path, joint_list(hardly), n, kHardlyTurns, kHardlySlides, kMotionToRecord));
+      train.front().path, host::joints_in_words(hardly), n, kHardlyTurns, kHardlySlides, kMotionToRecord));
 }
 
 void refuse_too_few_parameters(const model::Robot& bare, const std::vector<data::Log>& train) {

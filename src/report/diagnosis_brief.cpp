@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "heft/host/words.hpp"
+
 namespace heft::report {
 namespace {
 
@@ -52,13 +54,6 @@ std::vector<std::string> names_of(const std::vector<diagnose::Rival>& rivals) {
   return names;
 }
 
-/// "joint 2", "joints 1, 3 and 5" of joints counted from 0.
-std::string joints_in_words(const std::set<int>& joints) {
-  std::vector<std::string> numbers;
-  for (const int joint : joints) numbers.push_back(fmt::format("{}", joint + 1));
-  return fmt::format("joint{} {}", numbers.size() > 1 ? "s" : "", list_of(numbers));
-}
-
 /// "presliding (friction hysteresis) in joints 1, 3 and 5", one entry a kind, the one with the strongest effect first.
 std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
   std::vector<EffectKind> kinds;
@@ -74,7 +69,9 @@ std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
   }
   std::vector<std::string> words;
   for (std::size_t k = 0; k < kinds.size(); ++k) {
-    words.push_back(effect_name(kinds[k]) + (joints[k].empty() ? "" : " in " + joints_in_words(joints[k])));
+    words.push_back(
+        effect_name(kinds[k]) +
+        (joints[k].empty() ? "" : " in " + host::joints_in_words({joints[k].begin(), joints[k].end()})));
   }
   return words;
 }
