@@ -6,6 +6,7 @@
 
 #include "heft/data/log.hpp"
 #include "heft/report/stiffness.hpp"
+#include "heft/stiffness/stiffness.hpp"
 #include "stiffness_jobs.hpp"
 
 namespace heft::tools {

@@ -17,6 +17,7 @@
 #include "heft/stiffness/deflection_fit.hpp"
 #include "heft/stiffness/dexterity.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
+#include "thesis_ur5.hpp"
 
 namespace heft::studies {
 
