@@ -372,12 +372,12 @@ bool LogFile::next(double* values) {
   return true;
 }
 
-/// Throws for a field of the contract; lets the column go otherwise.
+/// Throws for a field of a known channel; drops the column otherwise.
 void LogFile::refuse_field(std::size_t index, const char* begin, int problem) {
   Column& column = columns_[index];
   const std::string_view field = field_around(begin, line_end_);
   if (!column.known) {
-    // A number is due only in the columns of the contract: the others are let go at the first text.
+    // A number is due only in known channels: the others are dropped at the first text.
     dropped_.push_back(fmt::format("{} ('{}' in line {})", column.name, shown(field), line_));
     column.dropped = true;
     return;

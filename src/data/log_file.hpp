@@ -16,13 +16,13 @@
 
 namespace heft::data {
 
-/// A channel of the contract: its column prefix and its place in a Log.
+/// A channel that heft knows: its column prefix and its place in a Log.
 struct Channel {
   std::string_view prefix;
   Eigen::MatrixXd Log::*matrix;
 };
 
-// Order of the contract; also the order in which a log is written.
+// The order in which a log is written (README.md in this folder).
 inline constexpr std::array<Channel, 8> kChannels{{
     {"q", &Log::q},          // joint positions [rad, m]
     {"tau", &Log::tau},      // joint torques [N·m, N]
@@ -55,7 +55,7 @@ class LogFile {
   const std::string& column_name(std::size_t column) const { return columns_[column].name; }
   /// Time or part of a complete channel.
   bool is_known(std::size_t column) const { return columns_[column].known; }
-  /// A column beyond the contract in which text was found so far.
+  /// Another column, in which text was found so far.
   bool is_dropped(std::size_t column) const { return columns_[column].dropped; }
 
   /// Skips every column but time and these from now on: their fields are not even looked at.
@@ -69,7 +69,7 @@ class LogFile {
   long num_rows() const { return num_rows_; }
   /// Whether the rows read are as many as needed. @throws DataError
   void check_length() const;
-  /// What to tell of columns beyond the contract, "" when there are none. Columns of `used` are not
+  /// A note on columns beyond the known channels, "" when there are none. Columns of `used` are not
   /// mentioned.
   std::string note(const std::vector<std::size_t>& used = {}) const;
   /// Part of the file that was read, 0..1.

@@ -1,5 +1,5 @@
 // Dexterity, characteristic lengths, reach, maps and the choice of poses: closed forms, arms known to be
-// isotropic, and the UR5 of the thesis.
+// isotropic, and the UR5 of the thesis that dexterity.hpp cites.
 #include "heft/stiffness/dexterity.hpp"
 
 #include <algorithm>

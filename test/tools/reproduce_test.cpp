@@ -151,7 +151,7 @@ TEST(TerminalLinkSections, FittingWithoutTheMassGivesTheWrongValues) {
 
 TEST(TerminalLinkSections, FittingWithTheMassGivesEveryParameter) {
   const MassColumnCheck check = check_mass_column();
-  // Δx6 of the corrected text, section 9, in g m, g m², mN m, and 60 g.
+  // Δx6 of core/estimate/README.md, section 9, in g m, g m², mN m, and 60 g.
   const std::array<double, 12> stated = {3.9, 3.9, 0, 0.471, 0.371, 0.642, -0.171, 0, 0, 150, 0, 60};
   for (std::size_t i = 0; i < stated.size(); ++i)
     EXPECT_NEAR(check.with_mass[i], stated[i], 1e-6) << terminal_parameter_names()[i];

@@ -46,7 +46,7 @@ struct LogRequirements {
 Log read_log(const std::string& path, const LogRequirements& needs,
              std::vector<std::string>* notes = nullptr);
 
-/// The log as CSV text (header, then rows, full precision), columns in the contract's order, extras last.
+/// The log as CSV text (header, then rows, full precision), columns in the order of src/data/README.md, extras last.
 std::string to_csv(const Log& log);
 
 /// Writes a log; the file appears whole or not at all. `-` is standard output.

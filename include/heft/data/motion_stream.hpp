@@ -54,7 +54,7 @@ struct StreamOptions {
   /// No joint faster: standstill [rad/s, m/s]. 0: 1 % of the joint's top speed in the log. Joints that travel
   /// less than 0.01 rad (m), or a hundredth of the largest travel, do not count: their top speed is noise.
   double standstill_speed{0.0};
-  /// Groups of extra columns wanted ("qref", "qlink"), which may be channels of the contract: columns name1,
+  /// Groups of extra columns wanted ("qref", "qlink"), which may be channels of Log: columns name1,
   /// name2, ... up to the first that is missing; a group that the log lacks gives a matrix without columns.
   std::vector<std::string> extra{};
   Eigen::Index chunk_samples{16384};  ///< rows a piece at least

@@ -1,7 +1,7 @@
 /// @file
 /// How well a pose carries motion and force through the joints, and which poses to measure at.
 ///
-/// Source: the thesis "Experimental identification of the joints stiffness of the UR5 robot arm", sections
+/// Source: thesis "Experimental identification of the joints stiffness of the UR5 robot arm" (2017), sections
 /// 2.2.3.3 and 3.2.1, whose equation numbers stand at the functions.
 #pragma once
 

@@ -408,7 +408,7 @@ void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& 
     }
     return std::string("–");
   };
-  page.heading("Where the publication is contradicted");
+  page.heading("Where the paper is contradicted");
   page.paragraph(
       fmt::format("The instruments as printed. Read literally, (33) puts the instrument rows into "
                   "a block-diagonal matrix; (32) is then "

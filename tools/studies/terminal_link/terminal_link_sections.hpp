@@ -47,7 +47,7 @@ struct RankCheck {
 std::vector<RankCheck> check_ranks();
 
 /// Largest relative difference of each recursive form from the regularised batch estimate
-/// (P₀⁻¹ + Σ ẑ w)⁻¹ (P₀⁻¹ x₀ + Σ ẑ y), over the protocol's data.
+/// (P₀⁻¹ + Σ ẑ w)⁻¹ (P₀⁻¹ x₀ + Σ ẑ y), over the data of section 10.
 struct FormCheck {
   double covariance{0}, staged{0}, factored{0};
 };

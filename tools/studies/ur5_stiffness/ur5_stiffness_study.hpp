@@ -1,5 +1,5 @@
 /// @file
-/// The computations behind heft reproduce ur5-stiffness: the thesis "Experimental identification of the joints stiffness
+/// The computations behind heft reproduce ur5-stiffness: thesis "Experimental identification of the joints stiffness
 /// of the UR5 robot arm" on its own numbers. Numbers in brackets are its equations.
 #pragma once
 
