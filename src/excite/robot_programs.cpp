@@ -57,7 +57,7 @@ std::string to_urscript(const data::Log& log, const std::string& name) {
       "  i = 0\n"
       "  while i < 6:\n"
       "    if norm(now[i] - start[i]) > 0.01:\n"
-      "      popup(\"The arm does not stand at the motion's first row. Move it there first.\", \"heft\", "
+      "      popup(\"The arm is not at the motion's first row. Move it there first.\", \"heft\", "
       "error=True, blocking=True)\n"
       "      halt\n"
       "    end\n"
