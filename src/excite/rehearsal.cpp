@@ -86,7 +86,7 @@ sim::SimulationSettings replay_settings(const model::Robot& robot,
   const int n = robot.num_joints();
   sim::SimulationSettings settings;
   settings.robot = robot;
-  settings.loads = sim::loads_of(robot);
+  settings.loads = sim::friction_of(robot);
   settings.duration = duration;
   settings.sample_rate = kSampleRate;
   settings.log_rate = kLogRate;

@@ -343,7 +343,7 @@ Scenario parse_scenario(std::string_view json, const std::string& file, const Ro
     s.loads = read_friction(top.object("friction"), acting);
     add_joint_effects(acting, s.loads);
   } else {
-    s.loads = loads_of(s.robot);
+    s.loads = friction_of(s.robot);
   }
   if (top.has("payload")) s.payload_events = read_payload(top, n);
   if (top.has("effects")) read_effects(top, acting, s);

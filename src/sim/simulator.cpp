@@ -436,7 +436,7 @@ class Run {
 
 }  // namespace
 
-std::vector<JointLoad> loads_of(const model::Robot& robot, SignModel sign) {
+std::vector<JointLoad> friction_of(const model::Robot& robot, SignModel sign) {
   std::vector<JointLoad> loads;
   for (const model::RobotJoint& joint : robot.joints) {
     JointLoad load;

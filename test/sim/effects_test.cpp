@@ -68,7 +68,7 @@ SimulationSettings moving_arm(const model::Robot& robot, double duration) {
   kp << 3000, 3000, 2000, 300, 300, 300;
   kd << 150, 150, 100, 15, 15, 15;
   s.controller = std::make_shared<PdController>(kp, kd, std::make_shared<ForwardDynamics>(robot));
-  s.loads = loads_of(robot, SignModel::kSmooth);
+  s.loads = friction_of(robot, SignModel::kSmooth);
   s.solver = {SolverMethod::kBdf, 1e-6, 1e-8};
   s.log_truth = true;
   return s;
@@ -162,7 +162,7 @@ TEST(UndeclaredEffects, LoadFrictionFollowsTheLoadThroughItsZeroDespiteTheRotor)
   s.robot.joints[0].actuation.rotor_inertia = rotor;
   s.robot.joints[0].actuation.viscous_friction = 5.0;
   s.robot.effects = {effect("load_friction", 0, {mu})};
-  s.loads = loads_of(s.robot, SignModel::kSmooth);
+  s.loads = friction_of(s.robot, SignModel::kSmooth);
   s.solver = {SolverMethod::kBdf, 1e-6, 1e-8};
   s.duration = 1.5;
   s.initial_position = VectorXd::Zero(1);
@@ -189,7 +189,7 @@ TEST(UndeclaredEffects, BlockOnASlopeStartsWhenItsLoadFrictionIsOvercome) {
   s.robot = test::slider(m);
   s.robot.joints[0].actuation.coulomb_friction = Fc;
   s.robot.effects = {effect("load_friction", 0, {mu})};
-  s.loads = loads_of(s.robot);
+  s.loads = friction_of(s.robot);
   s.gravity = Vector3d(-slope, 0.0, -9.0);
   s.duration = 3.0;
   s.initial_position = VectorXd::Zero(1);
@@ -207,7 +207,7 @@ TEST(UndeclaredEffects, BlockOnASlopeStartsWhenItsLoadFrictionIsOvercome) {
 TEST(UndeclaredEffects, RefusesEffectsThatDoNotFitTheArm) {
   model::Robot robot = test::slider(1.0);
   robot.effects = {effect("spring", 3, {1.0, 0.0})};
-  EXPECT_THROW(loads_of(robot), ModelError);
+  EXPECT_THROW(friction_of(robot), ModelError);
   EXPECT_THROW(make_joint_effect(effect("rotor_inertia", 0, {1.0}), {}), ModelError);
   EXPECT_THROW(make_joint_effect({kNumJointEffects, 0, {}}, {}), ModelError);
   SimulationSettings s;
@@ -222,7 +222,7 @@ TEST(UndeclaredEffects, RefusesEffectsThatDoNotFitTheArm) {
   EXPECT_THROW(simulate(s), ModelError);
   s.robot.couplings.clear();
   s.robot.effects = {effect("load_friction", 0, {1.0})};
-  s.loads = loads_of(s.robot);
+  s.loads = friction_of(s.robot);
   EXPECT_THROW(simulate(s), ModelError);
 }
 

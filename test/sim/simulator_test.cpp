@@ -86,7 +86,7 @@ SimulationSettings closed_loop(double duration) {
   const FourierMotion motion = exciting_motion();
   s.initial_position = motion.q0;
   s.reference = ramp_in(make_fourier(motion), motion.q0, 1.0);
-  s.loads = loads_of(s.robot);
+  s.loads = friction_of(s.robot);
   s.torque_limit = effort_limits_of(s.robot);
   VectorXd kp(6), kd(6);
   kp << 3000, 3000, 2000, 300, 300, 300;

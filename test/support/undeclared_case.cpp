@@ -1121,7 +1121,7 @@ class CaseMaker {
     s.initial_velocity.resize(n_);
     VectorXd qdd(n_);
     path->evaluate(0.0, s.initial_position, s.initial_velocity, qdd);
-    s.loads = sim::loads_of(s.robot, sim::SignModel::kSmooth);
+    s.loads = sim::friction_of(s.robot, sim::SignModel::kSmooth);
     s.solver.method = sim::SolverMethod::kBdf;
     s.solver.relative_tolerance = 1e-6;
     s.solver.absolute_tolerance = 1e-8;

@@ -138,7 +138,7 @@ TEST(ExciteUr10e, MotionMeetsItsTargetsAndKeepsItsLimitsOnTheSimulatedArm) {
   const nlohmann::json& reference = result["trajectory"]["reference"];
   sim::SimulationSettings settings;
   settings.robot = robot;
-  settings.loads = sim::loads_of(robot);
+  settings.loads = sim::friction_of(robot);
   settings.duration = 20.0;
   settings.sample_rate = 500.0;
   settings.initial_position = vector_of(result["trajectory"]["start"]);

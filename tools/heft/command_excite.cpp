@@ -222,6 +222,37 @@ void run(const Options& options) {
   finish_files(console, options, motion, excite_json(motion, wording), excite_page(motion, wording));
 }
 
+/// What is below the table of options.
+constexpr const char* kFooter =
+    "A finite Fourier series per joint, at rest at both ends, inside all limits: joints, torque with the "
+    "payload,\n"
+    "speed of the tool and of every link origin, distance of the links (capsules around the collision "
+    "shapes of the\n"
+    "URDF, or fitted where it has none) from one another, from floor, box and obstacles. The result is run "
+    "on the\n"
+    "simulated arm and checked there. Where no safe motion is found, exit code 4 and the limit that stops "
+    "it.\n"
+    "LIMITS.json; one number holds for all joints, what is left out comes from the URDF:\n"
+    "  lower, upper    [rad, m]     velocity, acceleration, torque   [rad/s, rad/s², N·m; m, N]\n"
+    "  margin          fraction of every limit that is kept free (0.05)\n"
+    "  tool_speed      [m/s] as --tool-speed\n"
+    "  floor           [m] above the base origin that the arm stays above, or \"none\" (0; none for a base "
+    "that hangs or\n"
+    "                  leans by more than 45°)\n"
+    "  clearance       [m] kept between links, from floor, box and obstacles (2 % of the arm's length)\n"
+    "  box             [[x, y, z], [x, y, z]] corners of a box in the base frame that the arm stays in\n"
+    "  obstacles       [{\"name\": \"table\", \"lower\": [x, y, z], \"upper\": [x, y, z]}, ...] boxes that "
+    "it stays out of\n"
+    "  tool            [x, y, z] a point in the tip frame    tool_radius  [m] of the tool around the line "
+    "to it (0.05)\n"
+    "  start           position at both ends                 torque_noise standard deviation [N·m, N]\n"
+    "The JSON holds the coefficients of the motion, and the same as \"reference\" of a scenario of heft "
+    "simulate;\n"
+    "heft simulate --urdf R --replay exciting.csv -o log.csv runs the CSV.\n"
+    "Example: heft excite --urdf ur10e --duration 20 --report exciting.html -o exciting.csv\n"
+    "Example: heft excite --urdf ur10e --for friction --from 0,-1.57,1.57,0,0,0 -o strokes.csv "
+    "--write-urscript strokes.script";
+
 }  // namespace
 
 Action set_up_excite(CommandLine line) {
@@ -344,35 +375,7 @@ Action set_up_excite(CommandLine line) {
              {"--duration", "--period", "--harmonics", "--cost", "--rows", "--rotor-inertia", "--offset",
               "--payload-only", "--given", "--noise", "--starts", "--compare"});
   });
-  line.footer(
-      "A finite Fourier series per joint, at rest at both ends, inside all limits: joints, torque with the "
-      "payload,\n"
-      "speed of the tool and of every link origin, distance of the links (capsules around the collision "
-      "shapes of the\n"
-      "URDF, or fitted where it has none) from one another, from floor, box and obstacles. The result is run "
-      "on the\n"
-      "simulated arm and checked there. Where no safe motion is found, exit code 4 and the limit that stops "
-      "it.\n"
-      "LIMITS.json; one number holds for all joints, what is left out comes from the URDF:\n"
-      "  lower, upper    [rad, m]     velocity, acceleration, torque   [rad/s, rad/s², N·m; m, N]\n"
-      "  margin          fraction of every limit that is kept free (0.05)\n"
-      "  tool_speed      [m/s] as --tool-speed\n"
-      "  floor           [m] above the base origin that the arm stays above, or \"none\" (0; none for a base "
-      "that hangs or\n"
-      "                  leans by more than 45°)\n"
-      "  clearance       [m] kept between links, from floor, box and obstacles (2 % of the arm's length)\n"
-      "  box             [[x, y, z], [x, y, z]] corners of a box in the base frame that the arm stays in\n"
-      "  obstacles       [{\"name\": \"table\", \"lower\": [x, y, z], \"upper\": [x, y, z]}, ...] boxes that "
-      "it stays out of\n"
-      "  tool            [x, y, z] a point in the tip frame    tool_radius  [m] of the tool around the line "
-      "to it (0.05)\n"
-      "  start           position at both ends                 torque_noise standard deviation [N·m, N]\n"
-      "The JSON holds the coefficients of the motion, and the same as \"reference\" of a scenario of heft "
-      "simulate;\n"
-      "heft simulate --urdf R --replay exciting.csv -o log.csv runs the CSV.\n"
-      "Example: heft excite --urdf ur10e --duration 20 --report exciting.html -o exciting.csv\n"
-      "Example: heft excite --urdf ur10e --for friction --from 0,-1.57,1.57,0,0,0 -o strokes.csv "
-      "--write-urscript strokes.script");
+  line.footer(kFooter);
   return [options] { run(*options); };
 }
 

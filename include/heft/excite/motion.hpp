@@ -32,8 +32,7 @@ class PiecewiseMotion {
  public:
   void add(Piece piece);
   const std::vector<Piece>& pieces() const { return pieces_; }
-  double begin_of(std::size_t piece) const { return begins_[piece]; }  ///< [s]
-  double duration() const { return duration_; }                        ///< [s]
+  double duration() const { return duration_; }  ///< [s]
   /// @param t  clamped to the motion [s]
   void evaluate(double t, Eigen::VectorXd& q, Eigen::VectorXd& qd, Eigen::VectorXd& qdd) const;
 

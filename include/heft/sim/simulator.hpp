@@ -106,7 +106,7 @@ struct SolverCounts {
 
 /// A simulation's settings. Everything but robot, duration and initial position has a working default.
 struct SimulationSettings {
-  /// The true arm. Its friction values and joint effects are not used, `loads` are (loads_of makes them
+  /// The true arm. Its friction values and joint effects are not used, `loads` are (friction_of makes them
   /// from the robot); rotor inertias, also those among the effects, couplings, elasticities and torque
   /// delay are.
   model::Robot robot;
@@ -157,7 +157,7 @@ struct SimulationResult {
 /// Friction as the robot states it: Coulomb, viscous and offset, sticking at the Coulomb level, and its joint effects
 /// but for rotor inertias. The smooth sign gets its usual speed, 1e-3 rad/s or 5e-4 m/s.
 /// @throws ModelError for an effect on a joint that does not exist.
-std::vector<JointLoad> loads_of(const model::Robot& robot, SignModel sign = SignModel::kStickSlip);
+std::vector<JointLoad> friction_of(const model::Robot& robot, SignModel sign = SignModel::kStickSlip);
 
 /// Adds the robot's joint effects, but for rotor inertias, to n loads. Its joints' actuation gives the
 /// friction that some of them scale.

@@ -113,7 +113,7 @@ sim::SimulationSettings loop_of(const Setup& setup, const model::Robot& arm, con
   simulation.initial_position.resize(n);
   Eigen::VectorXd qd(n), qdd(n);
   motion->evaluate(0.0, simulation.initial_position, qd, qdd);
-  simulation.loads = sim::loads_of(arm);
+  simulation.loads = sim::friction_of(arm);
   simulation.torque_limit = tracking.torque_limit;
   simulation.reference = motion;
   simulation.controller =

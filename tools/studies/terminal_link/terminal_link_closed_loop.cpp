@@ -119,7 +119,7 @@ data::Log simulate_arm(const FourierTrajectory& trajectory, double duration, boo
     s.robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = kRotor[i];
   s.duration = duration;
   s.sample_rate = 1 / kPeriod;
-  s.loads = sim::loads_of(s.robot);
+  s.loads = sim::friction_of(s.robot);
   s.reference = reference_of(trajectory);
   s.initial_position.resize(kN);
   s.initial_velocity.resize(kN);
