@@ -256,7 +256,7 @@ TEST_P(Payload, IsFoundFromRowsKToN) {
     ASSERT_EQ(estimator.update(Y, qd, residual, record), Status::kOk);
     EXPECT_EQ(record.rows_used, 6 - first);
   }
-  const bool sees_mass = first <= 3;  // estimate/README.md, section 6: rows 5, 6 of such a wrist do not
+  const bool sees_mass = first <= 3;  // core/estimate/README.md, section 6: rows 5, 6 do not
   EXPECT_EQ(estimator.identifiable(0), sees_mass);
   if (sees_mass) {
     for (std::size_t i = 0; i < 10; ++i) {
