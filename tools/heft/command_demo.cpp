@@ -40,7 +40,7 @@ Action set_up_demo(CommandLine line) {
       .type_name("FOLDER")
       .names_file(FileUse::kOutputFolder)
       .capture_default_str();
-  line.add_option("--mass", options->mass, "[kg] load that the arm grips")
+  line.add_option("--mass", options->mass, "mass of the load that the arm picks up [kg]")
       .between(0.1, 5.0)
       .capture_default_str();
   line.add_option("--json", options->json, "write the results as JSON; - is standard output")

@@ -135,7 +135,8 @@ void add_log_options(CommandLine line, LogOptions& options) {
       .names_file(FileUse::kMeasurements)
       .required();
   line.add_option("--torque-constant", options.torque_constant,
-                  "[N·m/A] one value, or one a joint: torque from the currents i1.. when tau1.. are missing")
+                  "torque constants [N·m/A], one value or one a joint: torque from the currents i1.. when "
+                  "tau1.. are missing")
       .type_name("K,K,...")
       .delimiter(',');
   line.add_option("--torque-at", options.torque_at,

@@ -410,11 +410,10 @@ void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& 
   };
   page.heading("Where the paper is contradicted");
   page.paragraph(
-      fmt::format("The instruments as printed. Read literally, (33) puts the instrument rows into "
-                  "a block-diagonal matrix; (32) is then "
-                  "least squares with a weight for each sample, and has the same kind of bias: e = {} in "
-                  "scenario A, {} in B at 2000 and 20000 samples. "
-                  "It does not converge. Stacked instruments, as the text means them, do.",
+      fmt::format("The instruments as printed. Read literally, (33) puts the instrument rows into a "
+                  "block-diagonal matrix; (32) is then least squares with a weight for each sample, and has "
+                  "the same kind of bias: e = {} in scenario A, {} in B at 2000 and 20000 samples. It does "
+                  "not converge. Stacked instruments, as the text intends, do.",
                   find("literal", "A"), find("literal", "B")));
   page.paragraph(
       fmt::format("The missing mass. Equation (39) says that a change of the terminal link shows "
@@ -484,7 +483,7 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
                "of the tracking error of PD, 250 g at the wrist"},
               {"with the payload's mass", fmt::format("{:.0f} %", 100 * rms_of_all(loop.runs[4]) / pd),
                "carried into every row"}});
-  page.heading("The table of the protocol");
+  page.heading("The table of claims");
   page.table(claim_table(study.table));
   page.note(
       "How printed digits are treated: a value is compared after rounding to the digits its range is printed "
@@ -509,13 +508,13 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
   page.heading("Start-up: what the estimator hands out");
   page.paragraph(
       "The production estimator with its default settings. Below about three seconds of this motion the "
-      "instrumental system is poorly conditioned and its solution worthless now and then; the estimator "
-      "hands out the nominal values until least squares is determined, least squares until the instrumental "
-      "system passes its conditioning check, instrumental variables from then on. Counts are seeds. Duration "
-      "decides, not the number of samples.");
+      "instrumental system is poorly conditioned and its solution sometimes worthless; the estimator hands "
+      "out the nominal values until least squares is determined, least squares until the instrumental "
+      "system passes its conditioning check, instrumental variables from then on. Counts are seeds. "
+      "Duration decides, not the number of samples.");
   page.table(startup_table(study, false, false), "Scenario A, 5 ms");
   page.table(startup_table(study, true, true), "Scenario B, 1 ms");
-  page.heading("The mass that (39) forgets");
+  page.heading("The mass that is missing in (39)");
   page.table(mass_column_table(study.mass_column),
              "Change of the terminal link from all six rows of the validation trajectory, noise-free");
   Table rows({"torque error, rms [mN m]", "joint 1", "joint 2", "joint 3", "joint 4"});
@@ -528,7 +527,7 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
   add_row("the same as base values and zeros", study.uncorrected_rows.k5_base_values);
   add_row("perfect k = 5 estimate in heft's reduced parameters", study.uncorrected_rows.reduced);
   add_row("payload's mass carried into every row", study.uncorrected_rows.with_mass);
-  page.table(rows, "What is left at joints 1 to 4, validation trajectory");
+  page.table(rows, "Residual at joints 1 to 4, validation trajectory");
   Table ranks({"k", "parameters", "identifiable", "gap of singular values [decades]"});
   for (const RankCheck& r : study.ranks)
     ranks.add_row({fmt::format("{}", r.k), fmt::format("{}", r.columns), fmt::format("{}", r.rank),

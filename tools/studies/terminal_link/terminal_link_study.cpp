@@ -294,7 +294,7 @@ void add_requirements(Study& study) {
   };
   add("rows-uncorrected", "Torque of the payload at joints 1..4 [mN m rms]", "", "10, 37, 50, 79",
       four(rows.uncorrected), vector_of(rows.uncorrected), matches(rows.uncorrected, {10, 37, 50, 79}));
-  add("rows-k5", "What a perfect k = 5 estimate leaves at joints 1..4", "", "3, 41, 23, 45", four(rows.k5),
+  add("rows-k5", "Residual of a perfect k = 5 estimate at joints 1..4", "", "3, 41, 23, 45", four(rows.k5),
       vector_of(rows.k5), matches(rows.k5, {3, 41, 23, 45}));
   add("rows-k5-base", "The same with base values and zeros in place of raw coefficients", "",
       "5, 50, 77, 109", four(rows.k5_base_values), vector_of(rows.k5_base_values),

@@ -86,8 +86,8 @@ void add_reach(std::vector<Fault>& faults, const ReachStudy& reach, const Dexter
        "slip",
        "text at figure 30",
        "1/k_F is high from 0.0035 to 0.005 and low from 0.001 to 0.005",
-       fmt::format("The second range holds the first. {:.0f} % of the map would be low, {:.0f} % of it high "
-                   "at the same time. 0.001 to 0.0005 may be meant",
+       fmt::format("The second range contains the first. {:.0f} % of the map would be low, {:.0f} % of it "
+                   "high at the same time. 0.001 to 0.0005 may be meant",
                    100 * dexterity.share_called_bad, 100 * dexterity.share_called_good),
        {dexterity.share_called_bad, dexterity.share_called_good},
        dexterity.share_called_good > 0.0 && dexterity.share_called_bad > dexterity.share_called_good});
@@ -95,7 +95,7 @@ void add_reach(std::vector<Fault>& faults, const ReachStudy& reach, const Dexter
       {"length-moves-zones",
        "result",
        "3.2.1",
-       "1/k_F depends on L, the place of the zones does not",
+       "1/k_F depends on L, the location of the zones does not",
        fmt::format(
            "Of the places that are high with lengths in millimetres {:.0f} % are among as many highest with "
            "{:.3f} m: the map in millimetres weighs translation only",
@@ -295,7 +295,8 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
        "result",
        "(120), figure 41",
        "τ_i / δθ_i gives stiffnesses that vary less than those of least squares",
-       fmt::format("{} of {} values at the four poses with an inverse are negative, which no spring is",
+       fmt::format("{} of {} values at the four poses with an inverse are negative, which is impossible for "
+                   "a spring",
                    stiffness.direct_negative, stiffness.direct.stiffness.size()),
        {static_cast<double>(stiffness.direct_negative)},
        stiffness.direct_negative > 0});
@@ -322,7 +323,7 @@ void add_poses(std::vector<Fault>& faults, const model::Kinematics& kinematics,
        "5.2.2, 5.3",
        "the deflection lies along (1, 1, 0) of the tool, the rotation about z; all else is negligible",
        fmt::format(
-           "With the stiffnesses found the tool goes {:.2f} times as far across that direction and {:.2f} "
+           "With the stiffnesses found the tool moves {:.2f} times as far across that direction and {:.2f} "
            "times as far along z (rms over the poses), and turns {:.2f} times as far about x and y as about "
            "z. The text has the displacement along z \"over\" the resolution; below must be meant",
            across, upright, tilt),
@@ -436,8 +437,8 @@ void add_readings(std::vector<Fault>& faults, const Ur5Measurements& m) {
         {"work-negative", "data", "tables 7 to 12 with 14 to 19",
          "force and moment (135) bend an arm of springs by what both tables say",
          fmt::format("F d + M (d_end - d)/0.5 m is what the load gives, from readings alone. It is negative "
-                     "at poses {}: no stiffness whatever does that. Load, direction or one of the tables is "
-                     "not as stated",
+                     "at poses {}: no stiffness gives that. Load, direction or one of the tables is not as "
+                     "stated",
                      fmt::join(negative, " and ")),
          work, !negative.empty()});
   }

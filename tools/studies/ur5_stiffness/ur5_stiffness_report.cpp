@@ -216,9 +216,9 @@ void add_stiffness(const Ur5Study& study, StudyReport& report) {
   page::Page& page = report.page;
   page.heading("Stiffness from the measured tables");
   page.paragraph(
-      "Least squares of the compliances on the six mean readings of tables 7 to 12. The UR5 has gears of one "
-      "size in joints 1 to 3 and of a smaller one in 4 to 6; with one compliance for each size two numbers "
-      "remain, which six readings can bear. Five or six cannot.");
+      "Least squares of the compliances on the six mean readings of tables 7 to 12. The UR5 has gears of "
+      "one size in joints 1 to 3 and of a smaller one in 4 to 6; with one compliance for each size two "
+      "unknowns remain, which six readings can determine; five or six unknowns they cannot.");
   page.table(stiffness_table(s), "Stiffness [kN m/rad] with 95 % intervals");
   report.csv("stiffness.csv", stiffness_table(s));
   page.table(fit_table(s));
@@ -227,8 +227,8 @@ void add_stiffness(const Ur5Study& study, StudyReport& report) {
   page.plot(figure_38);
   report.figure("figure_38.svg", figure_38);
   page.note(
-      "Joint 6 is not there: no reading at the tool moves with it. The intervals of single joints rest on "
-      "one spare reading and go beyond the drawing; two of the five best values are negative.");
+      "Joint 6 is missing: no reading at the tool moves with it. The intervals of single joints rest on one "
+      "spare reading and exceed the drawing; two of the five best values are negative.");
   PlotSpec readings = readings_plot(s);
   page.plot(readings);
   report.figure("readings.svg", readings);
@@ -325,9 +325,9 @@ void add_effects(const Ur5Study& study, StudyReport& report) {
                          simulation.plans.empty() ? 0.0 : simulation.plans.front().least_dexterity));
   report.csv("plans.csv", plan_table(simulation));
   page.note(
-      fmt::format("\"Errors as large as now\": {:.0f} µm, what the six poses leave. Joint 5 stays worst: the "
-                  "load has a lever of 82 mm about it. The load should be stated in base axes, hung at more "
-                  "than one point, and the full deflection read.",
+      fmt::format("\"Errors as large as at present\": {:.0f} µm, what the six poses leave. Joint 5 stays "
+                  "worst: the load has a lever of 82 mm about it. The load should be stated in base axes, "
+                  "hung at more than one point, and the full deflection read.",
                   1e6 * simulation.unexplained));
 }
 

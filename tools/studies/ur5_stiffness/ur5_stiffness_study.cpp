@@ -302,7 +302,7 @@ std::vector<Plan> plans_of(const model::Kinematics& kinematics, const Simulation
                {6, 12}},
         Choice{
             "tracker", Instrument::kWhole, simulation.tracker_noise, simulation.tracker_rotation, {3, 6, 10}},
-        Choice{"tracker, errors as large as now",
+        Choice{"tracker, errors as large as at present",
                Instrument::kWhole,
                simulation.unexplained,
                simulation.unexplained / 0.5,
@@ -393,9 +393,9 @@ std::string verdict_of(const Ur5Study& study) {
   const bool decided = s.of_tool.accepted >= 0 || s.of_own.accepted >= 0 || s.of_both.accepted >= 0;
   return fmt::format(
       "Kinematics and dexterity map reproduce, the map only with lengths in millimetres; the joint "
-      "stiffnesses do not. The six readings bear one value for each size of gear: {} for joints 1 to 3, {} "
-      "for joints 4 to 6. They leave {:.3f} mm, {:.0f} times what repeats scatter. What is behind that {} "
-      "with six scalar measurements.",
+      "stiffnesses do not. The six readings support one value for each size of gear: {} for joints 1 to 3, "
+      "{} for joints 4 to 6. They leave a residual of {:.3f} mm, {:.0f} times the scatter of repeats. Its "
+      "cause {} with six scalar measurements.",
       size(0), size(3), 1e3 * s.two.fit_rms, s.two.fit_rms / s.two.repeatability,
       decided ? "was decided" : "cannot be decided");
 }
