@@ -35,7 +35,7 @@ class Follow final : public sim::Controller {
 data::Log simulated(const model::Robot& robot, const std::vector<sim::PayloadEvent>& loads = {}) {
   sim::SimulationSettings settings;
   settings.robot = robot;
-  settings.loads = sim::loads_of(robot, sim::SignModel::kSmooth);
+  settings.loads = sim::friction_of(robot, sim::SignModel::kSmooth);
   settings.duration = 40.0;
   settings.sample_rate = 200.0;
   settings.log_rate = 100.0;

@@ -129,7 +129,7 @@ sim::SimulationSettings demo_settings(const model::Robot& robot, const sim::Body
   sim::SimulationSettings settings;
   settings.robot = robot;
   settings.duration = kDuration;
-  settings.loads = sim::loads_of(robot);
+  settings.loads = sim::friction_of(robot);
   settings.torque_limit = sim::effort_limits_of(robot);
   settings.reference = demo_path();
   settings.initial_position.resize(6);
@@ -262,7 +262,7 @@ void add_answer(const DemoResult& d, page::Page& page) {
 
 page::PlotSpec mass_plot_of(const DemoResult& d) {
   page::PlotSpec mass_plot;
-  mass_plot.title = "What the estimator says the load weighs, with its 95 % interval";
+  mass_plot.title = "Estimated mass of the load with its 95 % interval";
   mass_plot.x_label = "time [s]";
   mass_plot.y_label = "mass [kg]";
   mass_plot.height = 340;
@@ -380,13 +380,12 @@ void add_notes(const DemoResult& d, page::Page& page) {
       "Encoders of 2e-5 rad, velocity from differences, torque noise of 0.5 and 0.1 N·m; the controller "
       "knows the rigid bodies of the arm and its friction to about 5 %.");
   page.note(
-      "The estimator sees encoder positions and the torque the drives report, nothing else. Positions pass a "
-      "causal filter that gives velocity and acceleration, the torque passes the same filter; the residual "
-      "of the arm's own model is explained by ten inertial parameters of a body at the last link and a "
-      "change of the last joint's friction, by recursive least squares. Residuals several times their usual "
-      "size over some samples say that the load is another; what was known is then forgotten and the new "
-      "load is weighed afresh. The interval (95 %) is from the residuals' own size and "
-      "correlation.");
+      "The estimator sees encoder positions and the torque the drives report, nothing else. Positions pass "
+      "a causal filter that gives velocity and acceleration, the torque passes the same filter; the "
+      "residual of the arm's own model is explained by ten inertial parameters of a body at the last link "
+      "and a change of the last joint's friction, by recursive least squares. Residuals several times their "
+      "usual size over some samples indicate another load; the estimate is then reset and the new load is "
+      "weighed. The interval (95 %) is from the residuals' own size and correlation.");
 }
 
 }  // namespace
@@ -408,7 +407,7 @@ StudyReport run_demo(double mass, const std::function<void(double)>& progress) {
   report.page.plot(mass_plot_of(d));
   report.page.plot(error_plot_of(d));
   add_joints(d, report.page, report.json);
-  report.page.plots("Where the load sits, in the axes of the last link", com_plots_of(d));
+  report.page.plots("Position of the load, in the axes of the last link", com_plots_of(d));
   add_notes(d, report.page);
   return report;
 }

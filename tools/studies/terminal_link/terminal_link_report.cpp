@@ -314,7 +314,7 @@ constexpr std::array<Parameter, 4> kFigureParameters = {{{12, "g m²", "inertia6
                                                          {16, "mN m", "coulomb6"}}};
 
 void add_figures(const Study& study, StudyReport& report) {
-  report.page.heading("Estimates against the number of samples (the publication's figures 2 and 3)");
+  report.page.heading("Estimates against the number of samples (figures 2 and 3 of the paper)");
   report.page.paragraph(
       "Four of the eighteen base parameters, LSM against IVM with the joint model (35). The band holds all "
       "seeds, the line is their mean from where all of them are on the drawing, the dashed line the truth. "
@@ -337,11 +337,11 @@ void add_figures(const Study& study, StudyReport& report) {
 }
 
 void add_closed_loop(const ClosedLoop& loop, StudyReport& report) {
-  report.page.heading("Closed loop with 250 g at the wrist (the publication's figures 4 and 5)");
+  report.page.heading("Closed loop with 250 g at the wrist (figures 4 and 5 of the paper)");
   const double pd = rms_of_all(loop.runs[0]), k5 = rms_of_all(loop.runs[3]),
                carried = rms_of_all(loop.runs[4]), whole = rms_of_all(loop.runs[5]);
   report.page.paragraph(fmt::format(
-      "The publication's arm with rotors, Coulomb friction that sticks, encoders of 131072 steps a turn and "
+      "The arm of the paper with rotors, Coulomb friction that sticks, encoders of 131072 steps a turn and "
       "torque noise, simulated in continuous time and controlled at 1 kHz; nominal values within ±10 %. All "
       "controllers get the same bandwidth of 4 Hz: the PD gains are the computed torque's times the mean "
       "inertia of each joint. Estimates come from 20 s of the exciting trajectory, errors from another one. "
@@ -391,12 +391,12 @@ void add_closed_loop(const ClosedLoop& loop, StudyReport& report) {
       "Error e of k = 5 estimates from the encoders of the loaded arm, by how the acceleration was made");
   report.csv("closed_loop_estimates.csv", encoders);
   report.page.note(
-      "The publication saw LSM and IVM give nearly the same values in this experiment. So does the "
-      "simulation once position is filtered before it is differentiated: there is then little noise left to "
-      "be biased by, and what remains is common to both (reversals, the nonlinearity of the filtered "
-      "equations). Only where encoders are differenced twice without a filter do instruments decide, and "
-      "then an acceleration one sample old is none: it shares encoder readings with the present one. It "
-      "takes three samples, or the desired acceleration.");
+      "The authors saw LSM and IVM give nearly the same values in this experiment. So does the simulation "
+      "once position is filtered before it is differentiated: there is then little noise left to be biased "
+      "by, and what remains is common to both (reversals, the nonlinearity of the filtered equations). Only "
+      "where encoders are differenced twice without a filter do instruments decide, and then an "
+      "acceleration one sample old is none: it shares encoder readings with the present one. It takes three "
+      "samples, or the desired acceleration.");
 }
 
 void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& page) {
