@@ -149,14 +149,6 @@ std::vector<std::string> remarks(const PayloadResult& result) {
   return lines;
 }
 
-std::vector<std::string> joint_names(Eigen::Index count) {
-  std::vector<std::string> names;
-  for (Eigen::Index j = 0; j < count; ++j) names.push_back(fmt::format("joint {}", j + 1));
-  return names;
-}
-
-std::vector<double> to_vector(const Eigen::VectorXd& values) { return {values.begin(), values.end()}; }
-
 /// Range of the mass plot: that of the values told after the first tenth of the run, so that the wild
 /// values at the start do not press the rest flat.
 std::pair<double, double> settled_range(const PayloadResult& result) {
@@ -172,12 +164,6 @@ std::pair<double, double> settled_range(const PayloadResult& result) {
   if (!(high > low)) high = low + 1.0;
   const double margin = 0.15 * (high - low);
   return {low - margin, high + margin};
-}
-
-Eigen::VectorXd root_mean_squares(const Eigen::MatrixXd& error) {
-  return (error.colwise().squaredNorm().transpose() /
-          static_cast<double>(std::max<Eigen::Index>(1, error.rows())))
-      .cwiseSqrt();
 }
 
 }  // namespace
@@ -328,61 +314,6 @@ void add_to(page::Page& page, const PayloadResult& result) {
     page.plot(spec);
     page.table(torque_error_table(result), result.rmse_meaning);
   }
-}
-
-page::Table tracking_table(const std::vector<TrackingRun>& runs) {
-  std::vector<std::string> headers{"controller"};
-  const Eigen::Index n = runs.empty() ? 0 : runs.front().error.cols();
-  for (Eigen::Index j = 0; j < n; ++j) headers.push_back(fmt::format("joint {} [mrad]", j + 1));
-  headers.push_back("largest [mrad]");
-  page::Table table(headers);
-  for (const TrackingRun& run : runs) {
-    std::vector<std::string> row{run.name};
-    const Eigen::VectorXd rms = root_mean_squares(run.error);
-    for (const double value : rms) row.push_back(page::number(1e3 * value, 3));
-    row.push_back(page::number(1e3 * run.error.cwiseAbs().maxCoeff(), 3));
-    table.add_row(row);
-  }
-  return table;
-}
-
-nlohmann::ordered_json tracking_json(const std::vector<TrackingRun>& runs) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  for (const TrackingRun& run : runs) {
-    json.push_back({{"controller", run.name},
-                    {"rms_error", json_array(root_mean_squares(run.error))},
-                    {"max_error", json_array(run.error.cwiseAbs().colwise().maxCoeff().transpose())}});
-  }
-  return json;
-}
-
-std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
-                                           const std::vector<page::Mark>& marks) {
-  std::vector<page::PlotSpec> plots;
-  const Eigen::Index n = runs.empty() ? 0 : runs.front().error.cols();
-  for (Eigen::Index j = 0; j < n; ++j) {
-    page::PlotSpec spec;
-    spec.title = fmt::format("Joint {}", j + 1);
-    spec.x_label = "time [s]";
-    spec.y_label = "error [mrad]";
-    for (const TrackingRun& run : runs) {
-      spec.series.push_back(page::line(run.name, run.time, 1e3 * run.error.col(j)));
-    }
-    spec.marks = marks;
-    plots.push_back(std::move(spec));
-  }
-  return plots;
-}
-
-page::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs) {
-  page::PlotSpec spec;
-  spec.title = "Tracking error per joint";
-  spec.y_label = "RMS error [mrad]";
-  for (const TrackingRun& run : runs) {
-    spec.series.push_back(page::bars(run.name, to_vector(1e3 * root_mean_squares(run.error))));
-  }
-  spec.categories = joint_names(runs.empty() ? 0 : runs.front().error.cols());
-  return spec;
 }
 
 }  // namespace heft::report

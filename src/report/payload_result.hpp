@@ -12,6 +12,7 @@
 
 #include "heft/host/verdict.hpp"
 #include "heft/page/page.hpp"
+#include "tracking_runs.hpp"
 
 namespace heft::report {
 
@@ -88,22 +89,5 @@ std::string to_text(const PayloadResult& result);
 std::string verdict_of(const PayloadResult& result);
 /// Adds verdict, facts, plots and tables to a page.
 void add_to(page::Page& page, const PayloadResult& result);
-
-/// One controller's run of a tracking comparison.
-struct TrackingRun {
-  std::string name;        ///< "PD", "computed torque, estimated load"
-  Eigen::VectorXd time;    ///< samples [s]
-  Eigen::MatrixXd error;   ///< reference minus position, samples × joints [rad, m]
-  Eigen::MatrixXd torque;  ///< samples × joints; may be empty
-};
-
-/// Root mean square and largest tracking error per joint and controller.
-page::Table tracking_table(const std::vector<TrackingRun>& runs);
-nlohmann::ordered_json tracking_json(const std::vector<TrackingRun>& runs);
-/// One plot a joint: every controller's error over time.
-std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
-                                           const std::vector<page::Mark>& marks = {});
-/// Bars: root mean square error per joint, one bar a controller.
-page::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs);
 
 }  // namespace heft::report

@@ -18,8 +18,8 @@
 #include "heft/identify/fit_record.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/simulator.hpp"
+#include "heft/track/controllers.hpp"
 #include "heft/validate/acceptance.hpp"
-#include "sim_controllers.hpp"
 
 namespace heft::studies {
 namespace {
@@ -102,7 +102,7 @@ sim::SimulationSettings loop_of(const Setup& setup, const model::Robot& arm, con
                                 const std::shared_ptr<const sim::Reference>& motion, std::uint64_t seed) {
   const CampaignSettings& settings = *setup.settings;
   const int n = arm.num_joints();
-  tools::TrackingSettings tracking;
+  track::ControllerSettings tracking;
   tracking.bandwidth_hz = kBandwidthHz;
   tracking.inertia = setup.inertia;
   tracking.torque_limit = sim::effort_limits_of(arm);
@@ -116,8 +116,7 @@ sim::SimulationSettings loop_of(const Setup& setup, const model::Robot& arm, con
   simulation.loads = sim::friction_of(arm);
   simulation.torque_limit = tracking.torque_limit;
   simulation.reference = motion;
-  simulation.controller =
-      tools::make_tracking_controller(tools::TrackingMethod::kComputedTorque, believed, tracking);
+  simulation.controller = track::make_controller(track::Method::kComputedTorque, believed, tracking);
   simulation.sensors.position_noise = Eigen::VectorXd::Constant(n, settings.position_noise);
   simulation.sensors.torque_noise = Eigen::VectorXd::Constant(n, settings.torque_noise);
   simulation.seed = seed;
@@ -274,7 +273,7 @@ CampaignResult run_campaign(const CampaignSettings& settings,
   setup.judged = std::make_shared<DesignedMotion>(excite::ExcitationDesign(loaded, limits, excitation)
                                                       .optimize(part(0.1, 0.2, "designing motions"))
                                                       .trajectory);
-  setup.inertia = tools::mean_inertia(setup.datasheet, *setup.exciting, settings.duration);
+  setup.inertia = track::mean_inertia(setup.datasheet, *setup.exciting, settings.duration);
 
   // Experiments.
   std::uint64_t noise = settings.seed * 100;

@@ -12,13 +12,14 @@
 
 #include "heft/host/parallel.hpp"
 #include "heft/model/named_arms.hpp"
+#include "heft/model/robot_of.hpp"
 #include "heft/sim/simulator.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/track/controllers.hpp"
 #include "heft/validate/judgement.hpp"
 #include "host/json.hpp"
 #include "operation_count_line.hpp"
 #include "page_lines.hpp"
-#include "sim_controllers.hpp"
 
 namespace heft::studies {
 namespace {
@@ -29,7 +30,7 @@ constexpr double kSettled = 2.0;  // after a start or a grasp, before errors are
 
 /// The UR5 with drives: rotors, torque limits.
 model::Robot demo_robot() {
-  model::Robot robot = tools::robot_of(model::Ur5Arm::kModel, "ur5");
+  model::Robot robot = model::robot_of(model::Ur5Arm::kModel, "ur5");
   constexpr std::array<double, 6> kRotor = {0.6, 0.6, 0.5, 0.1, 0.1, 0.1};
   constexpr std::array<double, 6> kEffort = {150, 150, 150, 28, 28, 28};
   for (std::size_t i = 0; i < 6; ++i) {
@@ -115,7 +116,7 @@ struct DemoResult {
   std::string robot;
   sim::Body load;
   Run without, with;  ///< the load's estimate in the controller's model
-  tools::LoadTrace trace;
+  track::LoadTrace trace;
   double mass{0.0}, half{0.0};              ///< found, and half of its 95 % interval [kg]
   std::array<double, 3> com{}, com_half{};  ///< the same [m]
   double found_at{0.0}, noticed_at{0.0};    ///< since the grasp [s]
@@ -154,23 +155,23 @@ DemoResult simulate(double mass, const std::function<void(double)>& progress) {
   const sim::Body load = demo_load(mass);
   const sim::SimulationSettings settings = demo_settings(robot, load);
 
-  tools::TrackingSettings tracking;
+  track::ControllerSettings tracking;
   tracking.bandwidth_hz = 3;
   tracking.torque_limit = settings.torque_limit;
-  tracking.inertia = tools::mean_inertia(believed, *settings.reference, kDuration);
+  tracking.inertia = track::mean_inertia(believed, *settings.reference, kDuration);
 
   DemoResult d;
   d.robot = robot.name;
   d.load = load;
-  const auto trace = std::make_shared<tools::LoadTrace>();
+  const auto trace = std::make_shared<track::LoadTrace>();
   host::for_each_parallel(
       2,
       [&](std::size_t i) {
         const bool estimates = i == 1;
         sim::SimulationSettings own = settings;
-        own.controller = tools::make_tracking_controller(
-            estimates ? tools::TrackingMethod::kEstimated : tools::TrackingMethod::kComputedTorque, believed,
-            tracking, estimates ? trace : nullptr);
+        own.controller =
+            track::make_controller(estimates ? track::Method::kEstimated : track::Method::kComputedTorque,
+                                   believed, tracking, estimates ? trace : nullptr);
         const data::Log log = sim::simulate(own).log;
         Run& run = estimates ? d.with : d.without;
         run = {log.time, log.qref - log.q, log.tau};

@@ -14,9 +14,10 @@
 #include "heft/core/estimate/terminal_link_estimator.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/host/parallel.hpp"
+#include "heft/model/robot_of.hpp"
 #include "heft/sim/simulator.hpp"
 #include "heft/statistics/distributions.hpp"
-#include "sim_controllers.hpp"
+#include "heft/track/controllers.hpp"
 #include "terminal_link_setup.hpp"
 
 namespace heft::studies {
@@ -77,11 +78,11 @@ Belief belief_of(const ArmModel<double, kN>& arm) {
 /// Core's controllers with compile-time geometry.
 class ArmController final : public sim::Controller {
  public:
-  ArmController(tools::TrackingMethod method, Belief belief, const Vector& inertia)
+  ArmController(track::Method method, Belief belief, const Vector& inertia)
       : method_(method), belief_(std::move(belief)) {
     const double w = 2 * std::numbers::pi * kBandwidthHz;
     JointFeedback<double, kN>::Config config;
-    const bool scaled = method == tools::TrackingMethod::kPd || method == tools::TrackingMethod::kPdGravity;
+    const bool scaled = method == track::Method::kPd || method == track::Method::kPdGravity;
     const Vector scale = scaled ? inertia : Vector(Vector::Ones());
     config.stiffness = scale * (w * w);
     config.damping = scale * (2 * w);
@@ -96,16 +97,16 @@ class ArmController final : public sim::Controller {
     Vector tau = Vector::Zero();
     ControlRecord record;
     const Status status =
-        method_ == tools::TrackingMethod::kComputedTorque
+        method_ == track::Method::kComputedTorque
             ? computed_torque<Arm>(feedback_, belief_.parameters, belief_.friction, kRotor, reference, q, qd,
                                    tau, record)
-            : pd_control<Arm>(feedback_, belief_.parameters, method_ == tools::TrackingMethod::kPdGravity,
-                              reference, q, qd, tau, record);
+            : pd_control<Arm>(feedback_, belief_.parameters, method_ == track::Method::kPdGravity, reference,
+                              q, qd, tau, record);
     if (status == Status::kOk) torque = tau;
   }
 
  private:
-  tools::TrackingMethod method_;
+  track::Method method_;
   Belief belief_;
   JointFeedback<double, kN> feedback_;
 };
@@ -114,7 +115,7 @@ class ArmController final : public sim::Controller {
 data::Log simulate_arm(const FourierTrajectory& trajectory, double duration, bool payload, int seed,
                        std::shared_ptr<sim::Controller> controller) {
   sim::SimulationSettings s;
-  s.robot = tools::robot_of(model::KawasakiArm::kModel, "kawasaki6r");
+  s.robot = model::robot_of(model::KawasakiArm::kModel, "kawasaki6r");
   for (int i = 0; i < kN; ++i)
     s.robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = kRotor[i];
   s.duration = duration;
@@ -340,18 +341,18 @@ ClosedLoop run_closed_loop(int seed) {
 
   const ArmModel<double, kN> nominal_model = nominal_arm(seed);
   const Belief nominal = belief_of(nominal_model);
-  model::Robot nominal_robot = tools::robot_of(nominal_model, "nominal");
+  model::Robot nominal_robot = model::robot_of(nominal_model, "nominal");
   for (int i = 0; i < kN; ++i)
     nominal_robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = kRotor[i];
   const FourierTrajectory exciting = exciting_trajectory(), validation = validation_trajectory();
-  const Vector inertia = tools::mean_inertia(nominal_robot, *reference_of(validation), kTrackingTime);
+  const Vector inertia = track::mean_inertia(nominal_robot, *reference_of(validation), kTrackingTime);
 
   std::array<std::vector<FilteredSample>, 2> samples;
   data::Log loaded;
   host::for_each_parallel(2, [&](std::size_t i) {
-    data::Log log = simulate_arm(
-        exciting, kExcitingTime, i == 1, seed + static_cast<int>(i),
-        std::make_shared<ArmController>(tools::TrackingMethod::kComputedTorque, nominal, inertia));
+    data::Log log =
+        simulate_arm(exciting, kExcitingTime, i == 1, seed + static_cast<int>(i),
+                     std::make_shared<ArmController>(track::Method::kComputedTorque, nominal, inertia));
     samples[i] = filtered(log);
     if (i == 1) loaded = std::move(log);
   });
@@ -375,21 +376,21 @@ ClosedLoop run_closed_loop(int seed) {
   struct Contender {
     const char* name;
     const char* knows;
-    tools::TrackingMethod method;
+    track::Method method;
     const Belief* belief;
   };
   const std::vector<Contender> contenders = {
-      {"PD", "nothing of the arm", tools::TrackingMethod::kPd, &nominal},
-      {"PD + gravity", "gravity torque of the nominal arm", tools::TrackingMethod::kPdGravity, &nominal},
-      {"computed torque, nominal", "nominal values within ±10 %, no payload",
-       tools::TrackingMethod::kComputedTorque, &nominal},
+      {"PD", "nothing of the arm", track::Method::kPd, &nominal},
+      {"PD + gravity", "gravity torque of the nominal arm", track::Method::kPdGravity, &nominal},
+      {"computed torque, nominal", "nominal values within ±10 %, no payload", track::Method::kComputedTorque,
+       &nominal},
       {"computed torque, k = 5", "rows 5 and 6 as estimated; joints 1 to 4 know nothing of the payload",
-       tools::TrackingMethod::kComputedTorque, &by_k5},
+       track::Method::kComputedTorque, &by_k5},
       {"computed torque, k = 4 + payload mass",
        "rows 4 to 6 as estimated without payload, and the payload weighed and carried into every row",
-       tools::TrackingMethod::kComputedTorque, &with_mass},
-      {"computed torque, k = 1", "all rows as estimated with the payload",
-       tools::TrackingMethod::kComputedTorque, &whole}};
+       track::Method::kComputedTorque, &with_mass},
+      {"computed torque, k = 1", "all rows as estimated with the payload", track::Method::kComputedTorque,
+       &whole}};
   out.runs.resize(contenders.size());
   host::for_each_parallel(contenders.size(), [&](std::size_t i) {
     const Contender& c = contenders[i];

@@ -1,0 +1,122 @@
+/// @file
+/// What a model holds beyond rigid bodies and declared friction, along a reference.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include <fmt/format.h>
+#include <Eigen/Core>
+
+#include "heft/core/control/joint_controller.hpp"
+#include "heft/core/dynamics/inverse_dynamics.hpp"
+#include "heft/core/effects/effect_feed_forward.hpp"
+#include "heft/core/friction/gear_coupling.hpp"
+#include "heft/host/error.hpp"
+#include "heft/model/robot.hpp"
+
+namespace heft::track {
+
+/// Scale of the smooth Coulomb sign in feed-forward and residual [rad/s, m/s].
+inline constexpr double kSignWidth = 0.02;
+
+/// Effects of a model that a controller has room for.
+inline constexpr int kMaxEffects = 64;
+
+template <int N>
+EffectFeedForward<double, N, kMaxEffects> effects_of(const model::Robot& robot) {
+  EffectFeedForward<double, N, kMaxEffects> effects;
+  for (const JointEffect<double>& effect : robot.effects) {
+    if (effects.add(effect) != Status::kOk) {
+      throw ModelError(
+          fmt::format("tracking: robot \"{}\" has {} effects on {} joints; expected at most {}, each "
+                      "of a joint and with finite values",
+                      robot.name, robot.effects.size(), N, kMaxEffects));
+    }
+  }
+  return effects;
+}
+
+/// Adds the torque of gear couplings.
+template <typename Vector>
+void add_couplings(const std::vector<GearCoupling<double>>& couplings, const Vector& qd, const Vector& qdd,
+                   Vector& tau) {
+  for (const GearCoupling<double>& coupling : couplings) {
+    const double shared = gear_coupling_torque(
+        coupling, shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]),
+        shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]), kSignWidth);
+    tau[coupling.driven] += shared;
+    tau[coupling.driving] += coupling.ratio * shared;
+  }
+}
+
+/// What a model holds beyond rigid bodies and declared friction, along the reference: joint effects, gear couplings
+/// and where the motors of elastic joints have to be for the links to follow.
+template <int N>
+class ModelFeedForward {
+ public:
+  using Arm = DynamicArm<double, N>;
+  using Vector = JointVector<double, N>;
+
+  /// @param friction  false leaves out declared friction, and with it what scales it
+  ModelFeedForward(const model::Robot& nominal, bool friction)
+      : nominal_(model::to_arm_model<N>(nominal)),
+        actuation_(nominal_.model().actuation),
+        couplings_(nominal.couplings),
+        elasticities_(nominal.elasticities),
+        effects_(effects_of<N>(nominal)) {
+    if (friction) return;
+    for (JointActuation<double>& actuation : actuation_) actuation = {actuation.rotor_inertia, 0, 0, 0};
+  }
+
+  bool needed() const { return effects_.count() > 0 || !couplings_.empty() || !elasticities_.empty(); }
+
+  /// Takes the next point of the reference.
+  /// @param arm  with the load that is believed to be there
+  Status update(double time, double sample_time, const Arm& arm, const JointReference<double, N>& reference) {
+    const Vector load = inverse_dynamics(arm, reference.q, reference.qd, reference.qdd);
+    deflection = rate = acceleration = Vector::Zero();
+    if (!elasticities_.empty()) {
+      // θ = x + τ/K. An estimated load comes in steps: the derivatives are those of the nominal arm.
+      const Vector steady = inverse_dynamics(nominal_, reference.q, reference.qd, reference.qdd);
+      const Vector change =
+          points_ > 0 ? Vector((steady - last_load_) / sample_time) : Vector(Vector::Zero());
+      const Vector change_of_change =
+          points_ > 1 ? Vector((change - last_change_) / sample_time) : Vector(Vector::Zero());
+      last_load_ = steady;
+      last_change_ = change;
+      ++points_;
+      for (const Elasticity<double>& elasticity : elasticities_) {
+        const int j = elasticity.joint;
+        deflection[j] = load[j] / elasticity.stiffness;
+        rate[j] = change[j] / elasticity.stiffness;
+        acceleration[j] = change_of_change[j] / elasticity.stiffness;
+      }
+    }
+    const Vector q = reference.q + deflection, qd = reference.qd + rate, qdd = reference.qdd + acceleration;
+    torque = Vector::Zero();
+    for (const Elasticity<double>& elasticity : elasticities_) {
+      const int j = elasticity.joint;
+      torque[j] += actuation_[static_cast<std::size_t>(j)].rotor_inertia * acceleration[j];
+    }
+    add_couplings(couplings_, qd, qdd, torque);
+    return effects_.add_torque(time, q, qd, qdd, load, actuation_, kSignWidth, torque);
+  }
+
+  // Of the last point.
+  Vector torque = Vector::Zero();      ///< beyond rigid bodies, rotors and declared friction
+  Vector deflection = Vector::Zero();  ///< motor before link [rad, m]
+  Vector rate = Vector::Zero();        ///< its derivatives
+  Vector acceleration = Vector::Zero();
+
+ private:
+  Arm nominal_;
+  std::array<JointActuation<double>, static_cast<std::size_t>(N)> actuation_;
+  std::vector<GearCoupling<double>> couplings_;
+  std::vector<Elasticity<double>> elasticities_;
+  EffectFeedForward<double, N, kMaxEffects> effects_;
+  Vector last_load_ = Vector::Zero(), last_change_ = Vector::Zero();
+  int points_{0};
+};
+
+}  // namespace heft::track

@@ -1,0 +1,110 @@
+/// The online estimate of a load, sample by sample.
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "heft/model/dynamics.hpp"
+#include "load_observer.hpp"
+#include "support/arms.hpp"
+
+namespace heft::track {
+namespace {
+
+using Observer = LoadObserver<2>;
+
+/// The planar arm on a slow motion, with a load of 0.5 kg at its tip.
+class Motion {
+ public:
+  Motion() : loaded_(with_load()) {}
+
+  sim::Measurement at(int k) const {
+    constexpr double kPeriod = 1e-3;
+    sim::Measurement m;
+    m.time = k * kPeriod;
+    m.sample_time = kPeriod;
+    m.q.resize(2), m.qd.resize(2), m.qdd.resize(2);
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      const double w = 3.0 + 1.3 * static_cast<double>(i), p = w * m.time;
+      m.q[i] = std::sin(p), m.qd[i] = w * std::cos(p), m.qdd[i] = -w * w * std::sin(p);
+    }
+    m.tau = loaded_.joint_torque(m.q, m.qd, m.qdd);
+    return m;
+  }
+
+ private:
+  static model::Robot with_load() {
+    model::Robot robot = test::planar_two_link();
+    const auto load = test::body(0.5, {0.4, 0, 0}, {0, 0, 0, 0, 0, 0.001});
+    for (std::size_t i = 0; i < 10; ++i) robot.joints.back().link[i] += load[i];
+    return robot;
+  }
+
+  model::Dynamics loaded_;
+};
+
+struct Estimate {
+  std::array<double, 10> value, variance;
+};
+
+Estimate estimate_of(const Observer& observer) {
+  Estimate estimate{};
+  for (int i = 0; i < 10; ++i) {
+    estimate.value[static_cast<std::size_t>(i)] = observer.estimator().payload()[static_cast<std::size_t>(i)];
+    estimate.variance[static_cast<std::size_t>(i)] = observer.estimator().estimator().variance(i);
+  }
+  return estimate;
+}
+
+TEST(LoadObserver, WeighsTheLoad) {
+  Observer observer(test::planar_two_link(), {}, nullptr);
+  const Motion motion;
+  for (int k = 0; k < 4000; ++k) ASSERT_EQ(observer.sample(motion.at(k)), Status::kOk);
+  EXPECT_NEAR(observer.load()[kMass], 0.5, 0.02);
+}
+
+TEST(LoadObserver, ARowThatIsRefusedTakesTheRowsBeforeItWithIt) {
+  // Friction of the last joint is so large that its row has no variance within range while the joint is slow, so that row 2
+  // is refused when row 1 has been taken.
+  model::Robot arm = test::planar_two_link();
+  arm.joints[1].actuation.coulomb_friction = 1e40;
+  ControllerSettings settings;
+  settings.noise = Eigen::VectorXd::Ones(2);
+  Observer observer(arm, settings, nullptr);
+  Estimate before = estimate_of(observer);
+  int refused = 0;
+  for (int k = 0; k < 500; ++k) {
+    sim::Measurement m = Motion().at(k);
+    m.q[1] = m.qd[1] = 0.0;
+    if (observer.sample(m) != Status::kOk) {
+      ++refused;
+      const Estimate after = estimate_of(observer);
+      EXPECT_EQ(after.value, before.value) << "sample " << k;
+      EXPECT_EQ(after.variance, before.variance) << "sample " << k;
+    }
+    before = estimate_of(observer);
+  }
+  EXPECT_GT(refused, 10);
+}
+
+TEST(LoadObserver, ARefusedSampleLeavesNoTrace) {
+  Observer clean(test::planar_two_link(), {}, nullptr), disturbed(test::planar_two_link(), {}, nullptr);
+  const Motion motion;
+  for (int k = 0; k < 3000; ++k) {
+    sim::Measurement m = motion.at(k);
+    if (k == 1500) {
+      for (double* number : {&m.q[0], &m.qd[1], &m.tau[1]}) {
+        const double before = *number;
+        *number = std::numeric_limits<double>::quiet_NaN();
+        EXPECT_EQ(disturbed.sample(m), Status::kNonFiniteInput);
+        *number = before;
+      }
+      // As if the sample had come late: the same estimates but for the rounding of the time between.
+    }
+    ASSERT_EQ(clean.sample(m), Status::kOk);
+    ASSERT_EQ(disturbed.sample(m), Status::kOk);
+  }
+  EXPECT_NEAR(disturbed.load()[kMass], clean.load()[kMass], 1e-3);
+}
+
+}  // namespace
+}  // namespace heft::track
