@@ -205,7 +205,7 @@ TEST_F(PayloadCommand, StandingStillEndsWithFourAndTheMotionToRecord) {
   const Outcome done =
       run({"--baseline", path("empty.csv"), "--log", path("still.csv"), "--json", path("out.json")});
   EXPECT_EQ(done.exit_code, 4);
-  EXPECT_THAT(done.err, AllOf(HasSubstr("still.csv: the load cannot be told"), HasSubstr("stands still"),
+  EXPECT_THAT(done.err, AllOf(HasSubstr("still.csv: the load cannot be determined"), HasSubstr("stands still"),
                               HasSubstr("record a motion")));
   EXPECT_THAT(done.out, Not(HasSubstr("weighs")));
   const nlohmann::json result = json("out.json");

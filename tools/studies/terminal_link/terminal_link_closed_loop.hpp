@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "payload_result.hpp"
+#include "tracking_runs.hpp"
 
 namespace heft::studies {
 

@@ -13,7 +13,7 @@
 #include "heft/page/page.hpp"
 #include "host/json.hpp"
 #include "page_lines.hpp"
-#include "payload_result.hpp"
+#include "tracking_runs.hpp"
 #include "terminal_link_closed_loop.hpp"
 #include "terminal_link_study.hpp"
 

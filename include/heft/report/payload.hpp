@@ -1,0 +1,29 @@
+/// @file
+/// A load in words, as JSON, as a page.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "heft/page/page.hpp"
+#include "heft/payload/payload.hpp"
+
+namespace heft::report {
+
+/// One sentence: the mass with its interval, or why there is none.
+std::string brief(const payload::Payload& load);
+/// What `heft payload` prints about one log.
+std::string full(const payload::Payload& load);
+/// Fields as tools/README.md names them.
+std::string json(const payload::Payload& load);
+/// An object for one load, a list for several.
+std::string json(const std::vector<payload::Payload>& loads);
+
+/// One sentence: where the model of the arm without load comes from.
+std::string brief(const payload::UnloadedArm& arm);
+/// The same with the model's residual, where it was fitted.
+std::string full(const payload::UnloadedArm& arm);
+
+page::Page page(const payload::UnloadedArm& arm, const std::vector<payload::Payload>& loads);
+
+}  // namespace heft::report

@@ -1,0 +1,162 @@
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "heft/host/error.hpp"
+#include "heft/payload/payload.hpp"
+#include "host/json.hpp"
+#include "payload_log.hpp"
+
+namespace heft::payload {
+namespace {
+
+/// Field of the model file that holds ResidualStatistics.
+constexpr const char* kResidualField = "residual";
+
+std::string shown(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+Eigen::VectorXd numbers(const nlohmann::ordered_json& json, const char* key, int size,
+                        const std::string& path) {
+  const auto list = json.value(key, nlohmann::ordered_json());
+  if (!list.is_array() || list.size() != static_cast<std::size_t>(size)) {
+    throw ModelError(
+        fmt::format("{}: /{}/{}: expected {} numbers, one a joint", path, kResidualField, key, size));
+  }
+  Eigen::VectorXd values(size);
+  for (int i = 0; i < size; ++i) {
+    const auto& entry = list[static_cast<std::size_t>(i)];
+    if (!entry.is_number() || !(entry.get<double>() > 0)) {
+      throw ModelError(fmt::format("{}: /{}/{}/{}: found {}; expected a number above 0", path, kResidualField,
+                                   key, i, shown(entry)));
+    }
+    values[i] = entry.get<double>();
+  }
+  return values;
+}
+
+/// The residual that a fit of heft wrote; nothing for models from elsewhere.
+std::optional<statistics::ResidualStatistics> residual_of(const model::ModelFile& file) {
+  if (file.other_fields.empty()) return std::nullopt;
+  const auto others = nlohmann::ordered_json::parse(file.other_fields);
+  if (!others.contains(kResidualField)) return std::nullopt;
+  const auto& json = others[kResidualField];
+  statistics::ResidualStatistics residual;
+  residual.std = numbers(json, "std", file.num_joints(), file.path);
+  residual.correlation_time = numbers(json, "correlation_time", file.num_joints(), file.path);
+  const auto cutoff = json.value("cutoff_hz", nlohmann::ordered_json());
+  if (!cutoff.is_number() || !(cutoff.get<double>() > 0)) {
+    throw ModelError(fmt::format("{}: /{}/cutoff_hz: expected a number above 0", file.path, kResidualField));
+  }
+  residual.cutoff = cutoff.get<double>();
+  return residual;
+}
+
+nlohmann::ordered_json list_of(const Eigen::VectorXd& values) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const double value : values) list.push_back(host::number_or_null(value));
+  return list;
+}
+
+RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs, const Options& options,
+                 const std::string& what) {
+  RecursiveFitOptions how;
+  how.cutoff = options.cutoff;
+  how.torque_at_joint = options.torque_at == data::TorqueAt::kJoint;
+  if (options.progress) how.progress = [&](double done) { options.progress(what, done); };
+  RecursiveFit result = fit_recursively(robot, logs, how);
+  if (!result.missing.empty()) {
+    std::string names;
+    for (const data::Log& log : logs) names += fmt::format("{}{}", names.empty() ? "" : ", ", log.path);
+    throw NotIdentifiableError(fmt::format("{}: no model can be fitted: {}", names, result.missing.front()));
+  }
+  return result;
+}
+
+void take(UnloadedArm& arm, const RecursiveFit& fitted) {
+  arm.residual = fitted.residual;
+  arm.covariance = fitted.model.covariance;
+  model::apply(fitted.model, arm.robot);
+}
+
+void check_zero(UnloadedArm& result, const UnloadedArm& arm, const data::Log& log, const Options& options) {
+  const PayloadRun run = run_payload(arm.robot, log, run_options(arm, log, options, 0.0));
+  if (!run.mass.identifiable[0]) {
+    result.notes.push_back(fmt::format("{}: no use as a zero check: {}", log.path, run.missing));
+    return;
+  }
+  result.zero_checks.push_back({log.path, run.mass.value[0], run.mass.std[0], run.mass.half_width[0]});
+}
+
+/// Sets the logs without load, and looks for a load on those that the fit has not seen.
+void check_zeros(UnloadedArm& arm, const data::LogSet& logs, std::size_t zeros, const Options& options) {
+  arm.logs = logs.train();
+  const auto end = logs.judge().begin() + static_cast<std::ptrdiff_t>(std::min(zeros, logs.judge().size()));
+  arm.zeros.assign(logs.judge().begin(), end);
+  for (const data::LogSource& zero : arm.zeros) {
+    check_zero(arm, arm, read_payload_log(zero, &arm.notes).causal, options);
+  }
+}
+
+}  // namespace
+
+double UnloadedArm::zero_mass_std() const {
+  double sum = 0.0;
+  for (const ZeroCheck& check : zero_checks) sum += check.mass * check.mass - check.std * check.std;
+  return zero_checks.empty() ? 0.0 : std::sqrt(std::max(0.0, sum / static_cast<double>(zero_checks.size())));
+}
+
+model::ModelFile UnloadedArm::model_file() const {
+  if (!fit) throw Error("payload: the unloaded arm came from a file; expected one that was fitted");
+  model::ModelFile file = fit->model;
+  nlohmann::ordered_json others = file.other_fields.empty()
+                                      ? nlohmann::ordered_json::object()
+                                      : nlohmann::ordered_json::parse(file.other_fields);
+  others[kResidualField] = {{"std", list_of(fit->residual.std)},
+                            {"correlation_time", list_of(fit->residual.correlation_time)},
+                            {"cutoff_hz", fit->residual.cutoff}};
+  file.other_fields = shown(others);
+  return file;
+}
+
+UnloadedArm fit_unloaded(const model::Robot& robot, const data::LogSet& logs, std::size_t zeros,
+                         const Options& options) {
+  UnloadedArm arm;
+  arm.robot = robot;
+  std::vector<data::Log> baselines;
+  for (const data::LogSource& source : logs.train()) {
+    baselines.push_back(read_payload_log(source, &arm.notes).causal);
+  }
+  arm.fit = fit(robot, baselines, options, "fitting the arm without load");
+  take(arm, *arm.fit);
+  check_zeros(arm, logs, zeros, options);
+  if (!arm.zeros.empty() || baselines.size() < 2) return arm;
+  // Each log by the model of the others.
+  for (std::size_t left_out = 0; left_out < baselines.size(); ++left_out) {
+    std::vector<data::Log> others;
+    for (std::size_t l = 0; l < baselines.size(); ++l) {
+      if (l != left_out) others.push_back(baselines[l]);
+    }
+    UnloadedArm of_others;
+    of_others.robot = robot;
+    take(of_others, fit(robot, others, options, "zero check"));
+    check_zero(arm, of_others, baselines[left_out], options);
+  }
+  return arm;
+}
+
+UnloadedArm arm_from_file(const model::Robot& robot, const model::ModelFile& file, const data::LogSet& logs,
+                          std::size_t zeros, const Options& options) {
+  UnloadedArm arm;
+  arm.robot = robot;
+  arm.model_file_path = file.path;
+  arm.residual = residual_of(file);
+  if (file.covariance && file.covariance->allFinite()) arm.covariance = file.covariance;
+  check_zeros(arm, logs, zeros, options);
+  return arm;
+}
+
+}  // namespace heft::payload

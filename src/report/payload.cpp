@@ -1,0 +1,394 @@
+#include "heft/report/payload.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "heft/host/numbers.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "host/json.hpp"
+#include "page_lines.hpp"
+#include "torque_score.hpp"
+#include "tracking_runs.hpp"
+
+namespace heft::report {
+namespace {
+
+using payload::Payload;
+using payload::UnloadedArm;
+
+constexpr std::array<const char*, 3> kComNames{"x", "y", "z"};
+constexpr std::array<const char*, 6> kInertiaNames{"Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"};
+
+double half_width(const payload::Estimated& estimate, Eigen::Index k) { return estimate.half_width[k]; }
+
+/// What is not identifiable is null: a number there would be the prior's, not the data's.
+Eigen::VectorXd known_of(const payload::Estimated& estimate, Eigen::VectorXd values) {
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    if (!estimate.identifiable[static_cast<std::size_t>(k)]) values[k] = kNaN;
+  }
+  return values;
+}
+
+nlohmann::ordered_json estimate_json(const payload::Estimated& estimate) {
+  return {{"value", json_array(known_of(estimate, estimate.value))},
+          {"std", json_array(known_of(estimate, estimate.std))},
+          {"half_width_95", json_array(known_of(estimate, estimate.half_width))},
+          {"identifiable", estimate.identifiable}};
+}
+
+payload::Estimated withdrawn(payload::Estimated estimate) {
+  estimate.identifiable.assign(estimate.identifiable.size(), false);
+  return estimate;
+}
+
+bool identifiable(const payload::Estimated& estimate, Eigen::Index k) {
+  return static_cast<std::size_t>(k) < estimate.identifiable.size() &&
+         estimate.identifiable[static_cast<std::size_t>(k)];
+}
+
+void add_rows(page::Table& table, const std::string& what, const char* unit,
+              const payload::Estimated& estimate, const char* const* names) {
+  for (Eigen::Index k = 0; k < estimate.value.size(); ++k) {
+    const bool known = identifiable(estimate, k);
+    table.add_row({names ? fmt::format("{} {}", what, names[k]) : what,
+                   known ? page::number(estimate.value[k]) : "–",
+                   known ? page::number(half_width(estimate, k), 2) : "–", unit,
+                   known ? "" : "not identifiable from this motion"});
+  }
+}
+
+page::Table estimate_table(const Payload& result) {
+  page::Table table({"", "value", "± 95 %", "unit", ""});
+  add_rows(table, "mass", "kg", result.run.mass, nullptr);
+  if (result.run.first_moment.value.size() > 0) {
+    add_rows(table, "first moment", "kg·m", result.run.first_moment, kComNames.data());
+  }
+  add_rows(table, "centre of mass", "m", result.run.com, kComNames.data());
+  add_rows(table, "inertia", "kg·m²", result.run.inertia, kInertiaNames.data());
+  return table;
+}
+
+/// What each joint feels of the load; empty where that says nothing.
+page::Table scale_table(const Payload& result) {
+  page::Table table({"joint", "torque scale", "± 95 %"});
+  for (Eigen::Index j = 0; j < result.run.torque_scale.value.size(); ++j) {
+    const bool known = identifiable(result.run.torque_scale, j);
+    table.add_row({fmt::format("{}", j + 1), known ? page::number(result.run.torque_scale.value[j], 3) : "–",
+                   known ? page::number(half_width(result.run.torque_scale, j), 2) : "–"});
+  }
+  return table;
+}
+
+constexpr const char* kScaleMeaning =
+    "Torque of the load that each joint shows, relative to what the load found predicts for it; 1 where the joints agree, "
+    "– where the load hardly acts on a joint";
+
+page::Table torque_error_table(const Payload& result) {
+  std::vector<std::string> headers{"joint", "RMSE before [N·m]"};
+  if (result.after) {
+    headers.insert(headers.end(), {"after", "change [%]"});
+    if (result.after_friction) headers.push_back("and friction as found");
+  }
+  if (result.before.rmse_in_band.size() > 0) headers.push_back("in band before");
+  if (result.after) headers.push_back("in band after");
+  page::Table table(headers);
+  for (Eigen::Index j = 0; j < result.before.rmse.size(); ++j) {
+    std::vector<std::string> row{fmt::format("{}", j + 1), page::number(result.before.rmse[j])};
+    if (result.after) {
+      row.push_back(page::number(result.after->rmse[j]));
+      row.push_back(fmt::format("{:+.0f}", 100.0 * (result.after->rmse[j] / result.before.rmse[j] - 1.0)));
+      if (result.after_friction) row.push_back(page::number(result.after_friction->rmse[j]));
+    }
+    if (result.before.rmse_in_band.size() > 0) row.push_back(page::number(result.before.rmse_in_band[j]));
+    if (result.after) row.push_back(page::number(result.after->rmse_in_band[j]));
+    table.add_row(row);
+  }
+  return table;
+}
+
+/// Where the interval comes from, and what it leaves out.
+std::vector<std::string> remarks(const Payload& result) {
+  std::vector<std::string> lines;
+  if (!result.run.missing.empty()) lines.push_back(fmt::format("Not determined: {}.", result.run.missing));
+  if (identifiable(result.run.mass, 0)) {
+    const std::string parts = fmt::format(
+        "this log's residual {}, model {}, zero check {}", page::number(result.run.mass_std_residual, 2),
+        page::number(result.run.mass_std_model, 2), page::number(result.run.mass_std_zero, 2));
+    lines.push_back(fmt::format(
+        "Standard deviation of the mass [kg]: {}; from {} blocks of {:.3g} s, since the residual is "
+        "correlated in time.",
+        parts, result.run.blocks, result.run.block));
+    if (!result.has_model_covariance) {
+      lines.push_back(
+          "The model file holds no covariance, so the interval leaves the model's own error out.");
+    }
+    lines.push_back(
+        "The interval holds for the torque scale given: torque constants that are 2 % off move the mass by 2 "
+        "%.");
+  }
+  for (const payload::ZeroCheck& check : result.zero_checks) {
+    lines.push_back(fmt::format("Zero check, {}: {} ± {} kg where there is no load.", check.log,
+                                page::number(check.mass, 2), page::number(check.half_width, 2)));
+  }
+  if (identifiable(result.run.mass, 0) && result.zero_checks.empty()) {
+    lines.push_back(
+        "No zero check: what the model gets wrong from one day to the next is not in the interval (--zero "
+        "gives it a "
+        "log without load).");
+  }
+  lines.insert(lines.end(), result.notes.begin(), result.notes.end());
+  return lines;
+}
+
+/// Range of the mass plot: that of the values known after the first tenth of the run, so that the wild
+/// values at the start do not flatten the rest.
+std::pair<double, double> settled_range(const Payload& result) {
+  double low = std::min(0.0, result.true_mass.value_or(0.0));
+  double high = std::max(0.0, result.true_mass.value_or(0.0));
+  for (Eigen::Index k = result.run.time.size() / 10; k < result.run.time.size(); ++k) {
+    if (!std::isfinite(result.run.mass_history[k])) continue;
+    if (result.run.mass_std_history.size() == result.run.time.size() &&
+        !std::isfinite(result.run.mass_std_history[k]))
+      continue;
+    low = std::min(low, result.run.mass_history[k]);
+    high = std::max(high, result.run.mass_history[k]);
+  }
+  if (!(high > low)) high = low + 1.0;
+  const double margin = 0.15 * (high - low);
+  return {low - margin, high + margin};
+}
+
+page::PlotSpec mass_plot(const Payload& result) {
+  page::PlotSpec spec;
+  spec.title = "Mass of the load";
+  spec.x_label = "time [s]";
+  spec.y_label = "mass [kg]";
+  if (result.run.mass_std_history.size() == result.run.time.size()) {
+    const Eigen::VectorXd half = statistics::kNormal95 * result.run.mass_std_history;
+    spec.series.push_back(page::band("95 % interval", result.run.time, result.run.mass_history - half,
+                                     result.run.mass_history + half, page::Hue::kBlue));
+  }
+  spec.series.push_back(page::line("estimate", result.run.time, result.run.mass_history, page::Hue::kBlue));
+  for (const payload::LoadChange& change : result.run.changes) {
+    spec.marks.push_back({page::Mark::Direction::kVertical, change.time, "change"});
+  }
+  if (result.true_mass) {
+    spec.marks.push_back({page::Mark::Direction::kHorizontal, *result.true_mass,
+                          fmt::format("true {} kg", page::number(*result.true_mass))});
+  }
+  spec.y_range = settled_range(result);
+  return spec;
+}
+
+/// One plot a joint: the torque error over time.
+std::vector<page::PlotSpec> error_plots(const Payload& result) {
+  std::vector<page::PlotSpec> plots;
+  for (Eigen::Index j = 0; j < result.error_before.cols(); ++j) {
+    page::PlotSpec spec;
+    spec.title = fmt::format("Joint {}", j + 1);
+    spec.x_label = "time [s]";
+    spec.y_label = "torque error [N·m]";
+    spec.series.push_back(
+        page::line("without the load", result.time, result.error_before.col(j), page::Hue::kNeutral));
+    if (result.after) {
+      spec.series.push_back(
+          page::line("with the load found", result.time, result.error_after.col(j), page::Hue::kBlue));
+    }
+    plots.push_back(std::move(spec));
+  }
+  return plots;
+}
+
+page::Table residual_table(const statistics::ResidualStatistics& residual) {
+  page::Table table({"joint", "residual of the model, filtered [N·m]", "correlated over [s]"});
+  for (Eigen::Index j = 0; j < residual.std.size(); ++j) {
+    table.add_row({fmt::format("{}", j + 1), page::number(residual.std[j]),
+                   page::number(residual.correlation_time[j], 2)});
+  }
+  return table;
+}
+
+std::string dumped(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+nlohmann::ordered_json to_json(const Payload& result) {
+  nlohmann::ordered_json json{{"robot", result.robot}, {"log", result.log}};
+  put_verdict(json, result.judgement);
+  // What contradicts itself is no number to go on with.
+  const bool has_mass =
+      result.run.mass.value.size() > 0 && identifiable(result.run.mass, 0) && result.contradiction.empty();
+  json["mass"] = {
+      {"value", has_mass ? host::number_or_null(result.run.mass.value[0]) : nlohmann::ordered_json(nullptr)},
+      {"std", has_mass ? host::number_or_null(result.run.mass.std[0]) : nlohmann::ordered_json(nullptr)},
+      {"half_width_95",
+       has_mass ? host::number_or_null(half_width(result.run.mass, 0)) : nlohmann::ordered_json(nullptr)},
+      {"identifiable", has_mass}};
+  if (result.run.first_moment.value.size() > 0) {
+    json["first_moment"] = estimate_json(!result.contradiction.empty() ? withdrawn(result.run.first_moment)
+                                                                       : result.run.first_moment);
+  }
+  json["com"] = estimate_json(!result.contradiction.empty() ? withdrawn(result.run.com) : result.run.com);
+  json["inertia"] =
+      estimate_json(!result.contradiction.empty() ? withdrawn(result.run.inertia) : result.run.inertia);
+  if (result.run.torque_scale.value.size() > 0) json["torque_scale"] = estimate_json(result.run.torque_scale);
+  json["inertia"]["order"] = kInertiaNames;
+  json["rows"] = result.run.first_joint;
+  json["samples"] = result.run.samples;
+  json["converged_at"] = result.run.converged_at ? nlohmann::ordered_json(*result.run.converged_at)
+                                                 : nlohmann::ordered_json(nullptr);
+  json["changes"] = nlohmann::ordered_json::array();
+  for (const payload::LoadChange& change : result.run.changes) {
+    nlohmann::ordered_json entry{{"time", change.time}, {"mass", host::number_or_null(change.mass)}};
+    if (std::isfinite(change.std)) entry["std"] = change.std;
+    if (std::isfinite(change.mass_before)) entry["mass_before"] = change.mass_before;
+    json["changes"].push_back(std::move(entry));
+  }
+  if (result.before.rmse.size() > 0) {
+    json["rmse_before"] = json_array(result.before.rmse);
+    if (result.after) json["rmse_after"] = json_array(result.after->rmse);
+    if (result.after_friction) json["rmse_after_with_friction"] = json_array(result.after_friction->rmse);
+  }
+  if (result.before.rmse_in_band.size() > 0) {
+    json["rmse_in_band_before"] = json_array(result.before.rmse_in_band);
+    if (result.after) json["rmse_in_band_after"] = json_array(result.after->rmse_in_band);
+    json["band_hz"] =
+        result.before.band > 0 ? nlohmann::ordered_json(result.before.band) : nlohmann::ordered_json(nullptr);
+  }
+  if (!result.frame.empty()) json["frame"] = result.frame;
+  if (!result.run.missing.empty()) json["missing"] = result.run.missing;
+  if (result.run.cutoff > 0) json["cutoff_hz"] = result.run.cutoff;
+  if (!result.zero_checks.empty()) {
+    json["zero_checks"] = nlohmann::ordered_json::array();
+    for (const payload::ZeroCheck& check : result.zero_checks) {
+      json["zero_checks"].push_back({{"log", check.log}, {"mass", check.mass}, {"std", check.std}});
+    }
+  }
+  return json;
+}
+
+void add_to(page::Page& page, const Payload& result) {
+  page.verdict(brief(result), result.judgement);
+  std::vector<page::Fact> facts;
+  if (identifiable(result.run.mass, 0)) {
+    facts.push_back({"mass", page::number(result.run.mass.value[0]) + " kg",
+                     "± " + page::number(half_width(result.run.mass, 0), 2) + " kg (95 %)"});
+  }
+  facts.push_back({"converged at",
+                   result.run.converged_at ? fmt::format("{:.3g} s", *result.run.converged_at) : "–", ""});
+  facts.push_back({"samples", fmt::format("{}", result.run.samples),
+                   fmt::format("torque of joints {} and up", result.run.first_joint)});
+  page.facts(facts);
+  if (result.run.time.size() > 0) page.plot(mass_plot(result));
+  page.table(estimate_table(result), fmt::format("The load in {}; inertia about its origin",
+                                                 result.frame.empty() ? "the flange frame" : result.frame));
+  for (const std::string& line : remarks(result)) page.note(line);
+  if (result.run.torque_scale.value.size() > 0) page.table(scale_table(result), kScaleMeaning);
+  if (result.before.rmse.size() > 0) {
+    page::PlotSpec spec;
+    spec.title = "Torque error per joint";
+    spec.y_label = "RMSE [N·m]";
+    spec.series = {page::bars("without the load", to_vector(result.before.rmse), page::Hue::kNeutral)};
+    if (result.after) {
+      spec.series.push_back(
+          page::bars("with the load found", to_vector(result.after->rmse), page::Hue::kBlue));
+    }
+    spec.categories = joint_names(result.before.rmse.size());
+    page.plot(spec);
+    page.table(torque_error_table(result), score_meaning(result.before));
+  }
+}
+
+}  // namespace
+
+std::string brief(const Payload& result) {
+  if (!identifiable(result.run.mass, 0)) return "The mass of the load cannot be determined from this motion.";
+  if (!result.contradiction.empty()) {
+    return fmt::format("No load can be what this log says: {} kg ± {} kg (95 %).",
+                       page::number(result.run.mass.value[0]),
+                       page::number(half_width(result.run.mass, 0), 2));
+  }
+  if (std::abs(result.run.mass.value[0]) < half_width(result.run.mass, 0) && !result.true_mass) {
+    return fmt::format("No load to be seen: {} kg ± {} kg (95 %).", page::number(result.run.mass.value[0], 2),
+                       page::number(half_width(result.run.mass, 0), 2));
+  }
+  std::string text =
+      fmt::format("The load weighs {} kg ± {} kg (95 %)", page::number(result.run.mass.value[0]),
+                  page::number(half_width(result.run.mass, 0), 2));
+  if (result.true_mass) text += fmt::format("; true {} kg", page::number(*result.true_mass));
+  return text + ".";
+}
+
+std::string full(const Payload& result) {
+  std::string text =
+      fmt::format("{}: {} samples, torque of joints {} and up\n{}\n{}\n", result.log, result.run.samples,
+                  result.run.first_joint, brief(result), verdict_text(result.judgement));
+  text += estimate_table(result).to_text(2);
+  if (!result.frame.empty()) text += fmt::format("In {}; inertia about its origin.\n", result.frame);
+  text += result.run.converged_at ? fmt::format("Converged at {:.3g} s.\n", *result.run.converged_at)
+                                  : "Not converged.\n";
+  for (const std::string& line : remarks(result)) text += line + '\n';
+  for (const payload::LoadChange& change : result.run.changes) {
+    text += std::isfinite(change.mass)
+                ? fmt::format("Change at {:.3f} s: {} kg\n", change.time, page::number(change.mass))
+                : fmt::format("Change at {:.3f} s: new mass not determined\n", change.time);
+  }
+  if (result.run.torque_scale.value.size() > 0) {
+    text += fmt::format("\n{}:\n{}", kScaleMeaning, scale_table(result).to_text(2));
+  }
+  if (result.before.rmse.size() > 0) {
+    text += "\nTorque error per joint, without the load in the model and with it:\n" +
+            torque_error_table(result).to_text(2);
+    text += score_meaning(result.before) + '\n';
+  }
+  return text;
+}
+
+std::string json(const Payload& load) { return dumped(to_json(load)); }
+
+std::string json(const std::vector<Payload>& loads) {
+  if (loads.size() == 1) return json(loads.front());
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const Payload& load : loads) list.push_back(to_json(load));
+  return dumped(list);
+}
+
+std::string brief(const UnloadedArm& arm) {
+  if (!arm.fit) return fmt::format("Model: {}.", arm.model_file_path);
+  std::string names;
+  for (const data::LogSource& log : arm.logs)
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", log.path);
+  return fmt::format(
+      "Model: recursive least squares over all joints of {}: {} of the {} combinations of parameters that any motion "
+      "could determine; causal low-pass {:.3g} Hz.",
+      names, arm.fit->determined, arm.fit->determinable, arm.fit->residual.cutoff);
+}
+
+std::string full(const UnloadedArm& arm) {
+  return brief(arm) + "\n" + (arm.fit ? residual_table(arm.fit->residual).to_text(2) : "");
+}
+
+page::Page page(const UnloadedArm& arm, const std::vector<Payload>& loads) {
+  std::vector<std::string> logs;
+  for (const Payload& load : loads) logs.push_back(load.log);
+  page::Page page = new_page(fmt::format("{}: the load at the flange", arm.robot.name),
+                             fmt::format("{}, torque of joints {} and up", file_names_of(logs),
+                                         loads.empty() ? 1 : loads.front().run.first_joint));
+  for (const Payload& load : loads) {
+    if (loads.size() > 1) page.heading(file_name_of(load.log));
+    add_log_line(page, {load.log, load.log_rate, load.log_seconds, load.run.cutoff});
+    add_to(page, load);
+    page.plots("Torque error over time", error_plots(load));
+  }
+  page.heading("Model of the arm without load");
+  page.paragraph(brief(arm));
+  if (arm.fit) page.table(residual_table(arm.fit->residual));
+  return page;
+}
+
+}  // namespace heft::report

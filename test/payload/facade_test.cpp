@@ -1,0 +1,98 @@
+/// The load found from logs in three calls, and which logs that refuses.
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heft/host/error.hpp"
+#include "heft/payload/payload.hpp"
+#include "support/arms.hpp"
+#include "support/synthetic_log.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace heft::payload {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+data::Log log_of(const model::Robot& robot, const std::string& name, std::uint32_t seed) {
+  test::SyntheticSettings settings;
+  settings.noise = 0.01;
+  settings.motion_seed = settings.noise_seed = seed;
+  data::Log log = test::synthetic_log(robot, settings);
+  log.path = name;
+  return log;
+}
+
+data::Log rows_of(const data::Log& log, Eigen::Index first, Eigen::Index count) {
+  data::Log part;
+  part.path = "part of " + log.path;
+  part.time = log.time.segment(first, count);
+  part.q = log.q.middleRows(first, count);
+  part.qd = log.qd.middleRows(first, count);
+  part.tau = log.tau.middleRows(first, count);
+  return part;
+}
+
+class PayloadFacade : public ::testing::Test {
+ protected:
+  data::LogSet set(std::vector<data::Log> train, std::vector<data::Log> judge) const {
+    return data::log_set(arm_.joint_specs(), std::move(train), std::move(judge));
+  }
+
+  const model::Robot arm_ = test::planar_two_link();
+  const model::Robot loaded_ = test::carrying(arm_, test::body(0.8, {0.3, 0, 0}, {0, 0, 0.001, 0, 0, 0.001}));
+  const data::Log empty_ = log_of(arm_, "empty", 1), zero_ = log_of(arm_, "zero", 2),
+                  carrying_ = log_of(loaded_, "carrying", 3);
+};
+
+TEST_F(PayloadFacade, WeighsALoadFromLogsInMemory) {
+  const data::LogSet logs = set({empty_}, {zero_, carrying_});
+  const UnloadedArm arm = fit_unloaded(arm_, logs, 1);
+  EXPECT_TRUE(arm.usable());
+  ASSERT_EQ(arm.zero_checks.size(), 1U);
+  EXPECT_NEAR(arm.zero_checks[0].mass, 0.0, 2.0 * arm.zero_checks[0].half_width);
+  const Payload load = estimate(arm, logs.judge().back());
+  ASSERT_TRUE(load.answered());
+  EXPECT_NEAR(load.run.mass.value[0], 0.8, 2.0 * load.run.mass.half_width[0]);
+  ASSERT_TRUE(load.after.has_value());
+  EXPECT_LT(load.after->rmse.norm(), 0.5 * load.before.rmse.norm());
+}
+
+TEST_F(PayloadFacade, TheModelFileHoldsTheResidualThatTheEstimateNeeds) {
+  const data::LogSet logs = set({empty_}, {carrying_});
+  const UnloadedArm fitted = fit_unloaded(arm_, logs);
+  const model::ModelFile file = fitted.model_file();
+  model::Robot robot = arm_;
+  model::apply(file, robot);
+  const UnloadedArm read = arm_from_file(robot, file, set({}, {carrying_}));
+  ASSERT_TRUE(read.residual.has_value());
+  EXPECT_EQ(read.residual->std, fitted.residual->std);
+  EXPECT_DOUBLE_EQ(estimate(read, logs.judge()[0]).run.mass.value[0],
+                   estimate(fitted, logs.judge()[0]).run.mass.value[0]);
+}
+
+TEST_F(PayloadFacade, RefusesToWeighALogWithoutLoad) {
+  EXPECT_THROW(set({empty_}, {empty_}), DataError);
+  const data::LogSet logs = set({empty_}, {zero_, rows_of(zero_, 500, 800)});
+  const UnloadedArm arm = fit_unloaded(arm_, logs, 1);
+  EXPECT_THAT(test::message_of<DataError>([&] { estimate(arm, logs.judge()[1]); }),
+              AllOf(HasSubstr("part of zero"), HasSubstr("log without load")));
+}
+
+TEST_F(PayloadFacade, RefusesALogInDegrees) {
+  data::Log degrees = carrying_;
+  degrees.path = "degrees";
+  degrees.q *= 57.29577951308232;
+  degrees.qd *= 57.29577951308232;
+  model::Robot arm = arm_;
+  for (model::RobotJoint& joint : arm.joints)
+    joint.lower = -3.0, joint.upper = 3.0, joint.velocity_limit = 5.0;
+  EXPECT_THAT(test::message_of<DataError>([&] { data::log_set(arm.joint_specs(), {empty_}, {degrees}); }),
+              HasSubstr("degree"));
+}
+
+}  // namespace
+}  // namespace heft::payload
