@@ -7,7 +7,10 @@
 #include <fmt/format.h>
 
 #include "finish_motion.hpp"
+#include "heft/data/differentiate.hpp"
+#include "heft/data/log.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/parallel.hpp"
 #include "limit_check.hpp"
 #include "robot_words.hpp"
 
@@ -23,6 +26,28 @@ constexpr double kMostRows = 2e6;
 
 /// A good fit is possible below; above, single parameters lose a digit or more to the noise.
 constexpr double kGoodCondition = 30.0;
+
+double median(std::vector<double> values) {
+  if (values.empty()) return std::nan("");
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+RandomMotions random_motions(const ExcitationDesign& design, int count) {
+  std::vector<ExcitationScore> scores(static_cast<std::size_t>(count));
+  host::for_each_parallel(scores.size(), [&](std::size_t i) {
+    // Seeds far from those of the search.
+    scores[i] = design.score(design.random_motion(design.options().seed + 1'000'003 * (i + 1)));
+  });
+  std::vector<double> condition, mean_std, volume_std;
+  for (const ExcitationScore& score : scores) {
+    condition.push_back(score.condition);
+    mean_std.push_back(score.mean_std);
+    volume_std.push_back(score.volume_std);
+  }
+  return {count, median(condition), median(mean_std), median(volume_std)};
+}
 
 }  // namespace
 
@@ -109,16 +134,39 @@ void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::op
   }
 }
 
+Options::Given given_motion(const std::string& name, const data::Log& log) {
+  const double rate = data::median_sample_rate(log.time);
+  const auto stride = std::max<Index>(1, static_cast<Index>(std::floor(rate / 100.0)));
+  const Index rows = (log.num_samples() + stride - 1) / stride;
+  Options::Given given{name, Eigen::MatrixXd(rows, log.q.cols()), {}, {}, static_cast<double>(stride) / rate};
+  given.qd = given.qdd = given.q;
+  for (Index i = 0; i < rows; ++i) {
+    given.q.row(i) = log.q.row(i * stride);
+    given.qd.row(i) = log.qd.row(i * stride);
+    given.qdd.row(i) = log.qdd.row(i * stride);
+  }
+  return given;
+}
+
 ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, const Options& options) {
   ExcitingMotion motion;
   motion.robot = with_payload(robot, options.payload);
   ExcitationOptions search = options.search;
   search.sample_rate = options.rate;
+  if (search.torque_noise.size() > 0) {
+    motion.noise = ExcitingMotion::Noise::kStated;
+  } else if (limits.torque.allFinite()) {
+    search.torque_noise = options.noise_share * limits.torque;
+    motion.noise = ExcitingMotion::Noise::kShareOfLimits;
+    motion.noise_share = options.noise_share;
+  }
   auto designed = std::make_shared<ExcitationDesign>(motion.robot, limits, search);
   // A pose that cannot be held is refused before the search, which takes a while.
   if (options.from) safe_way(motion.robot, limits, "pose to come from", *options.from, *options.from);
-  for (const Options::Given& given : options.given)
+  for (const Options::Given& given : options.given) {
     designed->add_given(given.q, given.qd, given.qdd, given.seconds);
+    motion.given.push_back(given.name);
+  }
   motion.excitation = designed->optimize(options.progress);
   motion.limits = designed->limits();
   motion.design = designed;
@@ -130,6 +178,7 @@ ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, con
         fmt::format("The condition number is {:.3g}, above {:g}: some parameters will be known badly",
                     motion.excitation.score.condition, kGoodCondition));
   }
+  if (options.compare > 0) motion.random = random_motions(*designed, options.compare);
   return motion;
 }
 

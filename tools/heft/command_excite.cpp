@@ -1,9 +1,6 @@
 /// @file
 /// heft excite: design a motion that reveals the parameters, or strokes for friction, and make it safe.
-#include <algorithm>
-#include <cmath>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,15 +9,13 @@
 
 #include "command.hpp"
 #include "console.hpp"
-#include "excite_result.hpp"
 #include "heft/data/log.hpp"
 #include "heft/excite/excite.hpp"
 #include "heft/host/file.hpp"
-#include "heft/host/parallel.hpp"
 #include "heft/page/page.hpp"
+#include "heft/report/motion.hpp"
 #include "motion_safety.hpp"
 #include "options.hpp"
-#include "page_lines.hpp"
 
 namespace heft::tools {
 namespace {
@@ -68,8 +63,7 @@ excite::Payload payload_of(const std::vector<double>& values) {
   return payload;
 }
 
-/// The motion of a log. At most 100 rows a second: neighbouring rows of a faster log move alike.
-excite::Options::Given read_given(const std::string& path, double band, const model::Robot& robot) {
+data::Log read_motion(const std::string& path, double band, const model::Robot& robot) {
   LogOptions options;
   options.band = band;
   data::LogRequirements needs;
@@ -77,45 +71,7 @@ excite::Options::Given read_given(const std::string& path, double band, const mo
   needs.robot_name = robot.name;
   needs.velocity = needs.acceleration = true;
   needs.min_samples = 10;
-  const data::Log log = prepare_log(path, options, needs).log;
-  const double rate = data::median_sample_rate(log.time);
-  const auto stride = std::max<Index>(1, static_cast<Index>(std::floor(rate / 100.0)));
-  const Index rows = (log.num_samples() + stride - 1) / stride;
-  excite::Options::Given given{
-      Eigen::MatrixXd(rows, log.q.cols()), {}, {}, static_cast<double>(stride) / rate};
-  given.qd = given.qdd = given.q;
-  for (Index i = 0; i < rows; ++i) {
-    given.q.row(i) = log.q.row(i * stride);
-    given.qd.row(i) = log.qd.row(i * stride);
-    given.qdd.row(i) = log.qdd.row(i * stride);
-  }
-  return given;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-}
-
-RandomMotions compare(const excite::ExcitationDesign& design, int count) {
-  std::vector<excite::ExcitationScore> scores(static_cast<std::size_t>(count));
-  Progress progress("random motions for comparison");
-  host::for_each_parallel(
-      scores.size(),
-      [&](std::size_t i) {
-        // Seeds far from those of the search.
-        scores[i] = design.score(design.random_motion(design.options().seed + 1'000'003 * (i + 1)));
-      },
-      [&](double done) { progress.update(done); });
-  std::vector<double> condition, mean_std, volume_std;
-  for (const excite::ExcitationScore& score : scores) {
-    condition.push_back(score.condition);
-    mean_std.push_back(score.mean_std);
-    volume_std.push_back(score.volume_std);
-  }
-  return {count, median(condition), median(mean_std), median(volume_std)};
+  return prepare_log(path, options, needs).log;
 }
 
 /// The design's options as the command line and the limits file state them.
@@ -133,41 +89,21 @@ excite::Options design_options(const Options& options, const model::Robot& robot
   design.search.payload_only = options.payload_only;
   design.search.start = options.start.empty() ? file.start : vector_of(options.start);
   design.search.torque_noise = file.torque_noise;
-  if (design.search.torque_noise.size() == 0 && file.limits.torque.allFinite()) {
-    design.search.torque_noise = 0.01 * options.noise_percent * file.limits.torque;
-  }
+  design.noise_share = 0.01 * options.noise_percent;
+  design.compare = options.compare;
   design.payload = payload_of(options.payload);
   if (!options.from.empty()) design.from = vector_of(options.from);
   design.rate = options.rate;
   design.rehearse = !options.no_rehearsal;
-  for (const std::string& path : options.given) design.given.push_back(read_given(path, options.band, robot));
+  for (const std::string& path : options.given) {
+    design.given.push_back(excite::given_motion(path, read_motion(path, options.band, robot)));
+  }
   return design;
-}
-
-ExciteWording wording_of(const Options& options, const excite::LimitsFile& file,
-                         const excite::ExcitingMotion& motion) {
-  ExciteWording wording;
-  wording.cost = options.cost;
-  wording.rows_by_noise = options.rows != "unit";
-  wording.given = options.given;
-  wording.before = motion.design->given_score();
-  wording.noise =
-      file.torque_noise.size() > 0 ? std::string("white torque noise as the limits file states it")
-      : !file.limits.torque.allFinite()
-          ? std::string("white torque noise of 1 N·m (N), for want of torque limits")
-          : fmt::format("white torque noise of {:g} % of each torque limit", options.noise_percent);
-  const bool friction = options.torque_at == "motor";
-  wording.parameters =
-      options.payload_only
-          ? std::string("of the last link alone, the arm being known")
-          : fmt::format("base parameters of rigid bodies{}{}{}", options.rotor_inertia ? ", rotors" : "",
-                        friction ? ", Coulomb and viscous friction" : "", options.offset ? ", offsets" : "");
-  return wording;
 }
 
 /// All files of a motion; one that cannot be written does not keep the others from it.
 void finish_files(const Console& console, const Options& options, const excite::Motion& motion,
-                  const nlohmann::ordered_json& json, const page::Page& page) {
+                  const std::string& json, const page::Page& page) {
   const auto write = [&](const std::string& path, const auto& text) {
     if (path.empty()) return;
     host::write_file_atomically(path, text());
@@ -192,8 +128,8 @@ void run_friction(const Options& options, const Console& console, const model::R
   friction.rehearse = !options.no_rehearsal;
   friction.seed = options.design.seed;
   const excite::FrictionMotion motion = excite::friction_strokes(robot, file.limits, friction);
-  console.print("{}", friction_text(motion));
-  finish_files(console, options, motion, friction_json(motion), friction_page(motion));
+  console.print("{}", report::full(motion));
+  finish_files(console, options, motion, report::json(motion), report::page(motion));
 }
 
 void run(const Options& options) {
@@ -216,10 +152,8 @@ void run(const Options& options) {
     design.progress = [&](double done) { progress.update(done); };
     motion = excite::design(robot, file.limits, design);
   }
-  ExciteWording wording = wording_of(options, file, motion);
-  if (options.compare > 0) wording.random = compare(*motion.design, options.compare);
-  console.print("{}", excite_text(motion, wording));
-  finish_files(console, options, motion, excite_json(motion, wording), excite_page(motion, wording));
+  console.print("{}", report::full(motion));
+  finish_files(console, options, motion, report::json(motion), report::page(motion));
 }
 
 /// What is below the table of options.

@@ -35,14 +35,22 @@ struct Options {
   std::optional<Eigen::VectorXd> from;  ///< the arm is here before and after, n [rad, m]
   double rate{100.0};                   ///< rows a second of the log [Hz]
   bool rehearse{true};                  ///< run on the simulated arm and check the result
+  /// Torque noise where `search` states none: this share of each torque limit, where there are limits.
+  double noise_share{0.01};
+  int compare{0};  ///< random motions inside the same limits to compare with
   /// Motion of logs already taken: q, q̇, q̈ (m × n) and the time that a row represents [s].
   struct Given {
+    std::string name;
     Eigen::MatrixXd q, qd, qdd;
     double seconds{0.0};
   };
   std::vector<Given> given;
   std::function<void(double)> progress{};  ///< called with 0..1, from the calling thread
 };
+
+/// The motion of a log, with at most 100 rows a second: neighbouring rows of a faster log move alike.
+/// @param log  with velocity and acceleration
+Options::Given given_motion(const std::string& name, const data::Log& log);
 
 /// A stretch of a motion.
 struct Phase {
@@ -72,10 +80,22 @@ struct Motion {
   bool usable() const { return judgement.usable(); }
 };
 
+/// What random motions inside the same limits would reveal: medians.
+struct RandomMotions {
+  int count{0};
+  double condition{0.0}, mean_std{0.0}, volume_std{0.0};
+};
+
 /// An exciting motion with its design.
 struct ExcitingMotion : Motion {
+  /// Where the torque noise of the design came from.
+  enum class Noise { kStated, kShareOfLimits, kOne };
   std::shared_ptr<const ExcitationDesign> design;
   Excitation excitation;
+  Noise noise{Noise::kOne};
+  double noise_share{0.0};         ///< of each torque limit, for Noise::kShareOfLimits
+  std::vector<std::string> given;  ///< names of the logs that the motion complements
+  std::optional<RandomMotions> random;
 };
 
 /// Designs an exciting motion, leads to it and back from where the arm is, and rehearses all of it.

@@ -1,16 +1,15 @@
-#include "excite_result.hpp"
+#include "heft/report/motion.hpp"
 
 #include <cmath>
 #include <numbers>
 
 #include <fmt/format.h>
 
-#include "console.hpp"
 #include "host/json.hpp"
-#include "motion_result.hpp"
+#include "motion_safety.hpp"
 #include "page_lines.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 namespace {
 
 using Eigen::Index;
@@ -68,22 +67,44 @@ page::PlotSpec history_plot(const excite::Excitation& design, const std::string&
 
 double less(double value, double reference) { return 100.0 * (1.0 - value / reference); }
 
-std::string scaling_text(const ExciteWording& wording) {
+std::string scaling_text(const excite::ExcitingMotion& motion) {
   return fmt::format("columns scaled to norm 1, rows {}",
-                     wording.rows_by_noise ? "over the torque noise of their joint" : "as they are");
+                     motion.design->options().weights != excite::RowWeights::kUnit
+                         ? "over the torque noise of their joint"
+                         : "as they are");
 }
 
-std::string std_text(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
-  return fmt::format("for {} and a row every {:g} ms", wording.noise,
+std::string noise_text(const excite::ExcitingMotion& motion) {
+  using Noise = excite::ExcitingMotion::Noise;
+  switch (motion.noise) {
+    case Noise::kStated: return "white torque noise as the limits file states it";
+    case Noise::kShareOfLimits:
+      return fmt::format("white torque noise of {:g} % of each torque limit", 100.0 * motion.noise_share);
+    case Noise::kOne: break;
+  }
+  return "white torque noise of 1 N·m (N), for want of torque limits";
+}
+
+std::string parameters_text(const excite::ExcitingMotion& motion) {
+  const excite::ExcitationOptions& options = motion.design->options();
+  if (options.payload_only) return "of the last link alone, the arm being known";
+  const regression::ModelStructure& structure = options.structure;
+  return fmt::format("base parameters of rigid bodies{}{}{}", structure.rotor_inertia ? ", rotors" : "",
+                     structure.coulomb ? ", Coulomb and viscous friction" : "",
+                     structure.offset ? ", offsets" : "");
+}
+
+std::string std_text(const excite::ExcitingMotion& motion) {
+  return fmt::format("for {} and a row every {:g} ms", noise_text(motion),
                      1e3 / motion.design->options().sample_rate);
 }
 
-std::string random_text(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
-  const RandomMotions& random = *wording.random;
+std::string random_text(const excite::ExcitingMotion& motion) {
+  const excite::RandomMotions& random = *motion.random;
   return fmt::format(
       "{} random motions inside the same limits{}: median condition number {}, standard deviation {}: this "
       "one has {} % less",
-      random.count, wording.given.empty() ? "" : ", with the given logs", page::number(random.condition, 3),
+      random.count, motion.given.empty() ? "" : ", with the given logs", page::number(random.condition, 3),
       page::number(random.mean_std, 3),
       page::number(less(motion.excitation.score.mean_std, random.mean_std), 3));
 }
@@ -101,7 +122,12 @@ std::string reasons_text(const host::Judgement& judgement) {
 
 }  // namespace
 
-std::string excite_text(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+std::string brief(const excite::ExcitingMotion& motion) {
+  return fmt::format("{} parameters at a condition number of {}.", motion.design->num_parameters(),
+                     page::number(motion.excitation.score.condition, 3));
+}
+
+std::string full(const excite::ExcitingMotion& motion) {
   const excite::ExcitationScore& score = motion.excitation.score;
   std::string text = fmt::format(
       "{}: {}, at rest at both ends\n"
@@ -109,27 +135,28 @@ std::string excite_text(const excite::ExcitingMotion& motion, const ExciteWordin
       "Condition number {}: {}; {} with unweighted rows\n"
       "log det F {}; expected standard deviation {} (geometric mean), {}\n",
       motion.robot.name, about(motion.excitation.trajectory), motion.design->num_parameters(),
-      wording.parameters,
-      wording.given.empty()
+      parameters_text(motion),
+      motion.given.empty()
           ? ""
-          : fmt::format("; {} log{} given", wording.given.size(), wording.given.size() == 1 ? "" : "s"),
-      page::number(score.condition, 3), scaling_text(wording), page::number(score.condition_unit_rows, 3),
-      page::number(score.log_det, 4), page::number(score.mean_std, 3), std_text(motion, wording));
-  if (wording.before) {
+          : fmt::format("; {} log{} given", motion.given.size(), motion.given.size() == 1 ? "" : "s"),
+      page::number(score.condition, 3), scaling_text(motion), page::number(score.condition_unit_rows, 3),
+      page::number(score.log_det, 4), page::number(score.mean_std, 3), std_text(motion));
+  const auto before = motion.design->given_score();
+  if (!motion.given.empty() && before) {
     text += fmt::format("The given logs alone: condition number {}, standard deviation {}: {} % less now\n",
-                        page::number(wording.before->condition, 3), page::number(wording.before->mean_std, 3),
-                        page::number(less(score.mean_std, wording.before->mean_std), 3));
-  } else if (!wording.given.empty()) {
+                        page::number(before->condition, 3), page::number(before->mean_std, 3),
+                        page::number(less(score.mean_std, before->mean_std), 3));
+  } else if (!motion.given.empty()) {
     text += "The given logs alone do not determine all of them\n";
   }
-  if (wording.random) text += random_text(motion, wording) + '\n';
+  if (motion.random) text += random_text(motion) + '\n';
   text += reasons_text(motion.judgement) + safety_text(motion);
   text += fmt::format("Limits with {:g} % to spare; nearest: {}\n{}", 100.0 * motion.limits.margin,
                       motion.use.worst, limit_table(motion).to_text(2));
   return text;
 }
 
-nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+std::string json(const excite::ExcitingMotion& motion) {
   const excite::ExcitationTrajectory& trajectory = motion.excitation.trajectory;
   const excite::ExcitationScore& score = motion.excitation.score;
   const excite::ExcitationDesign& design = *motion.design;
@@ -138,12 +165,13 @@ nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const E
       {"duration", trajectory.duration},
       {"period", trajectory.period},
       {"harmonics", trajectory.num_harmonics()},
-      {"cost", wording.cost},
+      {"cost",
+       motion.design->options().cost == excite::ExcitationCost::kCondition ? "condition" : "d-optimal"},
       {"seed", design.options().seed},
       {"parameters", nlohmann::ordered_json::array()},
-      {"columns", wording.parameters},
+      {"columns", parameters_text(motion)},
       {"condition_number", host::number_or_null(score.condition)},
-      {"condition_number_scaling", scaling_text(wording)},
+      {"condition_number_scaling", scaling_text(motion)},
       {"condition_number_unweighted_rows", host::number_or_null(score.condition_unit_rows)},
       {"log_det", host::number_or_null(score.log_det)},
       {"torque_noise", array_of(design.torque_noise())},
@@ -159,14 +187,14 @@ nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const E
                                   {"value", values[i]},
                                   {"std", host::number_or_null(score.std[i])}});
   }
-  if (!wording.given.empty()) {
-    json["given"] = {
-        {"logs", wording.given},
-        {"condition_number", wording.before ? host::number_or_null(wording.before->condition) : nullptr},
-        {"std_geometric_mean", wording.before ? host::number_or_null(wording.before->mean_std) : nullptr}};
+  if (!motion.given.empty()) {
+    const auto before = motion.design->given_score();
+    json["given"] = {{"logs", motion.given},
+                     {"condition_number", before ? host::number_or_null(before->condition) : nullptr},
+                     {"std_geometric_mean", before ? host::number_or_null(before->mean_std) : nullptr}};
   }
-  if (wording.random) {
-    const RandomMotions& random = *wording.random;
+  if (motion.random) {
+    const excite::RandomMotions& random = *motion.random;
     json["random"] = {{"count", random.count},
                       {"median_condition_number", host::number_or_null(random.condition)},
                       {"median_std_geometric_mean", host::number_or_null(random.mean_std)},
@@ -184,19 +212,17 @@ nlohmann::ordered_json excite_json(const excite::ExcitingMotion& motion, const E
   json["costs_of_starts"] =
       array_of(Eigen::Map<const VectorXd>(costs.data(), static_cast<Index>(costs.size())));
   json["history"] = motion.excitation.history;
-  return json;
+  return json.dump(2) + "\n";
 }
 
-page::Page excite_page(const excite::ExcitingMotion& motion, const ExciteWording& wording) {
+page::Page page(const excite::ExcitingMotion& motion) {
   const excite::ExcitationScore& score = motion.excitation.score;
   page::Page page =
       new_page(fmt::format("{}: exciting motion", motion.robot.name), about(motion.excitation.trajectory));
-  page.verdict(fmt::format("{} parameters at a condition number of {}.", motion.design->num_parameters(),
-                           page::number(score.condition, 3)),
-               tone_of(motion));
+  page.verdict(brief(motion), tone_of(motion));
   for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
   page.facts(
-      {{"condition number", page::number(score.condition, 3), scaling_text(wording)},
+      {{"condition number", page::number(score.condition, 3), scaling_text(motion)},
        {"expected standard deviation", page::number(score.mean_std, 3), "geometric mean over the parameters"},
        {"smallest distance between links",
         std::isfinite(motion.use.link_distance) ? page::number(1e3 * motion.use.link_distance, 3) + " mm"
@@ -206,13 +232,14 @@ page::Page excite_page(const excite::ExcitingMotion& motion, const ExciteWording
         std::isfinite(motion.limits.tool_speed) ? fmt::format("limit {:g} m/s", motion.limits.tool_speed)
                                                 : std::string("no limit")},
        {"margin", fmt::format("{:g} %", 100.0 * motion.limits.margin), "nearest: " + motion.use.worst}});
-  page.paragraph(fmt::format("Parameters: {}. Standard deviations {}. {}", wording.parameters,
-                             std_text(motion, wording),
-                             wording.random ? random_text(motion, wording) + "." : ""));
+  page.paragraph(fmt::format("Parameters: {}. Standard deviations {}. {}", parameters_text(motion),
+                             std_text(motion), motion.random ? random_text(motion) + "." : ""));
   add_safety(motion, page);
   page.heading("Search");
-  page.plot(history_plot(motion.excitation,
-                         wording.cost == "condition" ? "log condition number" : "−log det F / 2b"));
+  page.plot(
+      history_plot(motion.excitation, motion.design->options().cost == excite::ExcitationCost::kCondition
+                                          ? "log condition number"
+                                          : "−log det F / 2b"));
   page.heading("Parameters");
   page.table(parameter_table(*motion.design, score), "Present values are those of the robot's description.");
   return page;
@@ -236,7 +263,9 @@ std::string strokes_in_words(const excite::FrictionMotion& motion) {
 
 }  // namespace
 
-std::string friction_text(const excite::FrictionMotion& motion) {
+std::string brief(const excite::FrictionMotion& motion) { return strokes_in_words(motion) + "."; }
+
+std::string full(const excite::FrictionMotion& motion) {
   std::string text = fmt::format("{}: {}, {:.4g} s\n{}{}", motion.robot.name, strokes_in_words(motion),
                                  motion.path.duration(), reasons_text(motion.judgement), safety_text(motion));
   text += fmt::format("Limits with {:g} % to spare; nearest: {}\n{}\nConstant speeds:\n{}",
@@ -245,7 +274,7 @@ std::string friction_text(const excite::FrictionMotion& motion) {
   return text;
 }
 
-nlohmann::ordered_json friction_json(const excite::FrictionMotion& motion) {
+std::string json(const excite::FrictionMotion& motion) {
   nlohmann::ordered_json json{{"robot", motion.robot.name},
                               {"for", "friction"},
                               {"duration", motion.path.duration()},
@@ -260,17 +289,17 @@ nlohmann::ordered_json friction_json(const excite::FrictionMotion& motion) {
                                {"to", stroke.to}});
   }
   add_safety(motion, json);
-  return json;
+  return json.dump(2) + "\n";
 }
 
-page::Page friction_page(const excite::FrictionMotion& motion) {
+page::Page page(const excite::FrictionMotion& motion) {
   page::Page page = new_page(fmt::format("{}: strokes for friction", motion.robot.name),
                              fmt::format("{:.4g} s", motion.path.duration()));
-  page.verdict(strokes_in_words(motion) + ".", tone_of(motion));
+  page.verdict(brief(motion), tone_of(motion));
   for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
   page.table(stroke_table(motion), "Stretches at constant speed");
   add_safety(motion, page);
   return page;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::report

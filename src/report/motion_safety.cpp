@@ -1,4 +1,4 @@
-#include "motion_result.hpp"
+#include "motion_safety.hpp"
 
 #include <cmath>
 #include <sstream>
@@ -7,7 +7,7 @@
 
 #include "host/json.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 namespace {
 
 using Eigen::Index;
@@ -238,4 +238,4 @@ page::Tone tone_of(const excite::Motion& motion) {
   return page::Tone::kBad;
 }
 
-}  // namespace heft::tools
+}  // namespace heft::report

@@ -9,7 +9,7 @@
 #include "heft/excite/excite.hpp"
 #include "heft/page/page.hpp"
 
-namespace heft::tools {
+namespace heft::report {
 
 nlohmann::ordered_json array_of(const Eigen::Ref<const Eigen::VectorXd>& values);
 nlohmann::ordered_json rows_of(const Eigen::MatrixXd& values);
@@ -25,4 +25,4 @@ void add_safety(const excite::Motion& motion, nlohmann::ordered_json& json);
 void add_safety(const excite::Motion& motion, page::Page& page);
 page::Tone tone_of(const excite::Motion& motion);
 
-}  // namespace heft::tools
+}  // namespace heft::report
