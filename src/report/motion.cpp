@@ -212,7 +212,7 @@ std::string json(const excite::ExcitingMotion& motion) {
   json["costs_of_starts"] =
       array_of(Eigen::Map<const VectorXd>(costs.data(), static_cast<Index>(costs.size())));
   json["history"] = motion.excitation.history;
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 page::Page page(const excite::ExcitingMotion& motion) {
@@ -289,7 +289,7 @@ std::string json(const excite::FrictionMotion& motion) {
                                {"to", stroke.to}});
   }
   add_safety(motion, json);
-  return json.dump(2) + "\n";
+  return json.dump(2);
 }
 
 page::Page page(const excite::FrictionMotion& motion) {
