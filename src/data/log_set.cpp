@@ -162,7 +162,8 @@ JointLimits limits_of(std::span<const JointSpec> joints) {
 
 std::string shared_samples(const LogSource& judged, const LogSource& trained) {
   std::error_code ignored;
-  if (!judged.memory && !trained.memory &&
+  // Two pipes of one name are not one log.
+  if (!judged.memory && !trained.memory && std::filesystem::is_regular_file(judged.path, ignored) &&
       (judged.path == trained.path || std::filesystem::equivalent(judged.path, trained.path, ignored))) {
     return fmt::format("the same file as {}", trained.path);
   }
@@ -195,7 +196,8 @@ class LogSetBuilder {
     for (const std::string& path : files.train) set_.train_.push_back(of_file(path));
     for (const std::string& path : files.judge) set_.judge_.push_back(of_file(path));
     refuse_leakage(set_.train_, set_.judge_);
-    refuse_seen(files.seen);
+    set_.given_ = set_.train_;
+    set_.given_.insert(set_.given_.end(), set_.judge_.begin(), set_.judge_.end());
     if (!set_.judge_.empty()) {
       set_.how_ = "judged on logs that the fit has not seen";
     } else if (set_.train_.size() != 1 || files.split == 0.0) {
@@ -212,6 +214,8 @@ class LogSetBuilder {
     add(std::move(judge), "log to judge on", set_.judge_);
     for (const LogSource& source : set_.train_) set_.train_paths_.push_back(source.path);
     refuse_leakage(set_.train_, set_.judge_);
+    set_.given_ = set_.train_;
+    set_.given_.insert(set_.given_.end(), set_.judge_.begin(), set_.judge_.end());
     set_.how_ =
         set_.judge_.empty() ? "not judged: no log was held back" : "judged on logs that the fit has not seen";
     return std::move(set_);
@@ -233,26 +237,6 @@ class LogSetBuilder {
       auto memory = std::make_shared<const Log>(std::move(log));
       sources.push_back(inspect({memory->path, needs_, memory}, limits_, set_.notes_));
     }
-  }
-
-  /// Logs that a model was fitted to before. Whoever fitted it may have deleted them.
-  void refuse_seen(const std::vector<std::string>& paths) {
-    std::vector<LogSource> seen;
-    for (const std::string& path : paths) {
-      LogSource source{path, needs_, nullptr};
-      source.needs.min_samples = 1;
-      std::vector<std::string> unwanted;
-      std::error_code ignored;
-      if (std::filesystem::is_regular_file(path, ignored)) {
-        try {
-          source = inspect(source, {}, unwanted);
-        } catch (const InputError&) {
-          // Another file has that name today.
-        }
-      }
-      seen.push_back(std::move(source));
-    }
-    refuse_leakage(seen, set_.judge_);
   }
 
   /// One log becomes two, both behind the low-pass that its whole motion asks for.
@@ -290,6 +274,35 @@ LogSet open_logs(std::span<const JointSpec> joints, const LogFiles& files) {
 LogSet log_set(std::span<const JointSpec> joints, std::vector<Log> train, std::vector<Log> judge,
                TorqueAt torque_at) {
   return LogSetBuilder(joints).of(std::move(train), std::move(judge), torque_at);
+}
+
+void refuse_seen(const LogSet& logs, const std::vector<std::string>& fitted_to,
+                 std::vector<std::string>* notes) {
+  if (logs.judge().empty()) return;
+  std::vector<LogSource> seen;
+  for (const std::string& path : fitted_to) {
+    LogSource source{path, logs.judge().front().needs};
+    source.needs.min_samples = 1;
+    std::error_code ignored;
+    bool read = false;
+    if (std::filesystem::is_regular_file(path, ignored)) {
+      try {
+        std::vector<std::string> unwanted;
+        source = inspect(source, {}, unwanted);
+        read = true;
+      } catch (const InputError&) {
+        // Another file has that name today.
+      }
+    }
+    if (!read && notes != nullptr) {
+      notes->push_back(fmt::format(
+          "{}: the model was fitted to this log, which cannot be read here; whether a log to judge on holds samples of "
+          "it is not known",
+          path));
+    }
+    seen.push_back(std::move(source));
+  }
+  refuse_leakage(seen, logs.judge());
 }
 
 MotionStream stream(const LogSource& source, const StreamOptions& options) {

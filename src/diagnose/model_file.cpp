@@ -13,7 +13,7 @@ model::ModelFile Diagnosis::model_file() const {
   fit.method = "diagnose";
   fit.torque_at = joint_sensor ? "joint" : "motor";
   fit.condition_number = std::numeric_limits<double>::quiet_NaN();
-  fit.physically_consistent = model::has_physical_links(after);
+  fit.physically_consistent = model::is_physically_consistent(after);
   validate::put_training(train_after, fit);
   fit.samples = train_after.samples;
   fit.cutoff_hz = cutoff;

@@ -266,6 +266,12 @@ struct MotionTorque::Impl {
   Eigen::MatrixXd out_q, out_qd, out_qdd;
 };
 
+bool needs_measured_displacement(const Robot& robot) {
+  return std::any_of(robot.effects.begin(), robot.effects.end(), [](const JointEffect<double>& effect) {
+    return effect.displacement != Displacement::kPosition;
+  });
+}
+
 MotionTorque::MotionTorque(const Robot& robot) : impl_(std::make_unique<Impl>(robot)) {}
 MotionTorque::~MotionTorque() = default;
 MotionTorque::MotionTorque(MotionTorque&&) noexcept = default;

@@ -45,6 +45,14 @@ bool has_physical_links(const Robot& robot) {
                      [](const RobotJoint& joint) { return is_physical(joint.link); });
 }
 
+bool is_physically_consistent(const Robot& robot) {
+  return has_physical_links(robot) &&
+         std::all_of(robot.joints.begin(), robot.joints.end(), [](const RobotJoint& joint) {
+           return joint.actuation.rotor_inertia >= 0.0 && joint.actuation.coulomb_friction >= 0.0 &&
+                  joint.actuation.viscous_friction >= 0.0;
+         });
+}
+
 InertialParameters<double> nearest_physical(const InertialParameters<double>& link, double margin) {
   const Matrix4d P = pseudo_inertia_matrix(link);
   if (!P.allFinite()) throw ModelError("nearest physical link: the parameters are not finite numbers");

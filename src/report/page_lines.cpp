@@ -70,4 +70,8 @@ void put_verdict(nlohmann::ordered_json& json, const host::Judgement& judgement)
   json["reasons"] = judgement.reasons;
 }
 
+std::string text_of(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
 }  // namespace heft::report

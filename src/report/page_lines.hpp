@@ -38,6 +38,9 @@ std::string verdict_text(const host::Judgement& judgement);
 /// Fields "verdict" and "reasons".
 void put_verdict(nlohmann::ordered_json& json, const host::Judgement& judgement);
 
+/// A JSON result as text. Names of files are bytes; what is not UTF-8 in them must not cost the result.
+std::string text_of(const nlohmann::ordered_json& json);
+
 /// A word as a shell takes it literally.
 std::string shell_word(const std::string& word);
 

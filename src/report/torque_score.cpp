@@ -6,50 +6,13 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "heft/data/differentiate.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/validate/acceptance.hpp"
 #include "host/json.hpp"
 
 namespace heft::report {
-namespace {
 
-/// Steps of a trace: about as many as a plot has pixels.
-constexpr long kTraceSteps = 1500;
-
-}  // namespace
-
-validate::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band) {
-  const Eigen::Index rows = log.time.size();
-  validate::TorqueScorer::Setup setup;
-  setup.log = log.path;
-  setup.begin = log.time[0];
-  setup.end = log.time[rows - 1];
-  setup.samples = rows;
-  setup.max_torque = log.tau.cwiseAbs().colwise().maxCoeff();
-  constexpr Eigen::Index kFewestForAGrid = 16;
-  if (rows < kFewestForAGrid) {
-    validate::TorqueScorer scorer(setup);
-    scorer.add_rows(log.time, log.tau, predicted);
-    return scorer.finish();
-  }
-  // The filter needs an even grid. Filtering is linear, so the residual alone is filtered.
-  data::Log even;
-  even.time = log.time;
-  even.q = log.q;
-  even.tau = log.tau - predicted;
-  even = data::resample_uniform(even);
-  setup.sample_rate = data::median_sample_rate(even.time);
-  setup.band = band > 0 ? band : validate::default_band(data::motion_bandwidth(even.q, setup.sample_rate));
-  setup.gaps = data::find_gaps(log.time);
-  validate::TorqueScorer scorer(setup);
-  scorer.add_rows(log.time, log.tau, predicted);
-  scorer.add_grid(even.time, even.tau);
-  return scorer.finish();
-}
-
-LogLine log_line(const data::MotionStream& stream) {
-  const data::StreamSummary& summary = stream.summary();
+LogLine log_line(const data::StreamSummary& summary) {
   return {summary.path, summary.sample_rate, summary.end - summary.begin, summary.cutoff};
 }
 
@@ -186,6 +149,28 @@ nlohmann::ordered_json criteria_json(const std::vector<validate::Criterion>& cri
   return json;
 }
 
+std::string criteria_lines(const std::vector<validate::Criterion>& criteria) {
+  std::string text;
+  for (const validate::Criterion& criterion : criteria) {
+    for (const std::string& line : criterion.notes) text += fmt::format("  {}: {}\n", criterion.name, line);
+  }
+  return text;
+}
+
+void add_criteria_notes(page::Page& page, const std::vector<validate::Criterion>& criteria) {
+  for (const validate::Criterion& criterion : criteria) {
+    for (const std::string& line : criterion.notes) page.note(fmt::format("{}: {}", criterion.name, line));
+  }
+}
+
+void add_residual_words(page::Page& page, const validate::Score& score) {
+  page::Table table({"joint", "residual"});
+  for (int j = 0; j < score.num_joints(); ++j) {
+    table.add_row({fmt::format("{}", j + 1), validate::describe_residual(score, j)});
+  }
+  page.table(table, "Residual: noise, or something that the model misses");
+}
+
 std::string criteria_summary(const std::vector<validate::Criterion>& criteria) {
   const auto count = [&](validate::Verdict verdict) {
     return std::count_if(criteria.begin(), criteria.end(),
@@ -227,52 +212,33 @@ page::Table base_parameter_table(const model::FitRecord& fit) {
   return table;
 }
 
-TorqueTrace::TorqueTrace(long samples, Eigen::Index joints)
-    : rows_a_step_(std::max(1L, (samples + kTraceSteps - 1) / kTraceSteps)), joints_(joints) {}
+namespace {
 
-void TorqueTrace::widen(Extremes& extremes, double value) {
-  extremes.low = std::min(extremes.low, value);
-  extremes.high = std::max(extremes.high, value);
-}
+/// One curve of a trace.
+struct Curve {
+  const char* label;
+  page::Hue hue;
+  validate::TorqueTrace::Extremes validate::TorqueTrace::Step::*extremes;
+};
 
-void TorqueTrace::add(const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
-                      const Eigen::MatrixXd& predicted) {
-  for (Eigen::Index k = 0; k < time.size(); ++k) {
-    if (rows_++ % rows_a_step_ == 0) {
-      time_.push_back(time[k]);
-      const Extremes none{kInfinity, -kInfinity};
-      steps_.emplace_back(static_cast<std::size_t>(joints_), std::array<Extremes, 3>{none, none, none});
-    }
-    for (Eigen::Index j = 0; j < joints_; ++j) {
-      std::array<Extremes, 3>& step = steps_.back()[static_cast<std::size_t>(j)];
-      widen(step[0], measured(k, j));
-      widen(step[1], predicted(k, j));
-      widen(step[2], measured(k, j) - predicted(k, j));
-    }
-  }
-}
-
-std::vector<page::PlotSpec> TorqueTrace::plots(std::size_t first, std::size_t count,
-                                               const std::string& y_label) const {
-  static constexpr std::array<const char*, 3> kLabels{"measured", "model", "measured − model"};
-  static constexpr std::array<page::Hue, 3> kHues{page::Hue::kNeutral, page::Hue::kVermillion,
-                                                  page::Hue::kBlue};
+std::vector<page::PlotSpec> plots_of(const validate::TorqueTrace& trace, const std::vector<Curve>& curves,
+                                     const std::string& y_label) {
   std::vector<page::PlotSpec> specs;
-  for (std::size_t j = 0; j < static_cast<std::size_t>(joints_); ++j) {
+  for (std::size_t j = 0; j < static_cast<std::size_t>(trace.num_joints()); ++j) {
     page::PlotSpec spec;
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = y_label;
-    for (std::size_t which = first; which < first + count; ++which) {
+    for (const Curve& curve : curves) {
       page::Series series;
-      series.label = kLabels[which];
-      series.hue = kHues[which];
-      for (std::size_t k = 0; k < time_.size(); ++k) {
-        const Extremes& extremes = steps_[k][j][which];
-        series.x.push_back(time_[k]);
+      series.label = curve.label;
+      series.hue = curve.hue;
+      for (std::size_t k = 0; k < trace.time().size(); ++k) {
+        const validate::TorqueTrace::Extremes& extremes = trace.steps()[k][j].*curve.extremes;
+        series.x.push_back(trace.time()[k]);
         series.y.push_back(extremes.low);
-        if (rows_a_step_ == 1) continue;
-        series.x.push_back(time_[k]);
+        if (trace.rows_a_step() == 1) continue;
+        series.x.push_back(trace.time()[k]);
         series.y.push_back(extremes.high);
       }
       spec.series.push_back(std::move(series));
@@ -282,8 +248,19 @@ std::vector<page::PlotSpec> TorqueTrace::plots(std::size_t first, std::size_t co
   return specs;
 }
 
-std::vector<page::PlotSpec> TorqueTrace::torque_plots() const { return plots(0, 2, "torque [N·m]"); }
-std::vector<page::PlotSpec> TorqueTrace::residual_plots() const { return plots(2, 1, "torque error [N·m]"); }
+}  // namespace
+
+std::vector<page::PlotSpec> torque_plots(const validate::TorqueTrace& trace) {
+  return plots_of(trace,
+                  {{"measured", page::Hue::kNeutral, &validate::TorqueTrace::Step::measured},
+                   {"model", page::Hue::kVermillion, &validate::TorqueTrace::Step::predicted}},
+                  "torque [N·m]");
+}
+
+std::vector<page::PlotSpec> residual_plots(const validate::TorqueTrace& trace) {
+  return plots_of(trace, {{"measured − model", page::Hue::kBlue, &validate::TorqueTrace::Step::residual}},
+                  "torque error [N·m]");
+}
 
 std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots) {
   for (page::PlotSpec& plot : plots) {

@@ -16,18 +16,13 @@
 #include "heft/page/table.hpp"
 #include "heft/validate/acceptance.hpp"
 #include "heft/validate/score.hpp"
+#include "heft/validate/torque_trace.hpp"
 #include "page_lines.hpp"
 
 namespace heft::report {
 
-/// Scores a prediction that was made elsewhere, at the log's own time stamps.
-/// @param predicted  samples × joints
-/// @param band       low-pass cut-off [Hz]; 0 takes validate::default_band of the motion
-/// @pre log.tau has as many columns as `predicted`
-validate::Score score_torque(const data::Log& log, const Eigen::MatrixXd& predicted, double band);
-
 /// A log as the end of a page states it.
-LogLine log_line(const data::MotionStream& stream);
+LogLine log_line(const data::StreamSummary& summary);
 LogLine log_line(const data::Log& log, double low_pass = 0.0);
 
 /// Says what the figures are; stands wherever they are printed.
@@ -49,6 +44,11 @@ nlohmann::ordered_json validation_json(const validate::Score& score);
 /// Criteria: name, value, limit, verdict; and what the values are.
 page::Table criteria_table(const std::vector<validate::Criterion>& criteria);
 nlohmann::ordered_json criteria_json(const std::vector<validate::Criterion>& criteria);
+/// Their notes, one line each, for the terminal and for a page.
+std::string criteria_lines(const std::vector<validate::Criterion>& criteria);
+void add_criteria_notes(page::Page& page, const std::vector<validate::Criterion>& criteria);
+/// A table that says of each joint what its residual is.
+void add_residual_words(page::Page& page, const validate::Score& score);
 /// "3 of 5 criteria met, 1 missed, 1 not judged".
 std::string criteria_summary(const std::vector<validate::Criterion>& criteria);
 
@@ -57,30 +57,10 @@ nlohmann::ordered_json fit_json(const model::FitRecord& fit);
 /// Base parameters with their intervals.
 page::Table base_parameter_table(const model::FitRecord& fit);
 
-/// Torque and residual of a long log, thinned while they come in: what the eye can see of them.
-class TorqueTrace {
- public:
-  /// @param samples  rows to come
-  TorqueTrace(long samples, Eigen::Index joints);
-  void add(const Eigen::VectorXd& time, const Eigen::MatrixXd& measured, const Eigen::MatrixXd& predicted);
-  std::vector<page::PlotSpec> torque_plots() const;
-  std::vector<page::PlotSpec> residual_plots() const;
-
- private:
-  /// Smallest and largest values of a joint over some rows.
-  struct Extremes {
-    double low, high;
-  };
-  static void widen(Extremes& extremes, double value);
-  std::vector<page::PlotSpec> plots(std::size_t first, std::size_t count, const std::string& y_label) const;
-
-  long rows_a_step_;
-  long rows_{0};
-  std::vector<double> time_;  ///< where each step begins
-  /// Per step, joint by joint: measured, predicted, residual.
-  std::vector<std::vector<std::array<Extremes, 3>>> steps_;
-  Eigen::Index joints_;
-};
+/// Measured and predicted torque over time, one plot a joint.
+std::vector<page::PlotSpec> torque_plots(const validate::TorqueTrace& trace);
+/// Measured minus predicted.
+std::vector<page::PlotSpec> residual_plots(const validate::TorqueTrace& trace);
 
 /// One plot a joint: predicted torque over time, with the measured one where the log has it.
 std::vector<page::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted);

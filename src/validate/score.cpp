@@ -13,6 +13,7 @@
 #include "heft/model/motion_torque.hpp"
 #include "heft/statistics/correlation.hpp"
 #include "heft/statistics/spectrum.hpp"
+#include "heft/validate/predict.hpp"
 
 namespace heft::validate {
 
@@ -285,48 +286,48 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
                                                                      : default_band(summary.bandwidth);
   TorqueScorer scorer({summary.path, summary.begin, summary.end, summary.samples, summary.max_torque,
                        summary.sample_rate, band, summary.gaps, summary.moving_from, summary.moving_to});
-  // One for the log's rows, one for the grid: both carry friction's memory and deflections from piece to piece.
-  model::MotionTorque on_rows(robot), on_grid(robot);
-  const auto predict = [&](model::MotionTorque& motion, const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
-                           const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
-                           const Eigen::MatrixXd& steps, Index first, Index count) {
-    Eigen::MatrixXd displacement;
-    if (steps.cols() > 0) displacement = steps.middleRows(first, count);
-    return motion.torque(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
-                         qd.middleRows(first, count), qdd.middleRows(first, count), options.sign_width,
-                         displacement);
-  };
-  bool started = false;
+  Predictor predictor(robot, summary.begin, {options.sign_width});
   log.for_each(
       [&](const data::MotionChunk& piece) {
-        if (!started) {
-          const auto start = [&](model::MotionTorque& motion, const Eigen::VectorXd& time,
-                                 const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
-                                 const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau, Index first,
-                                 Index count) {
-            motion.start_from(time.segment(first, count).array() - summary.begin, q.middleRows(first, count),
-                              qd.middleRows(first, count), qdd.middleRows(first, count),
-                              tau.middleRows(first, count), options.sign_width);
-          };
-          start(on_rows, piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_tau, 0,
-                piece.row_time.size());
-          start(on_grid, piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.begin, piece.count);
-          started = true;
-        }
-        const Eigen::MatrixXd predicted =
-            predict(on_rows, piece.row_time, piece.row_q, piece.row_qd, piece.row_qdd, piece.row_displacement,
-                    0, piece.row_time.size());
+        const Eigen::MatrixXd predicted = predictor.rows(piece);
         scorer.add_rows(piece.row_time, piece.row_tau, predicted);
         if (options.rows) options.rows(piece.row_time, piece.row_tau, predicted);
         const Index begin = piece.begin, count = piece.count;
         // On a log with even time stamps the grid is the log's own.
         const bool same = !summary.resampled && count == piece.row_time.size();
-        const Eigen::MatrixXd even = same ? predicted
-                                          : predict(on_grid, piece.time, piece.q, piece.qd, piece.qdd,
-                                                    piece.displacement, begin, count);
+        const Eigen::MatrixXd even = same ? predicted : predictor.grid(piece);
         scorer.add_grid(piece.time.segment(begin, count), piece.tau.middleRows(begin, count) - even);
       },
       options.progress);
+  return scorer.finish();
+}
+
+Score score(const data::Log& log, const Eigen::MatrixXd& predicted, double band) {
+  const Index rows = log.time.size();
+  TorqueScorer::Setup setup;
+  setup.log = log.path;
+  setup.begin = log.time[0];
+  setup.end = log.time[rows - 1];
+  setup.samples = rows;
+  setup.max_torque = log.tau.cwiseAbs().colwise().maxCoeff();
+  constexpr Index kFewestForAGrid = 16;
+  if (rows < kFewestForAGrid) {
+    TorqueScorer scorer(setup);
+    scorer.add_rows(log.time, log.tau, predicted);
+    return scorer.finish();
+  }
+  // The filter needs an even grid. Filtering is linear, so the residual alone is filtered.
+  data::Log even;
+  even.time = log.time;
+  even.q = log.q;
+  even.tau = log.tau - predicted;
+  even = data::resample_uniform(even);
+  setup.sample_rate = data::median_sample_rate(even.time);
+  setup.band = band > 0 ? band : default_band(data::motion_bandwidth(even.q, setup.sample_rate));
+  setup.gaps = data::find_gaps(log.time);
+  TorqueScorer scorer(setup);
+  scorer.add_rows(log.time, log.tau, predicted);
+  scorer.add_grid(even.time, even.tau);
   return scorer.finish();
 }
 

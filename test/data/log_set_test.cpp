@@ -196,13 +196,17 @@ TEST_F(LogSets, SplitsASingleLogOfWhichNoSampleIsInBothParts) {
 TEST_F(LogSets, RefusesLogsThatAModelHasSeen) {
   LogFiles files;
   files.judge = {file("judge.csv", rows_of(sound_log(1), 500, 1000))};
-  files.seen = {"/nowhere/a.csv"};
-  EXPECT_NO_THROW((void)open_logs(joints(), files));
-  files.seen = {file("train.csv", sound_log(1))};
-  EXPECT_THAT(message_of<DataError>([&] { (void)open_logs(joints(), files); }),
+  const LogSet logs = open_logs(joints(), files);
+  std::vector<std::string> notes;
+  refuse_seen(logs, {"/nowhere/a.csv", file("other.csv", sound_log(2))}, &notes);
+  EXPECT_THAT(
+      notes,
+      ElementsAre(HasSubstr("/nowhere/a.csv: the model was fitted to this log, which cannot be read")));
+  const std::string train = file("train.csv", sound_log(1));
+  EXPECT_THAT(message_of<DataError>([&] { refuse_seen(logs, {train}); }),
               AllOf(HasSubstr("judge.csv: a part of"), HasSubstr("which the model is fitted to")));
-  files.seen = {files.judge[0]};
-  EXPECT_THAT(message_of<DataError>([&] { (void)open_logs(joints(), files); }), HasSubstr("the same file"));
+  EXPECT_THAT(message_of<DataError>([&] { refuse_seen(logs, {files.judge[0]}); }),
+              HasSubstr("the same file"));
 }
 
 TEST_F(LogSets, LeavesOutRatesThatContradictThePositions) {

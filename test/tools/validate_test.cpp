@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/data/log.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/model_file.hpp"
@@ -213,13 +214,13 @@ TEST(Validate, JudgesAtTheSensorTheModelWasFittedTo) {
   model.fit->base_parameters = {{"Izz1*", "kg·m²", "Izz1 + Iyy2", 1.5, 0.1, 0.2, true}};
   model.fit->condition_number = 12.0;
   model.fit->physically_consistent = true;
-  model.provenance.logs = {folder.path("seen.csv")};
+  model.provenance.logs = {folder.path("gone.csv")};
   model::write_model(folder.path("arm.json"), model);
-  data::write_log(folder.path("seen.csv"), log_of(robot));
+  data::write_log(folder.path("unseen.csv"), log_of(robot));
   const Outcome run = run_heft({"validate", "--model", folder.path("arm.json"), "--log",
-                                folder.path("seen.csv"), "--json", folder.path("out.json")});
+                                folder.path("unseen.csv"), "--json", folder.path("out.json")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_THAT(run.err, AllOf(HasSubstr("seen.csv"), HasSubstr("was fitted to this log")));
+  EXPECT_THAT(run.err, AllOf(HasSubstr("gone.csv"), HasSubstr("cannot be read here")));
   const nlohmann::json result = json_of(folder.path("out.json"));
   EXPECT_EQ(result["torque_at"], "joint");
   EXPECT_EQ(result["base_parameters"][0]["expression"], "Izz1 + Iyy2");
@@ -227,6 +228,25 @@ TEST(Validate, JudgesAtTheSensorTheModelWasFittedTo) {
   EXPECT_EQ(result["condition_number"], 12.0);
   // The sensor saw the friction that the model has.
   for (const auto& percent : result["rmse_percent_of_max"]) EXPECT_LT(percent.get<double>(), 3.0);
+}
+
+TEST(Validate, RefusesLogsThatTheModelWasFittedTo) {
+  const test::TemporaryFolder folder;
+  const model::Robot robot = ur10e();
+  model::ModelFile model = model::make_model(robot);
+  model.provenance.logs = {folder.path("seen.csv")};
+  model::write_model(folder.path("arm.json"), model);
+  data::Log log = log_of(robot);
+  data::write_log(folder.path("seen.csv"), log);
+  log.time.array() += 1000.0;
+  data::write_log(folder.path("copy.csv"), data::part_of(log, 1002.0, 1006.0));
+  for (const char* name : {"seen.csv", "copy.csv"}) {
+    const Outcome run =
+        run_heft({"validate", "--model", folder.path("arm.json"), "--log", folder.path(name)});
+    EXPECT_EQ(run.exit_code, 3) << name;
+    EXPECT_THAT(run.err, AllOf(HasSubstr(name), HasSubstr("expected a log that the fit has not seen")))
+        << name;
+  }
 }
 
 TEST(Validate, SaysWhatIsMissing) {

@@ -12,12 +12,13 @@
 
 #include "command.hpp"
 #include "console.hpp"
-#include "heft/data/motion_stream.hpp"
+#include "heft/data/log_set.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"
-#include "heft/model/motion_torque.hpp"
 #include "heft/page/page.hpp"
+#include "heft/validate/predict.hpp"
+#include "heft/validate/score.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
 #include "torque_score.hpp"
@@ -75,75 +76,39 @@ struct LogResult {
   std::optional<validate::Score> score;  ///< when the log holds torque to compare with
 };
 
-/// What friction's memory goes by where the model says so: displacements as logged, samples × 2 n; no columns where
-/// no effect asks for them or the log has no velocities of its own.
-Eigen::MatrixXd displacement_as_logged(const model::Robot& robot, const PreparedLog& log) {
-  if (!goes_by_logged_displacement(robot) || log.motion.velocity_derived) return {};
-  data::StreamOptions options;
-  options.displacement = true;
-  options.cut_standstill = false;
-  const data::MotionStream stream(log.log, options);
-  Eigen::MatrixXd displacement(log.log.num_samples(), kMeasuredDisplacements * robot.num_joints());
-  Eigen::Index rows = 0;
-  stream.for_each([&](const data::MotionChunk& piece) {
-    displacement.middleRows(rows, piece.row_time.size()) = piece.row_displacement;
-    rows += piece.row_time.size();
-  });
-  return displacement;
-}
-
 /// Computes the rows of one log and appends them to `csv`, each after `prefix`.
-LogResult work_on(const std::string& path, const Options& options, const model::Dynamics& dynamics,
+LogResult work_on(const data::LogSource& source, const Options& options, const model::Dynamics& dynamics,
                   const std::string& prefix, std::string& csv) {
   const int n = dynamics.num_joints();
-  const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;
   const bool is_gravity = options.what == "gravity";
-  const bool is_torque = options.what == "torque";
-  data::LogRequirements needs;
-  needs.num_joints = n;
-  needs.robot_name = dynamics.robot().name;
-  needs.velocity = needs.acceleration = !is_gravity;
-  needs.min_samples = 1;  // what has to be derived asks for more
-  PreparedLog prepared = prepare_log(path, options.log, needs);
-  const Eigen::MatrixXd displacement =
-      is_torque ? displacement_as_logged(dynamics.robot(), prepared) : Eigen::MatrixXd();
-  LogResult result{std::move(prepared.log), {}, {}};
+  std::vector<std::string> notes;
+  data::MotionLog motion = data::read_motion(source, !is_gravity, &notes);
+  for (const std::string& text : notes) note(text);
+  LogResult result{std::move(motion.log), {}, {}};
   const data::Log& log = result.log;
-  const int num_samples = log.num_samples();
-  if (options.what != "regressor") result.torque.resize(num_samples, n);
-
-  // What the model holds beyond one instant (memory, deflection, delay) goes on from row to row.
-  model::MotionTorque motion(dynamics.robot());
-  constexpr int kRowsAtOnce = 1024;
-  Progress progress(path);
-  for (int k = 0; k < num_samples; ++k) {
-    progress.update(static_cast<double>(k) / num_samples);
+  if (options.what == "torque") {
+    // The torque of this very motion, sharp at reversals: what rests has no friction.
+    result.torque = validate::predict(dynamics.robot(), log, motion.motion, {.sign_width = 0.0});
+  } else if (is_gravity) {
+    result.torque.resize(log.num_samples(), n);
+  }
+  const Eigen::Index columns =
+      options.log.measured_at() == TorqueAt::kMotor ? Eigen::Index{14 * n} : Eigen::Index{10 * n};
+  Progress progress(source.path);
+  for (int k = 0; k < log.num_samples(); ++k) {
+    progress.update(static_cast<double>(k) / log.num_samples());
     csv += prefix;
     const Eigen::VectorXd q = log.q.row(k);
-    if (is_gravity) {
-      result.torque.row(k) = dynamics.gravity_torque(q);
-      append_row(csv, log, k, result.torque.row(k));
-      continue;
-    }
-    if (is_torque) {
-      if (k % kRowsAtOnce == 0) {
-        const int count = std::min(kRowsAtOnce, num_samples - k);
-        Eigen::MatrixXd steps;
-        if (displacement.cols() > 0) steps = displacement.middleRows(k, count);
-        result.torque.middleRows(k, count) =
-            motion.torque(log.time.segment(k, count).array() - log.time[0], log.q.middleRows(k, count),
-                          log.qd.middleRows(k, count), log.qdd.middleRows(k, count), 0.0, steps);
-      }
+    if (is_gravity) result.torque.row(k) = dynamics.gravity_torque(q);
+    if (result.torque.rows() > 0) {
       append_row(csv, log, k, result.torque.row(k));
       continue;
     }
     const Eigen::MatrixXd Y = dynamics.regressor(q, log.qd.row(k), log.qdd.row(k));
-    append_row(csv, log, k,
-               Y.leftCols(at_motor ? Y.cols() : Eigen::Index{10 * n}).reshaped<Eigen::RowMajor>().eval());
+    append_row(csv, log, k, Y.leftCols(columns).reshaped<Eigen::RowMajor>().eval());
   }
-  if (is_torque && log.tau.cols() == n) {
-    result.score = score_torque(log, result.torque, options.log.band);
-  }
+  if (options.what == "torque" && log.tau.cols() == n)
+    result.score = validate::score(log, result.torque, options.log.band);
   return result;
 }
 
@@ -152,6 +117,11 @@ void run(const Options& options) {
   const model::Dynamics dynamics(as_measured(load_robot_and_fit(options.robot), options.log.measured_at()));
   const std::string& robot = dynamics.robot().name;
   const int n = dynamics.num_joints();
+  data::LogFiles files = files_of(options.log, dynamics.robot());
+  files.judge.swap(files.train);
+  files.torque = false;
+  files.min_samples = 1;  // what has to be derived asks for more
+  const data::LogSet logs = open_logs(dynamics.robot(), files);
   const bool at_motor = options.log.measured_at() == TorqueAt::kMotor;
   const bool is_gravity = options.what == "gravity";
   const bool is_regressor = options.what == "regressor";
@@ -177,7 +147,8 @@ void run(const Options& options) {
   std::string text;
   for (std::size_t k = 0; k < options.log.logs.size(); ++k) {
     const std::string& path = options.log.logs[k];
-    const LogResult result = work_on(path, options, dynamics, several ? fmt::format("{},", k + 1) : "", csv);
+    const LogResult result =
+        work_on(logs.judge()[k], options, dynamics, several ? fmt::format("{},", k + 1) : "", csv);
     nlohmann::ordered_json entry{{"log", path}, {"samples", result.log.num_samples()}};
     page.heading(path);
     text += fmt::format("{}: {} of {} for {} row{}\n", path, subject, robot, result.log.num_samples(),

@@ -10,6 +10,7 @@
 #include "console.hpp"
 #include "example_scenario.hpp"
 #include "heft/data/log.hpp"
+#include "heft/data/log_set.hpp"
 #include "heft/excite/motion.hpp"
 #include "heft/host/file.hpp"
 #include "heft/page/page.hpp"
@@ -78,11 +79,13 @@ struct Run {
 
 Run replay(const Options& options) {
   const model::Robot robot = load_robot(options.robot);
-  data::LogRequirements needs;
-  needs.num_joints = robot.num_joints();
-  needs.robot_name = robot.name;
-  needs.velocity = needs.acceleration = true;
-  const data::Log motion = prepare_log(options.replay, {}, needs).log;
+  data::LogFiles files;
+  files.judge = {options.replay};
+  files.robot = robot.name;
+  files.torque = false;
+  std::vector<std::string> notes;
+  const data::Log motion = data::read_motion(open_logs(robot, files).judge().front(), true, &notes).log;
+  for (const std::string& text : notes) note(text);
   const double begin = motion.time[0], duration = motion.time[motion.num_samples() - 1] - begin;
   const auto reference = sim::make_sampled(motion.time.array() - begin, motion.q, motion.qd, motion.qdd);
   return {robot.name, options.replay, sim::simulate(excite::replay_settings(robot, reference, duration))};

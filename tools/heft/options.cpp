@@ -10,11 +10,11 @@
 #include "console.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
-#include "heft/model/at_sensor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "heft/validate/score.hpp"
+#include "heft/validate/predict.hpp"
+#include "page_lines.hpp"
 
 namespace heft::tools {
 
@@ -99,35 +99,14 @@ LoadedRobot load_robot_and_fit(const RobotOptions& options) {
 
 model::Robot load_robot(const RobotOptions& options) { return load_robot_and_fit(options).robot; }
 
-bool goes_by_logged_displacement(const model::Robot& robot) {
-  return std::any_of(robot.effects.begin(), robot.effects.end(), [](const JointEffect<double>& effect) {
-    return effect.displacement != Displacement::kPosition;
-  });
-}
-
 model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
-  const bool fitted_at_joint = loaded.fit && loaded.fit->torque_at == "joint";
-  if (at == TorqueAt::kJoint && !fitted_at_joint) return model::at_sensor(loaded.robot);
-  if (at == TorqueAt::kMotor && fitted_at_joint) {
-    note("the model was fitted to torque behind the gears: rotor inertia and gear friction are not in it");
-  }
-  return loaded.robot;
+  std::vector<std::string> notes;
+  model::Robot robot = validate::as_measured(loaded.robot, loaded.fit ? &*loaded.fit : nullptr, at, &notes);
+  for (const std::string& text : notes) note(text);
+  return robot;
 }
 
-data::JointLimits limits_of(const model::Robot& robot) {
-  const auto n = static_cast<Eigen::Index>(robot.joints.size());
-  data::JointLimits limits{
-      Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n), {}};
-  for (Eigen::Index j = 0; j < n; ++j) {
-    const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
-    limits.lower[j] = joint.lower;
-    limits.upper[j] = joint.upper;
-    limits.velocity[j] = joint.velocity_limit;
-    limits.effort[j] = joint.effort_limit;
-    limits.prismatic.push_back(joint.joint.type == JointType::kPrismatic);
-  }
-  return limits;
-}
+data::JointLimits limits_of(const model::Robot& robot) { return data::limits_of(robot.joint_specs()); }
 
 void add_log_options(CommandLine line, LogOptions& options) {
   line.add_option("--log", options.logs, "log (CSV); may be given several times")
@@ -156,6 +135,24 @@ void add_accept_torque_option(CommandLine line, LogOptions& options) {
       "--accept-torque", options.accept_torque,
       "continue although the torque contradicts the robot: wrong sign, unit, order of joints, mounting (the "
       "result is marked bad)");
+}
+
+data::LogFiles files_of(const LogOptions& options, const model::Robot& robot,
+                        const std::vector<std::string>& judge) {
+  data::LogFiles files;
+  files.train = options.logs;
+  files.judge = judge;
+  files.torque_constant = options.torque_constant;
+  files.torque_at = options.measured_at();
+  files.cutoff = options.band;
+  files.robot = robot.name;
+  return files;
+}
+
+data::LogSet open_logs(const model::Robot& robot, const data::LogFiles& files) {
+  data::LogSet logs = data::open_logs(robot.joint_specs(), files);
+  for (const std::string& text : logs.notes()) note(text);
+  return logs;
 }
 
 PreparedLog prepare_log(const std::string& path, const LogOptions& options,
@@ -232,6 +229,13 @@ host::Judgement judge_torque(const data::Log& log, const model::Robot& robot, co
   return judgement_of(plausibility::check_torque(robot, log, torque_options(at)), options);
 }
 
+host::Judgement judge_torque(const data::LogSet& logs, const model::Robot& robot, const LogOptions& options) {
+  host::Judgement judgement;
+  for (const data::LogSource& log : logs.given())
+    judgement.add(judge_torque(data::stream(log), robot, options, logs.torque_at()));
+  return judgement;
+}
+
 void add_result_options(CommandLine line, ResultOptions& options) {
   line.add_option("--json", options.json, "write the results as JSON; - is standard output")
       .type_name("FILE")
@@ -261,6 +265,11 @@ void write_each(std::initializer_list<std::function<void()>> files) {
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
             const nlohmann::ordered_json& json, const page::Page& page,
             const std::function<void()>& write_output) {
+  finish(console, output, options, text_of(json), page, write_output);
+}
+
+void finish(const Console& console, const std::string& output, const ResultOptions& options,
+            const std::string& json, const page::Page& page, const std::function<void()>& write_output) {
   const auto announced = [&](const char* what, const std::string& path, const std::function<void()>& write) {
     return [&console, what, path, write] {
       if (path.empty() || !write) return;
@@ -268,9 +277,10 @@ void finish(const Console& console, const std::string& output, const ResultOptio
       if (!host::is_standard_output(path)) console.print("{}: {}\n", what, path);
     };
   };
-  write_each({announced("Written", output, write_output),
-              announced("Results", options.json, [&] { write_json(options.json, json); }),
-              announced("Report", options.report, [&] { page.write(options.report); })});
+  write_each(
+      {announced("Written", output, write_output),
+       announced("Results", options.json, [&] { host::write_file_atomically(options.json, json + "\n"); }),
+       announced("Report", options.report, [&] { page.write(options.report); })});
 }
 
 void add_output_option(CommandLine line, std::string& output, const std::string& meaning, bool required) {

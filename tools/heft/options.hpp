@@ -14,6 +14,7 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
 #include "heft/data/log_checks.hpp"
+#include "heft/data/log_set.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
@@ -50,17 +51,11 @@ LoadedRobot load_robot_and_fit(const RobotOptions& options);
 /// Limits as the checks of a log take them.
 data::JointLimits limits_of(const model::Robot& robot);
 
-/// Where the torque of a log was measured.
-enum class TorqueAt {
-  kMotor,  ///< rotor inertia and gear friction are in it
-  kJoint   ///< a sensor behind the gear: rigid bodies only
-};
+using data::TorqueAt;
 
 /// The robot whose joint torque is what was measured there: a sensor behind the gears sees rigid bodies only,
 /// unless the model was fitted to such a sensor; then friction that it has is friction that the sensor saw.
 model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at);
-/// Whether friction of this robot remembers by a displacement as logged rather than by the derived position.
-bool goes_by_logged_displacement(const model::Robot& robot);
 
 /// --log, --torque-constant, --torque-at, --band, and --accept-torque where torque is compared with the robot.
 struct LogOptions {
@@ -75,6 +70,12 @@ struct LogOptions {
 void add_log_options(CommandLine line, LogOptions& options);
 /// For commands that call judge_torque.
 void add_accept_torque_option(CommandLine line, LogOptions& options);
+
+/// What these options say of the logs of a robot, those to judge on in addition.
+data::LogFiles files_of(const LogOptions& options, const model::Robot& robot,
+                        const std::vector<std::string>& judge = {});
+/// data::open_logs with its notes on standard error.
+data::LogSet open_logs(const model::Robot& robot, const data::LogFiles& files);
 
 /// A log with what a command needs of it; qd and qdd are derived where missing. Notes go to standard error.
 struct PreparedLog {
@@ -93,6 +94,9 @@ host::Judgement judge_torque(const data::MotionStream& log, const model::Robot& 
 host::Judgement judge_torque(const data::Log& log, const model::Robot& robot, const LogOptions& options,
                              TorqueAt at);
 
+/// The same of every log that was given.
+host::Judgement judge_torque(const data::LogSet& logs, const model::Robot& robot, const LogOptions& options);
+
 /// --json and --report.
 struct ResultOptions {
   std::string json;
@@ -106,6 +110,9 @@ void add_result_options(CommandLine line, ResultOptions& options);
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
             const nlohmann::ordered_json& json, const page::Page& page,
             const std::function<void()>& write_output = {});
+/// The same of an answer's JSON as text.
+void finish(const Console& console, const std::string& output, const ResultOptions& options,
+            const std::string& json, const page::Page& page, const std::function<void()>& write_output = {});
 /// Calls all of them, then throws what the first that failed threw.
 void write_each(std::initializer_list<std::function<void()>> files);
 

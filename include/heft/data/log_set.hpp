@@ -38,9 +38,6 @@ struct LogFiles {
   std::string robot{};  ///< its name, for the message that the joint count differs
   bool torque{true};    ///< false: a log may lack torque
   int min_samples{2};   ///< fewer end in an error that says so
-  /// Logs that the model to be judged was fitted to before, as its model file names them. Those that cannot be read
-  /// are compared by path only.
-  std::vector<std::string> seen{};
 };
 
 class LogFingerprint;
@@ -65,6 +62,8 @@ class LogSet {
  public:
   const std::vector<LogSource>& train() const { return train_; }
   const std::vector<LogSource>& judge() const { return judge_; }
+  /// All logs as they were given, before one was split: those to fit to, then those to judge on.
+  const std::vector<LogSource>& given() const { return given_; }
   /// What is judged on, as a clause: "judged on logs that the fit has not seen".
   const std::string& how() const { return how_; }
   /// Findings about the logs that are worth telling, one line each.
@@ -77,7 +76,7 @@ class LogSet {
 
  private:
   friend class LogSetBuilder;
-  std::vector<LogSource> train_, judge_;
+  std::vector<LogSource> train_, judge_, given_;
   std::vector<std::string> notes_, train_paths_;
   std::string how_;
   TorqueAt torque_at_{TorqueAt::kMotor};
@@ -114,6 +113,13 @@ MotionLog read_motion(const LogSource& source, bool acceleration = true,
 
 /// Joint limits in the form that the checks of a log take.
 JointLimits limits_of(std::span<const JointSpec> joints);
+
+/// Refuses to judge a model on logs that it was fitted to before.
+/// @param fitted_to  paths of those logs, as the model file names them
+/// @param notes      gets a line for each that cannot be read, so that only its path was compared; may be null
+/// @throws DataError when a log to judge on is one of them or shares samples with one
+void refuse_seen(const LogSet& logs, const std::vector<std::string>& fitted_to,
+                 std::vector<std::string>* notes = nullptr);
 
 /// What two logs share: "" or the judged log's relation to the other, such as "a part of train.csv". Rows count as
 /// the same when position and torque agree to the last bit, whatever the time stamps; shared are eight rows or more in

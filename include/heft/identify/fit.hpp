@@ -92,7 +92,7 @@ struct Fit {
   /// Link parameters and actuation that reproduce β. With kPhysical, or where a physical set explains the data
   /// as well, links that could exist; else those nearest to the robot's own.
   model::Robot robot;
-  bool physically_consistent{false};  ///< every link of `robot` could exist
+  bool physically_consistent{false};  ///< see model::is_physically_consistent
   /// Squared error of the best physical fit over that of the free one; 1: physics costs nothing.
   double physical_cost_ratio{1.0};
   std::vector<int> repaired_prior, at_boundary;  ///< links, see PhysicalFit
@@ -102,7 +102,8 @@ struct Fit {
   std::vector<std::string> missing;
   std::vector<std::string> notes;
 
-  /// As a model file with standard deviations.
+  /// As a model file with the standard deviations of the parameters that are determined by themselves; NaN for those
+  /// that are felt only together with others.
   model::ModelFile model_file() const;
 };
 

@@ -15,6 +15,10 @@ inline constexpr double kSeenAtRest = 0.5;
 /// A joint that stays below this speed is at rest [rad/s, m/s].
 inline constexpr double kRestSpeed = 5e-3;
 
+/// Whether friction of this robot remembers by a displacement as logged instead of by the derived position: then
+/// MotionTorque::torque wants `measured`.
+bool needs_measured_displacement(const Robot& robot);
+
 /// Motor torque along a motion, with everything that a Robot holds: rigid bodies, actuation, gear couplings,
 /// joint effects (those with memory are carried from row to row), elastic joints and the delay of the torque
 /// channel. Without memory, drift, elasticity and delay every row is Dynamics::joint_torque.

@@ -21,6 +21,9 @@ InertialParameters<double> link_with(const Eigen::Matrix4d& pseudo_inertia);
 bool is_physical(const InertialParameters<double>& link);
 /// The same of every link.
 bool has_physical_links(const Robot& robot);
+/// Whether an arm can have all parameters: physical links, and drives without negative rotor inertia, Coulomb or viscous
+/// friction. This is what "physically consistent" means wherever heft says it.
+bool is_physically_consistent(const Robot& robot);
 
 /// Nearest parameters that a body can have: eigenvalues of the pseudo-inertia below margin · max(trace, 1) are
 /// lifted to there. Parameters that are physical with that margin come back unchanged.

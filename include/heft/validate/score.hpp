@@ -14,6 +14,7 @@
 #include "heft/model/at_sensor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/validate/predict.hpp"
 
 namespace heft::validate {
 
@@ -109,7 +110,7 @@ double default_band(double motion_bandwidth);
 struct ScoreOptions {
   double band{0.0};  ///< low-pass for the figures in band [Hz]; 0: default_band
   /// Width of the friction's sign [rad/s, m/s], so that a joint that rests with a noisy velocity has none.
-  double sign_width{0.005};
+  double sign_width{kSignWidth};
   /// Gets the rows of each piece with their prediction, for plots; may be empty.
   std::function<void(const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
                      const Eigen::MatrixXd& predicted)>
@@ -125,5 +126,11 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
 
 /// Errors on the training logs into what a model file keeps of a fit.
 void put_training(const Score& training, model::FitRecord& record);
+
+/// Scores a prediction that is there already, at the log's own time stamps.
+/// @param predicted  samples × joints [N·m, N]
+/// @param band       low-pass for the figures in band [Hz]; 0: default_band of the motion
+/// @pre log.tau has as many columns as `predicted`
+Score score(const data::Log& log, const Eigen::MatrixXd& predicted, double band = 0.0);
 
 }  // namespace heft::validate

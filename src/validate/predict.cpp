@@ -1,0 +1,114 @@
+#include "heft/validate/predict.hpp"
+
+#include <algorithm>
+
+#include "heft/core/effects/displacement.hpp"
+#include "heft/model/at_sensor.hpp"
+#include "heft/model/motion_torque.hpp"
+
+namespace heft::validate {
+
+using Eigen::Index;
+
+struct Predictor::Impl {
+  /// Rows of a motion in time order.
+  struct Rows {
+    const Eigen::VectorXd& time;
+    const Eigen::MatrixXd &q, &qd, &qdd, &tau, &displacement;
+    Index first, count;
+  };
+
+  Impl(const model::Robot& robot, double start, const PredictOptions& given)
+      : on_rows(robot), on_grid(robot), begin(start), options(given) {}
+
+  static Rows rows_of(const data::MotionChunk& piece) {
+    return {piece.row_time,         piece.row_q, piece.row_qd,         piece.row_qdd, piece.row_tau,
+            piece.row_displacement, 0,           piece.row_time.size()};
+  }
+  static Rows grid_of(const data::MotionChunk& piece) {
+    return {piece.time,         piece.q,     piece.qd,   piece.qdd, piece.tau,
+            piece.displacement, piece.begin, piece.count};
+  }
+
+  /// One motion for the log's rows, one for the grid: each carries what is remembered from piece to piece.
+  Eigen::MatrixXd predict(model::MotionTorque& motion, bool& started, const Rows& rows) const {
+    const Eigen::VectorXd time = rows.time.segment(rows.first, rows.count).array() - begin;
+    const auto part = [&](const Eigen::MatrixXd& whole) {
+      Eigen::MatrixXd some;
+      if (whole.cols() > 0) some = whole.middleRows(rows.first, rows.count);
+      return some;
+    };
+    const Eigen::MatrixXd q = part(rows.q), qd = part(rows.qd), qdd = part(rows.qdd);
+    if (!started && rows.tau.cols() > 0)
+      motion.start_from(time, q, qd, qdd, part(rows.tau), options.sign_width);
+    started = true;
+    return motion.torque(time, q, qd, qdd, options.sign_width, part(rows.displacement));
+  }
+
+  model::MotionTorque on_rows, on_grid;
+  double begin;
+  PredictOptions options;
+  bool rows_started{false}, grid_started{false};
+};
+
+Predictor::Predictor(const model::Robot& robot, double begin, const PredictOptions& options)
+    : impl_(std::make_unique<Impl>(robot, begin, options)) {}
+Predictor::~Predictor() = default;
+Predictor::Predictor(Predictor&&) noexcept = default;
+Predictor& Predictor::operator=(Predictor&&) noexcept = default;
+
+Eigen::MatrixXd Predictor::rows(const data::MotionChunk& piece) {
+  return impl_->predict(impl_->on_rows, impl_->rows_started, Impl::rows_of(piece));
+}
+
+Eigen::MatrixXd Predictor::grid(const data::MotionChunk& piece) {
+  return impl_->predict(impl_->on_grid, impl_->grid_started, Impl::grid_of(piece));
+}
+
+Eigen::MatrixXd predict(const model::Robot& robot, const data::MotionChunk& piece,
+                        const PredictOptions& options) {
+  return Predictor(robot, piece.row_time.size() > 0 ? piece.row_time[0] : 0.0, options).rows(piece);
+}
+
+namespace {
+
+/// What friction's memory goes by where the model says so: displacements as logged, samples × 2 n; no columns where
+/// no effect asks for them or the log has no velocities of its own.
+Eigen::MatrixXd displacement_as_logged(const model::Robot& robot, const data::Log& log,
+                                       const data::MotionReport& motion) {
+  if (!model::needs_measured_displacement(robot) || motion.velocity_derived) return {};
+  data::StreamOptions options;
+  options.displacement = true;
+  options.cut_standstill = false;
+  const data::MotionStream stream(log, options);
+  Eigen::MatrixXd displacement(log.num_samples(), kMeasuredDisplacements * robot.num_joints());
+  Index rows = 0;
+  stream.for_each([&](const data::MotionChunk& piece) {
+    displacement.middleRows(rows, piece.row_time.size()) = piece.row_displacement;
+    rows += piece.row_time.size();
+  });
+  return displacement;
+}
+
+}  // namespace
+
+Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion,
+                        const PredictOptions& options) {
+  if (log.num_samples() == 0) return Eigen::MatrixXd(0, robot.num_joints());
+  model::MotionTorque torque(robot);
+  return torque.torque(log.time.array() - log.time[0], log.q, log.qd, log.qdd, options.sign_width,
+                       displacement_as_logged(robot, log, motion));
+}
+
+model::Robot as_measured(const model::Robot& robot, const model::FitRecord* fit, data::TorqueAt at,
+                         std::vector<std::string>* notes) {
+  const bool fitted_at_joint = fit != nullptr && fit->torque_at == data::to_string(data::TorqueAt::kJoint);
+  if (at == data::TorqueAt::kJoint && !fitted_at_joint) return model::at_sensor(robot);
+  if (at == data::TorqueAt::kMotor && fitted_at_joint && notes != nullptr) {
+    notes->push_back(
+        "the model was fitted to torque behind the gears: rotor inertia and gear friction are not in it");
+  }
+  return robot;
+}
+
+}  // namespace heft::validate
