@@ -249,6 +249,20 @@ TEST(Validate, RefusesLogsThatTheModelWasFittedTo) {
   }
 }
 
+// Every command that reads a log sees a slip of units.
+TEST(Dynamics, RefusesDegrees) {
+  const test::TemporaryFolder folder;
+  data::Log log = log_of(ur10e());
+  for (Eigen::MatrixXd* channel : {&log.q, &log.qd, &log.qdd}) *channel *= 57.29577951308232;
+  data::write_log(folder.path("degrees.csv"), log);
+  for (const char* what : {"torque", "gravity"}) {
+    const Outcome run = run_heft({"dynamics", "--urdf", "ur10e", "--log", folder.path("degrees.csv"), "--what",
+                                  what, "-o", folder.path("out.csv")});
+    EXPECT_EQ(run.exit_code, 3) << what;
+    EXPECT_THAT(run.err, AllOf(HasSubstr("degrees"), HasSubstr("expected rad"))) << what;
+  }
+}
+
 TEST(Validate, SaysWhatIsMissing) {
   EXPECT_THAT(run_heft({"validate"}).err, HasSubstr("--campaign"));
   EXPECT_EQ(run_heft({"validate"}).exit_code, 2);
