@@ -256,8 +256,8 @@ TEST(Dynamics, RefusesDegrees) {
   for (Eigen::MatrixXd* channel : {&log.q, &log.qd, &log.qdd}) *channel *= 57.29577951308232;
   data::write_log(folder.path("degrees.csv"), log);
   for (const char* what : {"torque", "gravity"}) {
-    const Outcome run = run_heft({"dynamics", "--urdf", "ur10e", "--log", folder.path("degrees.csv"), "--what",
-                                  what, "-o", folder.path("out.csv")});
+    const Outcome run = run_heft({"dynamics", "--urdf", "ur10e", "--log", folder.path("degrees.csv"),
+                                  "--what", what, "-o", folder.path("out.csv")});
     EXPECT_EQ(run.exit_code, 3) << what;
     EXPECT_THAT(run.err, AllOf(HasSubstr("degrees"), HasSubstr("expected rad"))) << what;
   }

@@ -37,7 +37,8 @@ struct LogFiles {
   double cutoff{0.0};
   std::string robot{};  ///< its name, for the message that the joint count differs
   bool torque{true};    ///< false: a log may lack torque
-  int min_samples{2};   ///< fewer end in an error that says so
+  /// Fewer end in an error that says so. 1: rows may be single states; fewer than ten are not checked for units.
+  int min_samples{2};
 };
 
 class LogFingerprint;
