@@ -8,9 +8,7 @@
 #include <fmt/format.h>
 
 #include "beyond_regressor.hpp"
-#include "causal_signals.hpp"
 #include "change_detector.hpp"
-#include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/inertia.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
@@ -19,6 +17,7 @@
 #include "heft/payload/recursive_fit.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "load_recursion.hpp"
 #include "torque_scales.hpp"
 
 namespace heft::payload {
@@ -92,106 +91,6 @@ bool mass_is_visible(const model::Dynamics& dynamics, int first) {
   }
   const Eigen::VectorXd rest = y - W * least_squares(W, y);
   return rest.norm() > 1e-8 * std::sqrt(static_cast<double>(y.size()));
-}
-
-struct RecursionSettings {
-  int first_row{0};
-  Eigen::VectorXd noise_std;
-  double correlated_samples{1.0};
-  double gate{0.0}, standstill_speed{0.0}, friction_prior{1.0};
-  bool estimate_friction{true};
-};
-
-/// What one sample said, n each.
-struct Innovation {
-  Eigen::VectorXd residual;  ///< torque that the model does not explain, before the load
-  Eigen::VectorXd value;
-  Eigen::VectorXd variance;  ///< 0 where the row was left out
-  std::vector<bool> used;
-};
-
-/// Filters and recursive estimator, whose sizes are fixed, behind sizes of run time.
-class Recursion {
- public:
-  virtual ~Recursion() = default;
-  virtual Status configure(const RecursionSettings& settings) = 0;
-  virtual void restart() = 0;
-  /// Row k of the log through the filters.
-  virtual Taken take(const data::Log& log, Eigen::Index k) = 0;
-  /// Lets the estimator have the sample taken. @param x  parameters of the arm alone, 14n
-  virtual Status update(const Eigen::VectorXd& x, Innovation& out) = 0;
-  /// The sample's row of joint i for the estimator's parameters, and for those of the arm.
-  virtual Eigen::VectorXd row(int i) const = 0;
-  virtual Eigen::VectorXd arm_row(int i) const = 0;
-  virtual double prior_variance(int i) const = 0;
-  virtual double mass() const = 0;
-  virtual double mass_std() const = 0;
-};
-
-template <int N>
-class SizedRecursion final : public Recursion {
-  using Estimator = PayloadEstimator<double, N, N>;
-
- public:
-  SizedRecursion(const model::Dynamics& dynamics, double cutoff, double sample_rate)
-      : signals_(dynamics, cutoff, sample_rate) {}
-
-  Status configure(const RecursionSettings& settings) override {
-    typename Estimator::Config config;
-    config.first_row = settings.first_row;
-    config.noise_std = settings.noise_std;
-    config.correlated_samples = settings.correlated_samples;
-    config.gate = settings.gate;
-    // One load a segment; changes are the change detector's.
-    config.forgetting_factor = 1.0;
-    config.gate_widening = 0.0;
-    config.standstill_speed = settings.standstill_speed;
-    config.estimate_friction = settings.estimate_friction;
-    config.friction_prior = settings.friction_prior;
-    return estimator_.configure(config);
-  }
-  void restart() override { estimator_.restart(); }
-  Taken take(const data::Log& log, Eigen::Index k) override { return signals_.take(log, k); }
-  Status update(const Eigen::VectorXd& x, Innovation& out) override {
-    const auto Y = signals_.regressor();
-    links_ = Y.template leftCols<10 * N>();
-    const JointVector<double, N> residual = signals_.tau() - Y * x;
-    for (int i = 0; i < N; ++i) {
-      qd_[i] = signals_.velocity(i);
-      sign_[i] = signals_.sign(i);
-    }
-    typename Estimator::Record record;
-    const Status status = estimator_.update(links_, qd_, sign_, residual, record);
-    out.residual = residual;
-    out.value = Eigen::Map<const JointVector<double, N>>(record.innovation.data());
-    out.variance = Eigen::Map<const JointVector<double, N>>(record.innovation_variance.data());
-    out.used.assign(record.used.begin(), record.used.end());
-    return status;
-  }
-  Eigen::VectorXd row(int i) const override {
-    const auto row = estimator_.row(links_, qd_, sign_, i);
-    return Eigen::Map<const Eigen::VectorXd>(row.data(), Estimator::kParameters);
-  }
-  Eigen::VectorXd arm_row(int i) const override { return signals_.regressor().row(i).transpose(); }
-  double prior_variance(int i) const override { return estimator_.estimator().variance(i); }
-  double mass() const override { return estimator_.payload()[0]; }
-  double mass_std() const override { return estimator_.standard_deviation(0); }
-
- private:
-  CausalSignals<N> signals_;
-  Estimator estimator_;
-  LinkRegressor<double, N> links_;
-  JointVector<double, N> qd_, sign_;
-};
-
-template <int N>
-std::unique_ptr<Recursion> make_recursion(const model::Dynamics& dynamics, double cutoff, double rate) {
-  if constexpr (N > model::kMaxJoints) {
-    throw ModelError("more joints than heft handles");  // model::Dynamics has refused before
-  } else {
-    if (dynamics.num_joints() == N) return std::make_unique<SizedRecursion<N>>(dynamics, cutoff, rate);
-    return make_recursion<N + 1>(dynamics, cutoff, rate);
-  }
 }
 
 class Run {
@@ -273,7 +172,7 @@ class Run {
       config.friction_prior = std::max({config.friction_prior, std::abs(drive.coulomb_friction),
                                         std::abs(drive.viscous_friction), 3.0 * residual_.std[i]});
     }
-    const std::unique_ptr<Recursion> recursion = make_recursion<1>(dynamics_, cutoff_, 1.0 / period_);
+    const std::unique_ptr<Recursion> recursion = make_recursion(dynamics_, cutoff_, 1.0 / period_);
     if (recursion->configure(config) != Status::kOk) {
       throw Error("payload: the estimator refused its settings; the gate must not be negative");
     }

@@ -16,6 +16,7 @@
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/model/sized.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 
 namespace heft::payload {
@@ -181,14 +182,11 @@ class SizedRecursion final : public Recursion {
   Estimator estimator_;
 };
 
-template <int N>
-std::unique_ptr<Recursion> make_recursion(int joints) {
-  if constexpr (N > model::kMaxJoints) {
-    throw ModelError("more joints than heft handles");  // model::Dynamics has refused before
-  } else {
-    if (joints == N) return std::make_unique<SizedRecursion<N>>();
-    return make_recursion<N + 1>(joints);
-  }
+std::unique_ptr<Recursion> make_recursion(const model::Robot& robot) {
+  return model::with_joint_count(robot.num_joints(), robot.name,
+                                 [](auto joints) -> std::unique_ptr<Recursion> {
+                                   return std::make_unique<SizedRecursion<decltype(joints)::value>>();
+                                 });
 }
 
 class Fit {
@@ -197,7 +195,7 @@ class Fit {
       : dynamics_(as_measured(robot, options.torque_at_joint)),
         logs_(logs),
         options_(options),
-        recursion_(make_recursion<1>(n_)) {
+        recursion_(make_recursion(dynamics_.robot())) {
     for (data::Log& log : logs_) log = with_late_motion(std::move(log), dynamics_.robot().torque_delay);
   }
 

@@ -33,20 +33,20 @@ const std::map<std::string, Rooms>& table() {
       {"collision", {"host", "model"}},
       {"regression", {"core", "data", "host", "model"}},
       {"validate", {"core", "data", "host", "model", "statistics"}},
-      {"payload", {"core", "data", "host", "model", "statistics"}},
+      {"payload", {"core", "data", "host", "model", "statistics", "validate"}},
       {"stiffness", {"data", "host", "model", "statistics"}},
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim"}},
       {"diagnose", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"track", {"core", "host", "model", "sim", "statistics", "validate"}},
-      {"report", {"data", "diagnose", "host", "model", "page", "statistics", "track", "validate"}},
+      {"report", {"data", "diagnose", "host", "model", "page", "payload", "statistics", "track", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/studies",
-       {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "stiffness",
-        "track", "urdf", "validate"}},
+       {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
+        "stiffness", "track", "urdf", "validate"}},
       {"tools/heft",
-       {"core", "data", "diagnose", "excite", "host", "identify", "model", "page", "payload", "plausibility",
-        "report", "sim", "statistics", "stiffness", "tools/studies", "track", "urdf", "validate"}}};
+       {"data", "diagnose", "excite", "host", "identify", "model", "page", "payload", "plausibility",
+        "report", "sim", "stiffness", "tools/studies", "track", "urdf", "validate"}}};
   return rooms;
 }
 
@@ -55,6 +55,7 @@ const std::map<std::string, std::string>& kept_public() {
   static const std::map<std::string, std::string> headers = {
       {"data/log_part.hpp", "for who cuts a log"},
       {"identify/judgement.hpp", "judges a fit() that was called by itself"},
+      {"payload/judgement.hpp", "the limits of a verdict, which the README names"},
       {"identify/instrumental.hpp", "a method of fit() that can be called by itself"},
       {"identify/robust.hpp", "a method of fit() that can be called by itself"},
       {"identify/total_least_squares.hpp", "a method of fit() that can be called by itself"}};

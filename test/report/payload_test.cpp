@@ -37,7 +37,8 @@ payload::Payload example() {
   run.mass_history = Eigen::VectorXd::Constant(100, 2.8);
   run.mass_std_history = Eigen::VectorXd::Constant(100, 0.05);
   load.before.rmse = load.before.rmse_in_band = Eigen::Vector2d(2.0, 1.0);
-  load.after.emplace().rmse = load.after->rmse_in_band = Eigen::Vector2d(1.0, 0.9);
+  load.after = load.before;
+  load.after->rmse = load.after->rmse_in_band = Eigen::Vector2d(1.0, 0.9);
   return load;
 }
 

@@ -6,8 +6,6 @@
 #include <type_traits>
 #include <utility>
 
-#include <fmt/format.h>
-
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
 
@@ -24,8 +22,8 @@ auto with_joint_count(int joints, const std::string& robot, F&& f) {
   if constexpr (N < kMaxJoints) {
     return with_joint_count<N + 1>(joints, robot, std::forward<F>(f));
   } else {
-    throw ModelError(
-        fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot, joints, kMaxJoints));
+    throw ModelError("robot \"" + robot + "\" has " + std::to_string(joints) + " joints; heft handles 1 to " +
+                     std::to_string(kMaxJoints));
   }
 }
 
