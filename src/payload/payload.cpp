@@ -62,51 +62,20 @@ Eigen::MatrixXd predict(const model::Robot& robot, const PayloadLog& log, bool a
   return motion.torque(time, rows.q, rows.qd, rows.qdd, width);
 }
 
-/// Scores a prediction at the log's own time stamps.
-/// @param band  low-pass cut-off [Hz]; 0 takes validate::default_band of the motion
-validate::Score score(const data::Log& log, const Eigen::MatrixXd& predicted, double band) {
-  const Eigen::Index rows = log.time.size();
-  validate::TorqueScorer::Setup setup;
-  setup.log = log.path;
-  setup.begin = log.time[0];
-  setup.end = log.time[rows - 1];
-  setup.samples = rows;
-  setup.max_torque = log.tau.cwiseAbs().colwise().maxCoeff();
-  constexpr Eigen::Index kFewestForAGrid = 16;
-  if (rows < kFewestForAGrid) {
-    validate::TorqueScorer scorer(setup);
-    scorer.add_rows(log.time, log.tau, predicted);
-    return scorer.finish();
-  }
-  // The filter needs an even grid. Filtering is linear, so the residual alone is filtered.
-  data::Log even;
-  even.time = log.time;
-  even.q = log.q;
-  even.tau = log.tau - predicted;
-  even = data::resample_uniform(even);
-  setup.sample_rate = data::median_sample_rate(even.time);
-  setup.band = band > 0 ? band : validate::default_band(data::motion_bandwidth(even.q, setup.sample_rate));
-  setup.gaps = data::find_gaps(log.time);
-  validate::TorqueScorer scorer(setup);
-  scorer.add_rows(log.time, log.tau, predicted);
-  scorer.add_grid(even.time, even.tau);
-  return scorer.finish();
-}
-
 /// Torque errors without the load and with it.
 void compare_torque(const UnloadedArm& arm, const PayloadLog& log, const Options& options, Payload& result) {
   const bool at_joint = options.torque_at == data::TorqueAt::kJoint;
   const Eigen::MatrixXd before = predict(arm.robot, log, at_joint);
-  result.before = score(log.derived, before, options.cutoff);
+  result.before = validate::score(log.derived, before, options.cutoff);
   result.time = log.derived.time;
   result.error_before = log.derived.tau - before;
   if (!result.answered()) return;
   const double band = result.before.band;
   const Eigen::MatrixXd after = predict(loaded(arm.robot, result.run, false), log, at_joint);
   result.error_after = log.derived.tau - after;
-  result.after = score(log.derived, after, band);
+  result.after = validate::score(log.derived, after, band);
   result.after_friction =
-      score(log.derived, predict(loaded(arm.robot, result.run, true), log, at_joint), band);
+      validate::score(log.derived, predict(loaded(arm.robot, result.run, true), log, at_joint), band);
 }
 
 void add_notes(Payload& result) {

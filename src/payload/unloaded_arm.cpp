@@ -151,6 +151,7 @@ UnloadedArm fit_unloaded(const model::Robot& robot, const data::LogSet& logs, st
 UnloadedArm arm_from_file(const model::Robot& robot, const model::ModelFile& file, const data::LogSet& logs,
                           std::size_t zeros, const Options& options) {
   UnloadedArm arm;
+  data::refuse_seen(logs, file.provenance.logs, &arm.notes);
   arm.robot = robot;
   arm.model_file_path = file.path;
   arm.residual = residual_of(file);

@@ -33,7 +33,7 @@ struct Options {
 };
 
 /// The logs without load to fit to, then those that check the model and those with the load.
-data::LogSet open(const Options& options, const LoadedRobot& loaded) {
+data::LogSet open(const Options& options, const model::Robot& robot) {
   data::LogFiles files;
   files.train = options.baselines;
   files.judge = options.zeros;
@@ -42,9 +42,8 @@ data::LogSet open(const Options& options, const LoadedRobot& loaded) {
   files.torque_at =
       options.log.measured_at() == TorqueAt::kJoint ? data::TorqueAt::kJoint : data::TorqueAt::kMotor;
   files.cutoff = options.log.band;
-  files.robot = loaded.robot.name;
-  files.seen = loaded.fitted_to;
-  data::LogSet logs = data::open_logs(loaded.robot.joint_specs(), files);
+  files.robot = robot.name;
+  data::LogSet logs = data::open_logs(robot.joint_specs(), files);
   for (const std::string& line : logs.notes()) note(line);
   return logs;
 }
@@ -66,13 +65,12 @@ class Steps {
 
 void run(const Options& options) {
   const Console console{options.output, options.result.json};
-  const LoadedRobot loaded = load_robot_and_fit(options.robot);
-  const model::Robot& robot = loaded.robot;
+  const model::Robot robot = load_robot(options.robot);
   if (options.rows > robot.num_joints()) {
     throw InputError(fmt::format("--rows {}: robot \"{}\" has {} joints; expected 1 to {}", options.rows,
                                  robot.name, robot.num_joints(), robot.num_joints()));
   }
-  const data::LogSet logs = open(options, loaded);
+  const data::LogSet logs = open(options, robot);
   const std::size_t zeros = options.zeros.size();
   const auto torque_of = [&](const data::LogSource& source) {
     return judge_torque(data::stream(source), robot, options.log, options.log.measured_at());
