@@ -213,14 +213,20 @@ TEST_F(StiffnessCommand, RefusesToJudgeOnTheLogThatWasFitted) {
     log.q.col(j) = 0.4 * (rate * log.time.array()).sin();
     log.tau.col(j) = 10.0 * (rate * log.time.array() + 1.0).cos();
   }
-  const std::string train = folder_.path("train.csv"), copy = folder_.path("copy.csv");
+  // A part of it, on another clock.
+  data::Log part;
+  part.time = log.time.segment(400, 1200).array() + 100.0;
+  part.q = log.q.middleRows(400, 1200);
+  part.tau = log.tau.middleRows(400, 1200);
+  const std::string train = folder_.path("train.csv"), judged = folder_.path("part.csv");
   data::write_log(train, log);
-  data::write_log(copy, log);
-  for (const std::string& judged : {train, copy}) {
-    const Outcome outcome = run_heft({"stiffness", "--urdf", "ur5", "--log", train, "--validate", judged});
-    EXPECT_EQ(outcome.exit_code, 3) << outcome.out;
-    EXPECT_THAT(outcome.err, HasSubstr("which the model is fitted to"));
-  }
+  data::write_log(judged, part);
+  const Outcome same = run_heft({"stiffness", "--urdf", "ur5", "--log", train, "--validate", train});
+  EXPECT_EQ(same.exit_code, 3) << same.out;
+  EXPECT_THAT(same.err, HasSubstr("not judged on the log it was fitted to"));
+  const Outcome shifted = run_heft({"stiffness", "--urdf", "ur5", "--log", train, "--validate", judged});
+  EXPECT_EQ(shifted.exit_code, 3) << shifted.out;
+  EXPECT_THAT(shifted.err, HasSubstr("a part of " + train + ", which the model is fitted to"));
 }
 
 TEST_F(StiffnessCommand, ReadsTheEncodersOfALargeRobot) {
