@@ -64,14 +64,16 @@ excite::Payload payload_of(const std::vector<double>& values) {
 }
 
 data::Log read_motion(const std::string& path, double band, const model::Robot& robot) {
-  LogOptions options;
-  options.band = band;
-  data::LogRequirements needs;
-  needs.num_joints = robot.num_joints();
-  needs.robot_name = robot.name;
-  needs.velocity = needs.acceleration = true;
-  needs.min_samples = 10;
-  return prepare_log(path, options, needs).log;
+  data::LogFiles files;
+  files.judge = {path};
+  files.robot = robot.name;
+  files.cutoff = band;
+  files.torque = false;
+  files.min_samples = 10;
+  std::vector<std::string> notes;
+  data::Log log = data::read_motion(open_logs(robot, files).judge().front(), true, &notes).log;
+  for (const std::string& text : notes) note(text);
+  return log;
 }
 
 /// The design's options as the command line and the limits file state them.

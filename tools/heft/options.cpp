@@ -106,8 +106,6 @@ model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
   return robot;
 }
 
-data::JointLimits limits_of(const model::Robot& robot) { return data::limits_of(robot.joint_specs()); }
-
 void add_log_options(CommandLine line, LogOptions& options) {
   line.add_option("--log", options.logs, "log (CSV); may be given several times")
       .type_name("LOG.csv")
@@ -153,45 +151,6 @@ data::LogSet open_logs(const model::Robot& robot, const data::LogFiles& files) {
   data::LogSet logs = data::open_logs(robot.joint_specs(), files);
   for (const std::string& text : logs.notes()) note(text);
   return logs;
-}
-
-PreparedLog prepare_log(const std::string& path, const LogOptions& options,
-                        const data::LogRequirements& needs) {
-  PreparedLog prepared;
-  data::LogRequirements requirements = needs;
-  requirements.torque_constant = options.torque_constant;
-  // Derived below where missing, so the log need not have them.
-  requirements.velocity = false;
-  requirements.acceleration = false;
-  std::vector<std::string> notes;
-  prepared.log = data::read_log(path, requirements, &notes);
-  for (const std::string& text : notes) note(text);
-  data::LogCheck rates(path, prepared.log.num_joints());
-  rates.add(prepared.log.time, prepared.log.q, prepared.log.qd, prepared.log.qdd, prepared.log.tau);
-  if (const std::string reason = rates.unusable_rate(); !reason.empty()) {
-    note(fmt::format("{}: {}; it is not used", path, reason));
-    prepared.log.qdd.resize(0, 0);
-    if (reason.starts_with("qd") && !reason.starts_with("qdd")) prepared.log.qd.resize(0, 0);
-  }
-  const bool derive =
-      (needs.velocity && prepared.log.qd.cols() == 0) || (needs.acceleration && prepared.log.qdd.cols() == 0);
-  if (!derive) return prepared;
-  data::MotionOptions motion;
-  motion.cutoff = options.band;
-  prepared.motion = data::derive_motion(prepared.log, motion);
-  std::string derived = prepared.motion.velocity_derived ? "velocity" : "";
-  if (prepared.motion.acceleration_derived) derived += derived.empty() ? "acceleration" : " and acceleration";
-  note(fmt::format(
-      "{}: {} derived from position{}", path, derived,
-      prepared.motion.cutoff > 0.0
-          ? fmt::format(", zero-phase low-pass {:.3g} Hz{}", prepared.motion.cutoff,
-                        prepared.motion.cutoff_chosen ? " (chosen from the motion; --band sets it)" : "")
-          : std::string(", not filtered")));
-  if (!prepared.motion.gaps.empty()) {
-    note(fmt::format("{}: {} gaps in time; derived values inside them mean nothing", path,
-                     prepared.motion.gaps.size()));
-  }
-  return prepared;
 }
 
 namespace {

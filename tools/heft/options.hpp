@@ -48,9 +48,6 @@ struct LoadedRobot {
 };
 LoadedRobot load_robot_and_fit(const RobotOptions& options);
 
-/// Limits as the checks of a log take them.
-data::JointLimits limits_of(const model::Robot& robot);
-
 using data::TorqueAt;
 
 /// The robot whose joint torque is what was measured there: a sensor behind the gears sees rigid bodies only,
@@ -76,14 +73,6 @@ data::LogFiles files_of(const LogOptions& options, const model::Robot& robot,
                         const std::vector<std::string>& judge = {});
 /// data::open_logs with its notes on standard error.
 data::LogSet open_logs(const model::Robot& robot, const data::LogFiles& files);
-
-/// A log with what a command needs of it; qd and qdd are derived where missing. Notes go to standard error.
-struct PreparedLog {
-  data::Log log;
-  data::MotionReport motion;
-};
-PreparedLog prepare_log(const std::string& path, const LogOptions& options,
-                        const data::LogRequirements& needs);
 
 /// Compares the torque of a log with the robot (heft/plausibility): what is found goes to standard error, and into the
 /// judgement of a result that rests on the log.
