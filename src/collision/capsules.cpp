@@ -199,7 +199,7 @@ void choose_pairs(const model::Robot& robot, const VectorXd& lower, const Vector
     }
   }
   std::vector<double> largest(candidates.size(), -std::numeric_limits<double>::infinity());
-  // Capsules that no joint moves to another place: a robot may stand on its table.
+  // Capsules that no joint moves to another place: a robot may be mounted on its table.
   std::vector<bool> moves(arm.capsules.size(), false);
   const LinkFrames middle(robot, 0.5 * (lower + upper));
   std::mt19937_64 random(1);

@@ -30,9 +30,9 @@ constexpr double kBelieved = 0.9;
 constexpr double kUnrelated = 0.5;
 /// ln of what a ratio may be off its factor by: 10 %.
 constexpr double kRatioTolerance = 0.1;
-/// Less travel tells nothing of a velocity column [rad, m].
+/// Less travel says nothing about a velocity column [rad, m].
 constexpr double kTellingTravel = 0.02;
-/// A joint that travels less stands still [rad, m].
+/// A joint that travels less is at rest [rad, m].
 constexpr double kStillTravel = 1e-3;
 /// ln of what the joints' ratios may differ by when a clock explains all of them: 5 %.
 constexpr double kClockTolerance = 0.05;
@@ -693,7 +693,7 @@ void LogCheck::Impl::find_resting_joints(const JointLimits& limits, std::vector<
   found.push_back(
       {Severity::kNote,
        fmt::format("{}: joint{} {} never {} ({} {} within {:.2g} {}); {} friction and {} share of the "
-                   "inertia cannot be told from this log; log a motion of {}",
+                   "inertia cannot be determined from this log; log a motion of {}",
                    path, one ? "" : "s", joints, one ? "moves" : "move", columns_of("q", resting),
                    one ? "stays" : "stay", most, is_revolute(limits, resting.front()) ? "rad" : "m",
                    one ? "its" : "their", one ? "its" : "their", one ? "it" : "them")});

@@ -83,7 +83,7 @@ class StreamingMedian {
 
  private:
   static constexpr std::size_t kMost = std::size_t{1} << 17;
-  static constexpr int kBits = 16;  ///< told apart in one pass
+  static constexpr int kBits = 16;  ///< resolved in one pass
 
   void count(double value);
 

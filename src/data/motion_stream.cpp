@@ -364,7 +364,9 @@ MotionStream::Impl::OpenSource MotionStream::Impl::open(Wanted wanted) const {
   for (const FileColumn& column : columns) {
     if (column.column >= open.file->num_columns()) {
       throw DataError(
-          fmt::format("{}:1: the header changed while the log was read; write the log first", summary.path));
+          fmt::format("{}:1: the header changed while the log was being read; wait until it is complete and "
+                      "try again",
+                      summary.path));
     }
     numbers.push_back(column.column);
   }
@@ -552,8 +554,8 @@ void MotionStream::Impl::first_pass() {
     summary.moving_from = summary.begin;
     summary.moving_to = summary.end;
     summary.notes.push_back(
-        fmt::format("{}: no joint moves by {} rad or m; its standstill is used as a whole", summary.path,
-                    kRestingTravel));
+        fmt::format("{}: no joint moves more than {} rad or m; the whole log is treated as standstill",
+                    summary.path, kRestingTravel));
   }
 }
 
@@ -627,7 +629,8 @@ void MotionStream::Impl::walk(Wanted wanted, Index chunk, Index margin,
         summary.resampled ? std::min(rows.size(), row_at(to) + reach + 1) : window.hi - window.lo;
     if (begin < 0 || end > rows.size() || end < 1) {
       throw DataError(fmt::format(
-          "{}: the log has fewer rows than when it was first read ({}); read it when nobody writes it",
+          "{}: the log changed while it was being read (it had {} rows); wait until it is complete and try "
+          "again",
           summary.path, summary.samples));
     }
 
@@ -663,7 +666,7 @@ void MotionStream::Impl::walk(Wanted wanted, Index chunk, Index margin,
   while (!at_end && read()) rows.clear();
   if (rows.first + rows.size() != summary.samples) {
     throw DataError(fmt::format(
-        "{}: the log has {} rows and had {} when it was first read; read it when nobody writes it",
+        "{}: the log has {} rows and had {} when it was first read; wait until it is complete and try again",
         summary.path, rows.first + rows.size(), summary.samples));
   }
 }
@@ -773,7 +776,7 @@ void MotionStream::Impl::add_displacement(const Window& window, Index lo, Index 
   }
   const auto steps = [](const Eigen::MatrixXd& x, Index first, Index rows) {
     Eigen::MatrixXd d = Eigen::MatrixXd::Zero(rows, x.cols());
-    const Index from = first > 0 ? 0 : 1;  // nothing stands before the first row
+    const Index from = first > 0 ? 0 : 1;  // nothing precedes the first row
     d.bottomRows(rows - from) =
         x.middleRows(first + from, rows - from) - x.middleRows(first + from - 1, rows - from);
     return d;

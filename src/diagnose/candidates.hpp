@@ -38,7 +38,7 @@ struct Candidate {
   bool stale{false};          ///< judged before another effect was taken
   std::vector<int> entries;   ///< payload change: inertial parameters that the coefficients are
   GearCoupling<double> pair;  ///< wrist coupling: which joints, and the ratio
-  double second{0.0};         ///< another shape (damping; beside a first memory: that one's distance)
+  double second{0.0};         ///< another shape (damping; next to a first memory: that one's distance)
   double level{0.0};          ///< friction that it makes up in the last fit [N·m, N]
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
   /// A second memory, which takes its part from the first one of its joint; as a candidate its columns are its own and
@@ -93,7 +93,7 @@ EffectParameters<double> effect_parameters(int effect, const Eigen::VectorXd& co
 Eigen::MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape,
                                      FrictionForm form, double level);
 
-/// Column of a second memory beside the first one of its joint, m × 1: that of its own less that of the first one, so
+/// Column of a second memory next to the first one of its joint, m × 1: that of its own less that of the first one, so
 /// that its coefficient is what it takes over from it.
 Eigen::MatrixXd second_memory_columns(const Workbench& bench, const Candidate& second,
                                       const Candidate& first);

@@ -12,7 +12,7 @@ namespace heft::diagnose {
 /// Base model and accepted effects on training logs.
 class Engine {
  public:
-  /// @param robot   with nothing beside rigid bodies, Coulomb and viscous friction
+  /// @param robot   with nothing but rigid bodies, Coulomb and viscous friction
   /// @param pairs   of joints that may share a motor
   /// @param steady  weight of the robot's own values, see Problem; 0: chosen
   Engine(const model::Robot& robot, std::shared_ptr<const MotionTable> table,
@@ -31,7 +31,7 @@ class Engine {
   /// @param joints  n; `done` gets 0..1
   std::vector<Candidate> propose(const std::vector<bool>& joints,
                                  const std::function<void(double)>& done) const;
-  /// An effect of one joint in each of its forms, judged beside those in place.
+  /// An effect of one joint in each of its forms, judged next to those in place.
   std::vector<Candidate> forms_of(const Candidate& effect) const;
   /// Judges a candidate again with the effects that are in place now.
   void judge_again(Candidate& candidate) const;

@@ -111,7 +111,7 @@ std::vector<Unexplained> unexplained_of(const Search& search) {
     if (above < kStructured) continue;
     Unexplained u;
     u.joint = j;
-    u.what = fmt::format("{:.0f} % of the squared residual is no noise", 100.0 * above);
+    u.what = fmt::format("{:.0f} % of the squared residual is not noise", 100.0 * above);
     if (found.front().share > 0.05) u.what += "; it " + found.front().what;
     u.evidence = {{"rms", std::sqrt(square)}, {"noise_rms", noise[j]}, {"share_above_noise", above}};
     for (std::size_t k = 0; k < std::min<std::size_t>(3, found.size()); ++k) {

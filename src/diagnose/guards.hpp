@@ -9,7 +9,7 @@
 
 namespace heft::diagnose {
 
-/// Nothing can be said about an arm that stands still, or that moves for a moment.
+/// Nothing can be said about an arm that is at rest, or that moves for a moment.
 /// @throws NotIdentifiableError
 void refuse_too_little_motion(const model::Robot& robot, const std::vector<data::Log>& train);
 

@@ -190,7 +190,7 @@ class Search {
       if (!range.fixed && !range.whole && gains[top] > 0.0) {
         best = refine(grid[top > 0 ? top - 1 : 0], grid[std::min(top + 1, grid.size() - 1)]);
       }
-      if (!(gains[top] > 0.0)) candidate.refused = "explains nothing with values that physics allows";
+      if (!(gains[top] > 0.0)) candidate.refused = "explains nothing with physically possible values";
     }
     candidate.shape = best;
     candidate.columns.joints = {joint_};

@@ -35,7 +35,7 @@ struct MotionTable {
   /// the derived motion means nothing.
   Eigen::MatrixXd keep;
   /// m × n, 1 or 0: the joint rests before or after the motion. What holds it there only friction that remembers can
-  /// say: such rows count beside it, and do not beside friction that knows no more than the velocity.
+  /// say: such rows count together with it, and do not with friction that knows no more than the velocity.
   Eigen::MatrixXd standing;
   std::vector<Block> blocks;
   Eigen::VectorXd sign_width;  ///< n: of the smooth sign [rad/s, m/s]

@@ -31,7 +31,7 @@ struct ColumnMoments {
 struct Trial {
   Eigen::VectorXd coefficients;  ///< k
   Eigen::VectorXd std;           ///< k, robust to correlation within blocks
-  Eigen::VectorXd base;          ///< p: parameters of the base beside it
+  Eigen::VectorXd base;          ///< p: parameters of the base next to it
   double gain{0.0};              ///< fall of the weighted squared error on the rows of the fit
   double cv_gain{0.0};           ///< rows times fall of ln(squared error) on left-out blocks: what counts
   double cv_t{0.0};              ///< mean of it over blocks against its standard error
@@ -120,11 +120,11 @@ class Problem {
   std::vector<Eigen::MatrixXd> rows_;
   std::vector<std::vector<int>> places_;
   int columns_;
-  Eigen::VectorXd prior_;  ///< p; the fit is of what is left beside it
+  Eigen::VectorXd prior_;  ///< p; the fit is of the rest
   double steady_;
   Eigen::MatrixXd tau_;  ///< less what the prior says
   std::vector<std::vector<Eigen::MatrixXd>> moments_;
-  Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: beside the prior
+  Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: in addition to the prior
   Eigen::VectorXd least_noise_;              ///< see hold_weights(); empty: any
   Eigen::VectorXd ridge_;                    ///< p: see `hold` of the constructor
   double error_{0.0};

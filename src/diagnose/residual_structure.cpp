@@ -48,7 +48,7 @@ double binned_share(const MotionTable& table, const VectorXd& keep, const Vector
   return before > 0.0 ? 1.0 - after / before : 0.0;
 }
 
-/// The strongest line: share of power within a window around the peak, against the level beside it.
+/// The strongest line: share of power within a window around the peak, against the level next to it.
 Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
   // Hann-windowed pieces of about 4 s, half overlapping.
   Structure line;

@@ -1,5 +1,5 @@
 /// @file
-/// What a residual still holds besides noise.
+/// What a residual holds other than noise.
 #pragma once
 
 #include <string>

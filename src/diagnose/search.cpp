@@ -105,7 +105,8 @@ void Search::forward() {
     again = taken.effect.joint_effect() >= 0 ? taken.joint : -1;
     ++round;
   }
-  notes_.push_back(fmt::format("stopped at {} effects; what is left may hold more", options_.most_effects));
+  notes_.push_back(
+      fmt::format("stopped at {} effects; the residual may contain more", options_.most_effects));
 }
 
 /// The best that nothing speaks against; candidates judged before another effect was taken are judged again when their
@@ -134,7 +135,7 @@ void Search::take(const Candidate& candidate) {
   if (!wrong_joints_.empty()) check_joints();
 }
 
-/// What a joint's friction remembers was found before another effect of that joint was in place, or beside one that
+/// What a joint's friction remembers was found before another effect of that joint was in place, or next to one that
 /// backward checks have taken out.
 void Search::find_memory_again(int joint) {
   for (std::size_t e = 0; e < engine().accepted.size(); ++e) {

@@ -103,7 +103,7 @@ MotionLimits limits_of(const model::Robot& robot, const LimitDefaults& defaults)
     limits.velocity[j] = joint.velocity_limit;
     limits.torque[j] = joint.effort_limit;
   }
-  // Up in the base frame; the base stands upright when its z leans less than 45° from it.
+  // Up in the base frame; the base is upright when its z leans less than 45° from it.
   const Vector3d up = -vector_of(robot.gravity).normalized();
   if (up.z() > std::sqrt(0.5)) limits.floor = 0.0;
   limits.clearance = (defaults.without_bodies ? 0.05 : 0.02) * collision::arm_length(robot);

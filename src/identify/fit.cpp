@@ -48,7 +48,7 @@ double duration_of(const Logs& logs) {
   return duration;
 }
 
-/// Joints that stand still in every log, from 1.
+/// Joints at rest in every log, from 1.
 std::vector<int> resting_joints(const regression::RegressionColumns& columns, const Logs& logs) {
   std::vector<int> resting;
   for (int j = 0; j < columns.num_joints(); ++j) {
@@ -77,7 +77,7 @@ struct Solution {
   Eigen::VectorXd singular;  ///< singular values, largest first
   double condition{0.0};
   double ridge{0.0};  ///< added to the scaled information
-  /// How much of each parameter the rows tell, 0..1: diagonal of V diag(σ²/(σ² + λ)) Vᵀ.
+  /// How much of each parameter comes from the rows, 0..1: diagonal of V diag(σ²/(σ² + λ)) Vᵀ.
   Eigen::VectorXd resolution;
 };
 
@@ -367,12 +367,11 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
     weights = weights_of(robust.noise_std);
     solution = solve(factors.weighted(weights), prior, options.ridge_from_condition);
     result.noise_std = robust.noise_std;
-    if (!robust.converged)
-      result.notes.push_back("the reweighting did not come to rest; the last iteration stands");
+    if (!robust.converged) result.notes.push_back("reweighting did not converge; the last iterate is used");
     for (int j = 0; j < n; ++j) {
       if (robust.downweighted_share[j] > 0.03) {
         result.notes.push_back(
-            fmt::format("joint {}: {:.1f} % of the rows stand far off and count less than half", j + 1,
+            fmt::format("joint {}: {:.1f} % of the samples are outliers and get less than half weight", j + 1,
                         100.0 * robust.downweighted_share[j]));
       }
     }
@@ -437,7 +436,7 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
       result.noise_std = iv.noise_std;
       result.notes.insert(result.notes.end(), iv.notes.begin(), iv.notes.end());
       if (!iv.converged && options.instruments != Instruments::kDelayed) {
-        result.notes.push_back("the instruments did not come to rest; the last iteration stands");
+        result.notes.push_back("the instruments did not converge; the last iterate is used");
       }
     }
   }
@@ -475,7 +474,7 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
   }
 
   result.relative = result.half_width.cwiseQuotient(result.beta.cwiseAbs().cwiseMax(1e-300));
-  // A parameter is determined when the rows tell it, and its interval is narrow beside its value or beside what such a robot can have.
+  // A parameter is determined when its value comes from the rows, and its interval is narrow against its value or what such a robot can have.
   result.determined.resize(static_cast<std::size_t>(b));
   for (int i = 0; i < b; ++i) {
     const double against = std::max(std::abs(result.beta[i]), size[base.kept[static_cast<std::size_t>(i)]]);
@@ -509,8 +508,7 @@ int place_of(const regression::Column& column, int num_joints) {
 /// parameters, or was not determined, has no spread of its own that the logs could show.
 Eigen::VectorXd standard_deviations_of(const Fit& fit) {
   const int n = fit.columns->num_joints();
-  Eigen::VectorXd deviations =
-      Eigen::VectorXd::Constant(14 * Eigen::Index{n}, kNaN);
+  Eigen::VectorXd deviations = Eigen::VectorXd::Constant(14 * Eigen::Index{n}, kNaN);
   for (int i = 0; i < fit.base.count(); ++i) {
     const bool alone = (fit.base.regrouping.row(i).array() != 0.0).count() == 1;
     const int place = place_of((*fit.columns)[fit.base.kept[static_cast<std::size_t>(i)]], n);

@@ -71,7 +71,7 @@ CountedParameters counted_parameters(const Fit& fit, const Eigen::VectorXd& shar
   for (Index i = 0; i < shares.size(); ++i) {
     std::string reason;
     if (!fit.determined[static_cast<std::size_t>(i)]) {
-      reason = "the log does not tell it";
+      reason = "the log does not determine it";
     } else if (!(shares[i] >= share)) {
       reason = fmt::format("moves at most {:.2g} % of a joint's torque", 100.0 * shares[i]);
     }

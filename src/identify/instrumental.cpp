@@ -184,7 +184,7 @@ double smoothing_for(const data::StreamSummary& log, const data::MotionChunk& ch
                      const InstrumentOptions& options) {
   if (options.smoothing > 0.0) return options.smoothing;
   const double motion = log.cutoff > 0.0 ? log.cutoff : 0.4 * log.sample_rate;
-  // With a cut-off that the user stated nobody has asked for the bandwidth; a piece of log tells it well
+  // With a cut-off that the user stated nobody has asked for the bandwidth; a piece of log shows it well
   // enough.
   const double bandwidth =
       log.bandwidth > 0.0 ? log.bandwidth : data::motion_bandwidth(chunk.q, chunk.sample_rate);
@@ -616,7 +616,9 @@ BiasTest test_bias(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
         "plain least squares is biased by noise in the measured motion: use --method iv ({})", figures);
   } else if (test.p_value < 0.01) {
     test.verdict = fmt::format(
-        "no bias that matters: instruments give other parameters, but hardly another torque ({})", figures);
+        "no significant bias: the parameters differ with instruments, but the predicted torque barely does "
+        "({})",
+        figures);
   } else if (chance > 0.5) {
     test.verdict = fmt::format(
         "no verdict on bias: the instruments are too weak, chance alone moves the torque by {:.0f} % of "

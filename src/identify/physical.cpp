@@ -151,7 +151,7 @@ struct Problem {
   double degree{0.0};  ///< of the barrier: 4 a link, 1 a positive number
 };
 
-/// Where the search stands: a factor U of each link's S = U Uᵀ, a positive number, or a free one. Links cannot
+/// State of the search: a factor U of each link's S = U Uᵀ, a positive number, or a free one. Links cannot
 /// but be positive definite.
 struct State {
   std::vector<Matrix4d> U;  ///< per block; (0, 0) holds the number of the others
@@ -563,7 +563,7 @@ PhysicalFit fit_physical(const regression::RegressionColumns& columns, const reg
       }
     }
   }
-  // Links share what no motion tells apart, so one that is held back holds its neighbours a little too.
+  // Links share what no motion separates, so one that is held back holds its neighbours a little too.
   std::sort(loads.rbegin(), loads.rend());
   for (const auto& [load, link] : loads) {
     if (load >= 0.1 * loads.front().first) fit.at_boundary.push_back(link);

@@ -102,7 +102,7 @@ class CausalSignals {
     position_ = q;
     time_ = time;
     started_ = true;
-    // After a gap the fast filters start anew. Until they have settled the slow ones wait: to them the time
+    // After a gap the fast filters restart. Until they have settled the slow ones wait: to them the time
     // between is a straight line, in the torque as in the columns.
     if (!motion_.settled()) return Taken::kSettling;
     regressor_ = dynamics_.regressor(motion_.value(), motion_.derivative(), motion_.second_derivative());

@@ -33,7 +33,7 @@ class ChangeDetector {
   }
 
   /// @param z  normalised innovation of joint i, which moves
-  /// @return true: alarm; since() tells when it began
+  /// @return true: alarm; since() says when it began
   bool take(int i, double z, double time, double period) {
     Joint& joint = joints_[static_cast<std::size_t>(i)];
     const double scaled = z / std::sqrt(std::max(1.0, joint.scatter));

@@ -63,9 +63,8 @@ std::string contradiction(const PayloadRun& run) {
   const bool has_mass = !run.mass.identifiable.empty() && run.mass.identifiable[0];
   if (has_mass && run.mass.value[0] + run.mass.half_width[0] < 0.0) {
     return fmt::format(
-        "the load weighs {:.3g} kg ± {:.2g} kg, less than nothing: are --baseline and --log "
-        "interchanged? Else the model is not that of this arm without load, or the torques "
-        "have another sign",
+        "the estimated mass is negative ({:.3g} kg ± {:.2g} kg): are --baseline and --log interchanged? "
+        "Otherwise the model is not that of this arm without load, or the torques have another sign",
         run.mass.value[0], run.mass.half_width[0]);
   }
   for (Index j = 0; j < run.torque_scale.value.size(); ++j) {
@@ -83,9 +82,9 @@ std::string contradiction(const PayloadRun& run) {
     const double off = impossibility(run), limit = simultaneous(run.interval_factor);
     if (off > limit) {
       return fmt::format(
-          "no body has this mass, centre of mass and inertia: they are impossible by {:.2g} "
-          "standard deviations ({:.2g} are allowed for); check that --baseline was recorded "
-          "without load and that the URDF is that of this arm",
+          "mass, centre of mass and inertia are physically impossible, by {:.2g} standard deviations "
+          "({:.2g} are allowed for); check that --baseline was recorded without load and that the URDF is "
+          "that of this arm",
           off, limit);
     }
   }

@@ -52,7 +52,7 @@ model::Robot loaded(const model::Robot& robot, const PayloadRun& run, bool with_
 }
 
 /// Torque that a model expects along a log. The sign of friction goes through zero within the width that the estimator
-/// uses, so that a joint that stands still with a noisy velocity has none.
+/// uses, so that a joint at rest with a noisy velocity has none.
 Eigen::MatrixXd predict(const model::Robot& robot, const PayloadLog& log, bool at_joint) {
   const double width = log.causal.qd.cols() > 0 ? kMeasuredSignWidth : kDerivedSignWidth;
   model::MotionTorque motion(as_measured(robot, at_joint));

@@ -303,7 +303,7 @@ class Run {
     return solved;
   }
 
-  /// Whether the combination a·x is told by the data: prior shrunk enough, in theory and as it scatters.
+  /// Whether the combination a·x is determined by the data: prior shrunk enough, in theory and as it scatters.
   bool identified(const Solved& solved, const Eigen::VectorXd& a) const {
     const double prior = a.dot(prior_variance_.cwiseProduct(a));
     const double told = a.dot(solved.jackknife.information_inverse * a);
@@ -312,7 +312,7 @@ class Run {
            scatter < kIdentified * kIdentified * prior;
   }
 
-  /// Whether two stretches carry different loads, by the mass and first moments that both tell; true where
+  /// Whether two stretches carry different loads, by the mass and first moments that both determine; true where
   /// there is nothing to compare.
   bool differ(const Solved& before, const Solved& after) const {
     bool comparable = false;
@@ -336,7 +336,7 @@ class Run {
 
   void conclude(PayloadRun& result) {
     // An alarm that did not move the load was none (a contact, friction): put the parts together. A part
-    // between two alarms that tells nothing is left out; the last one counts in any case, since it is what
+    // between two alarms that determines nothing is left out; the last one counts in any case, since it is what
     // holds now.
     std::vector<Segment> segments;
     std::vector<Solved> solved;
@@ -363,7 +363,7 @@ class Run {
     result.torque_scale = scales_->solve(segments.back().blocks, merge(segments.back()),
                                          residual_.edge_factor(merge(segments.back()) * kFineBlock),
                                          final_state.jackknife.estimate.head(10), options_.model_covariance);
-    // A load that hardly stands out is made of the residual itself: the joints have nothing to agree about.
+    // A load that hardly exceeds its interval is made of the residual itself: the joints have nothing to agree about.
     if (result.mass.identifiable[0] &&
         std::abs(result.mass.value[0]) < kClearLoad * result.mass.half_width[0]) {
       result.torque_scale.identifiable.assign(static_cast<std::size_t>(n_), false);
@@ -466,19 +466,19 @@ class Run {
     }
     if (moving.empty()) {
       result.missing += fmt::format(
-          "the arm stands still ({} not faster than {:g} rad/s for 2 s), and at rest friction hides "
-          "the load; record a motion in which the joints turn both ways and the load changes its attitude "
-          "to gravity",
+          "the arm does not move ({} not faster than {:g} rad/s for 2 s), and at rest friction hides the "
+          "load; record a motion in which the joints turn both ways and the load changes its attitude to "
+          "gravity",
           joints(k, n_), options_.standstill_speed);
     } else if (!still.empty()) {
       result.missing += fmt::format(
-          "{} at rest; {} moving alone does not tell the mass from the load's first moment; "
-          "record a motion in which several joints, the wrist among them, turn both ways at the same time",
+          "{} at rest; {} moving alone does not separate the mass from the load's first moment; record a "
+          "motion in which several joints, the wrist among them, turn both ways at the same time",
           named(still), named(moving));
     } else {
       result.missing += fmt::format(
-          "{} the motion is too small or too short to tell the mass from the rest; record a longer motion, "
-          "with larger angles, in which the load changes its attitude to gravity",
+          "{} the motion is too small or too short to separate the mass from the rest; record a longer "
+          "motion, with larger angles, in which the load changes its attitude to gravity",
           after_change ? "after the last change of load" : "as recorded,");
     }
   }

@@ -24,7 +24,7 @@ namespace {
 
 /// A parameter counts as determined when the data have reduced its prior variance to less than this share.
 constexpr double kDetermined = 0.01;
-/// Least time a joint must move for its friction and load to be told apart [s].
+/// Least time a joint must move for its friction and load to be separated [s].
 constexpr double kLeastMoving = 2.0;
 
 void check(const model::Robot& robot, const std::vector<data::Log>& logs) {

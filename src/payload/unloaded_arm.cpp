@@ -85,7 +85,7 @@ void take(UnloadedArm& arm, const RecursiveFit& fitted) {
 void check_zero(UnloadedArm& result, const UnloadedArm& arm, const data::Log& log, const Options& options) {
   const PayloadRun run = run_payload(arm.robot, log, run_options(arm, log, options, 0.0));
   if (!run.mass.identifiable[0]) {
-    result.notes.push_back(fmt::format("{}: no use as a zero check: {}", log.path, run.missing));
+    result.notes.push_back(fmt::format("{}: cannot serve as a zero check: {}", log.path, run.missing));
     return;
   }
   result.zero_checks.push_back({log.path, run.mass.value[0], run.mass.std[0], run.mass.half_width[0]});

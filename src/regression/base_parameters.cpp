@@ -92,7 +92,7 @@ std::string BaseParameters::name(const RegressionColumns& columns, int i) const 
 BaseParameters find_base_parameters(const RegressionColumns& columns, const BaseOptions& options) {
   const int p = columns.count();
   Eigen::MatrixXd R = random_observations(columns, options);
-  // Columns of norm 1; a column that is nothing beside the largest moves no torque.
+  // Columns of norm 1; a column that is nothing against the largest moves no torque.
   Eigen::VectorXd norm = R.colwise().norm();
   const double largest = norm.maxCoeff();
   std::vector<int> silent;

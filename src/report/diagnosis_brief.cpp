@@ -81,7 +81,7 @@ struct Fall {
   int joint;
   double share;
 };
-/// Share from which the sentence at the top names a joint besides the main one.
+/// Share from which the sentence at the top names a joint other than the main one.
 constexpr double kMuch = 0.2;
 
 /// All joints, the largest fall first.

@@ -53,7 +53,7 @@ nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, b
 nlohmann::ordered_json parameters_json(const Finding& finding) {
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
   for (const auto& [name, value] : finding.parameters) json[name] = host::number_or_null(value);
-  // Components of one vector stand as one.
+  // Components of one vector become one entry.
   if (json.contains("com_x") && json.contains("com_y") && json.contains("com_z")) {
     json["com"] = {json["com_x"], json["com_y"], json["com_z"]};
     for (const char* part : {"com_x", "com_y", "com_z"}) json.erase(part);

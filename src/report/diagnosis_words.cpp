@@ -92,7 +92,7 @@ std::string evidence_in_words(const diagnose::Unexplained& unexplained) {
   constexpr std::string_view kShare = "share: ";
   std::vector<std::string> parts, shares;
   for (const auto& [name, value] : unexplained.evidence) {
-    // What is left above noise and at which frequency stands in the words already.
+    // What is left above noise and at which frequency is in the words already.
     if (name == "share_above_noise" || (name == "frequency_hz" && !shares.empty())) continue;
     if (name.starts_with(kShare)) {
       shares.push_back(fmt::format("{} {} %", name.substr(kShare.size()), short_number(100.0 * value, 2)));

@@ -81,7 +81,7 @@ std::string matter_of(Delay, const Finding& finding) {
 
 std::string matter_of(BaseTilt, const Finding& finding) {
   const auto tilt = parameter(finding, "tilt_deg");
-  return tilt ? fmt::format("The base stands {}° off level", short_number(*tilt, 3))
+  return tilt ? fmt::format("The base is {}° off level", short_number(*tilt, 3))
               : "The model lacks " + effect_name(finding.effect);
 }
 
@@ -146,7 +146,7 @@ std::string matter(const Finding& finding) {
 std::string parameters_in_words(const Finding& finding, const model::Robot& robot) {
   const bool prismatic = is_prismatic(robot, finding.joint);
   std::vector<std::string> parts;
-  // Components of one vector stand together.
+  // Components of one vector are printed together.
   const auto x = parameter(finding, "com_x"), y = parameter(finding, "com_y"),
              z = parameter(finding, "com_z");
   const bool vector = x && y && z;

@@ -148,7 +148,7 @@ std::string json(const Identification& found) {
                               {"torque_at", data::to_string(found.torque_at)}};
   put_verdict(json, found.judgement);
   json["train"] = validation_json(found.trained);
-  // The judged figures stand at the top where there are any: the error on logs not seen is the model's error.
+  // The judged figures come first where there are any: the error on logs not seen is the model's error.
   json.update(validation_json(found.held_out.empty() ? found.trained : validate::pool(found.held_out)));
   json["judged_on"] = found.held_out.empty() ? "train" : "held_out";
   json["held_out"] = nlohmann::ordered_json::array();

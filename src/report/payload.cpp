@@ -137,8 +137,7 @@ std::vector<std::string> remarks(const Payload& result) {
   }
   if (identifiable(result.run.mass, 0) && result.zero_checks.empty()) {
     lines.push_back(
-        "No zero check: what the model gets wrong from one day to the next is not in the interval (--zero "
-        "gives it a "
+        "No zero check: the model's error from one day to the next is not in the interval (--zero takes a "
         "log without load).");
   }
   lines.insert(lines.end(), result.notes.begin(), result.notes.end());
@@ -309,12 +308,12 @@ void add_to(page::Page& page, const Payload& result) {
 std::string brief(const Payload& result) {
   if (!identifiable(result.run.mass, 0)) return "The mass of the load cannot be determined from this motion.";
   if (!result.contradiction.empty()) {
-    return fmt::format("No load can be what this log says: {} kg ± {} kg (95 %).",
+    return fmt::format("The load of this log is impossible: {} kg ± {} kg (95 %).",
                        page::number(result.run.mass.value[0]),
                        page::number(half_width(result.run.mass, 0), 2));
   }
   if (std::abs(result.run.mass.value[0]) < half_width(result.run.mass, 0) && !result.true_mass) {
-    return fmt::format("No load to be seen: {} kg ± {} kg (95 %).", page::number(result.run.mass.value[0], 2),
+    return fmt::format("No load detected: {} kg ± {} kg (95 %).", page::number(result.run.mass.value[0], 2),
                        page::number(half_width(result.run.mass, 0), 2));
   }
   std::string text =

@@ -62,7 +62,7 @@ Table joint_table(const StiffnessFit& fit, const model::Robot& robot) {
     const StiffnessEstimate& joint = fit.joints[static_cast<std::size_t>(j)];
     std::string remark = joint.why;
     if (joint.determined && remark.empty() && std::isinf(joint.stiffness_high)) {
-      remark = "may be rigid: its compliance does not stand out from the scatter";
+      remark = "may be rigid: its compliance is within the scatter";
     }
     table.add_row({fmt::format("{}", j + 1), stiffness_in_words(joint.stiffness, slides(robot, j)),
                    stiffness_interval_in_words(joint.stiffness_low, joint.stiffness_high, slides(robot, j)),
@@ -75,7 +75,7 @@ Table joint_table(const StiffnessFit& fit, const model::Robot& robot) {
 }
 
 Table pose_table(const StiffnessFit& fit) {
-  Table table({"pose", "1/k_F", "residual [mm]", "error when left out [mm]", "shift [deviations]"});
+  Table table({"pose", "1/k_F", "residual [mm]", "error when left out [mm]", "shift [standard deviations]"});
   for (const stiffness::PoseInfluence& pose : fit.poses) {
     const auto number = [](double v) { return std::isfinite(v) ? page::number(v, 3) : std::string("–"); };
     table.add_row({pose.name,
@@ -87,7 +87,7 @@ Table pose_table(const StiffnessFit& fit) {
 }
 
 Table trial_table(const stiffness::StiffnessDiagnosis& diagnosis) {
-  Table table({"what may stand between springs and readings", "parameter", "residual [mm]",
+  Table table({"what may lie between springs and readings", "parameter", "residual [mm]",
                "error on poses left out [mm]", "p"});
   const auto number = [](double v) { return std::isfinite(v) ? page::number(v, 3) : std::string("–"); };
   table.add_row({"nothing (springs alone)", "", number(1e3 * diagnosis.before.fit_rms),
@@ -297,13 +297,13 @@ void add_deflections(page::Page& page, const stiffness::Stiffness& answer) {
   page.plot(reading_plot(from.poses, fit));
   page.table(pose_table(fit),
              "Poses: what each one does to the fit (shift: largest change of a compliance without it)");
-  page.note(fit.stated_noise ? "Intervals rest on the stated deviations of the readings, widened where the "
-                               "residual is larger than these."
+  page.note(fit.stated_noise ? "Intervals rest on the stated standard deviations of the readings, widened "
+                               "where the residual is larger than these."
                              : "Intervals rest on the residual (Student's t); they hold for errors that are "
                                "independent from reading to "
                                "reading. Repeats of a pose count as one.");
   if (from.direct) page.table(direct_table(*from.direct, robot), "Direct method: τ/δθ with δθ = J⁻¹ δd");
-  page.heading("What springs alone leave");
+  page.heading("Residual of springs alone");
   page.paragraph(from.diagnosis.verdict);
   page.table(trial_table(from.diagnosis),
              "Effects tried together with the springs; p: how often the best of all does as well on shuffled "

@@ -222,7 +222,7 @@ void add_encoders(page::Page& page, const stiffness::Stiffness& answer, const st
                      page::number(1e6 * term.rms_with, 3), page::number(term.p_value, 2), term.verdict});
     }
   }
-  page.table(terms, "What else was looked for in the deflection");
+  page.table(terms, "Other terms tested in the deflection");
 }
 
 }  // namespace heft::report

@@ -97,7 +97,7 @@ Table plan_table(const stiffness::MeasurementPlan& plan) {
 }
 
 Table deviation_table(const stiffness::MeasurementPlan& plan) {
-  Table table({"joint", "deviation of its compliance per µm of reading noise [rad/(N·m), m/N]"});
+  Table table({"joint", "standard deviation of its compliance per µm of reading noise [rad/(N·m), m/N]"});
   for (int j = 0; j < plan.robot.num_joints(); ++j)
     table.add_row({fmt::format("{}", j + 1), page::number(1e-6 * plan.deviation[j], 2)});
   return table;
@@ -135,7 +135,7 @@ page::Page page(const stiffness::MeasurementPlan& plan) {
   page::Page page = new_page("Poses to measure stiffness at", plan.robot.name);
   page.verdict(brief(plan));
   page.table(plan_table(plan), "Poses");
-  page.table(deviation_table(plan), "What to expect of readings by a tracker");
+  page.table(deviation_table(plan), "Expected accuracy with a tracker");
   page.heading("Dexterity");
   page.plot(map_of(plan));
   page.table(zone_table(plan), zone_caption(plan));

@@ -37,7 +37,7 @@ void add_ellipsoid(const Eigen::Matrix3d& compliance, const std::string& pose, p
     spec.height = 300;
     specs.push_back(spec);
   }
-  page.plots(fmt::format("Where the tool goes under 1 N at pose {}", pose), specs);
+  page.plots(fmt::format("Displacement of the tool under 1 N at pose {}", pose), specs);
 }
 
 Table pose_table(const stiffness::ToolUse& use) {
@@ -120,8 +120,8 @@ void add_tool(page::Page& page, const stiffness::ToolUse& use, const data::Log& 
   if (!use.poses.empty()) {
     page.heading("The tool under load");
     page.paragraph(
-        "Joint stiffnesses make a stiffness of the tool that changes with the pose. A force along a principal "
-        "direction moves the tool along itself; all others move it sideways as well.");
+        "The joint stiffnesses give the tool a stiffness that changes with the pose. A force along a "
+        "principal direction moves the tool along itself; all others move it sideways as well.");
     page.table(pose_table(use), "Extreme deflections of the tool point, base axes");
     const stiffness::ToolAtPose& first = use.poses.front();
     add_ellipsoid(first.stiffness.compliance.topLeftCorner<3, 3>(), first.pose.name, page);

@@ -64,7 +64,7 @@ nlohmann::ordered_json score_json(const validate::Score& score) {
 
 page::Table validation_table(const validate::Score& score) {
   page::Table table({"joint", "RMSE [N·m]", "in band [N·m]", "RMSE [% of max]", "in band [% of max]", "R²",
-                     "99.9 % below [N·m]", "bias [N·m]", "not noise [%]", "below [Hz]"});
+                     "99.9 % below [N·m]", "bias [N·m]", "structured share [%]", "within [Hz]"});
   for (Eigen::Index j = 0; j < score.rmse.size(); ++j) {
     table.add_row(
         {fmt::format("{}", j + 1), page::number(score.rmse[j], 3), page::number(score.rmse_in_band[j], 3),
@@ -77,9 +77,8 @@ page::Table validation_table(const validate::Score& score) {
 }
 
 std::string validation_meaning() {
-  return " Bias: mean of measured minus predicted. Not noise: share of the residual's variance that is "
-         "correlated in "
-         "time, nine tenths of it below the frequency given.";
+  return " Bias: mean of measured minus predicted. Structured share: share of the residual's variance that "
+         "is correlated in time, nine tenths of it below the frequency given.";
 }
 
 std::string moving_line(const validate::Score& score) {
@@ -168,7 +167,7 @@ void add_residual_words(page::Page& page, const validate::Score& score) {
   for (int j = 0; j < score.num_joints(); ++j) {
     table.add_row({fmt::format("{}", j + 1), validate::describe_residual(score, j)});
   }
-  page.table(table, "Residual: noise, or something that the model misses");
+  page.table(table, "Residual: noise or model error");
 }
 
 std::string criteria_summary(const std::vector<validate::Criterion>& criteria) {
@@ -204,7 +203,7 @@ nlohmann::ordered_json fit_json(const model::FitRecord& fit) {
 }
 
 page::Table base_parameter_table(const model::FitRecord& fit) {
-  page::Table table({"base parameter", "value", "± (95 %)", "unit", "", "stands for"});
+  page::Table table({"base parameter", "value", "± (95 %)", "unit", "", "combination"});
   for (const model::BaseParameterRecord& parameter : fit.base_parameters) {
     table.add_row({parameter.name, page::number(parameter.value), page::number(parameter.half_width, 2),
                    parameter.unit, parameter.determined ? "" : "not determined", parameter.expression});

@@ -1,5 +1,5 @@
 /// @file
-/// How well a predicted torque meets the measured one, as the contract of the JSON results defines it.
+/// How well a predicted torque meets the measured one, as tools/README.md defines it.
 #pragma once
 
 #include <array>
@@ -25,14 +25,14 @@ namespace heft::report {
 LogLine log_line(const data::StreamSummary& summary);
 LogLine log_line(const data::Log& log, double low_pass = 0.0);
 
-/// Says what the figures are; stands wherever they are printed.
+/// Says what the figures are; printed wherever they are.
 std::string score_meaning(const validate::Score& score);
 page::Table score_table(const validate::Score& score);
 nlohmann::ordered_json score_json(const validate::Score& score);
 
 /// The score with what a validation adds: 99.9 % quantile, bias, share of the residual that is no noise.
 page::Table validation_table(const validate::Score& score);
-/// Says what the further columns are, to stand behind score_meaning().
+/// Says what the further columns are, printed after score_meaning().
 std::string validation_meaning();
 /// The errors over the motion alone, where standstill at the ends makes them differ by more than 2 %; else empty.
 /// Begins with a blank.
@@ -52,7 +52,7 @@ void add_residual_words(page::Page& page, const validate::Score& score);
 /// "3 of 5 criteria met, 1 missed, 1 not judged".
 std::string criteria_summary(const std::vector<validate::Criterion>& criteria);
 
-/// Fields of the result that stand for a fit: base_parameters, condition_number, physically_consistent, missing.
+/// Fields of the result that describe a fit: base_parameters, condition_number, physically_consistent, missing.
 nlohmann::ordered_json fit_json(const model::FitRecord& fit);
 /// Base parameters with their intervals.
 page::Table base_parameter_table(const model::FitRecord& fit);
@@ -65,7 +65,7 @@ std::vector<page::PlotSpec> residual_plots(const validate::TorqueTrace& trace);
 /// One plot a joint: predicted torque over time, with the measured one where the log has it.
 std::vector<page::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted);
 
-/// Plots of which two stand side by side.
+/// Plots, two side by side.
 std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots);
 
 /// Entries of a vector as JSON; NaN is null.

@@ -351,9 +351,9 @@ StiffnessFit fit_stiffness(const model::Kinematics& kinematics, const std::vecto
     }
     if (fit.iterations > kMost) {
       throw NotIdentifiableError(
-          fmt::format("the fit with the complementary stiffness did not settle in {} rounds: the arm gives "
-                      "way so far under the load "
-                      "that the measured poses change with it; load it less or leave --complementary out",
+          fmt::format("the fit with the complementary stiffness did not settle in {} rounds: the arm "
+                      "deflects so far under the load that the measured poses change with it; load it less "
+                      "or leave --complementary out",
                       kMost));
     }
   }

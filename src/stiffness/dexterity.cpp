@@ -24,7 +24,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
-/// 1 / k_F below this is zero: J is singular as far as double precision can tell.
+/// 1 / k_F below this is zero: J is singular to double precision.
 constexpr double kSingular = 1e-13;
 
 /// Where a joint may be.
@@ -436,7 +436,7 @@ PoseChoice choose_poses(const std::vector<PoseCandidate>& candidates, int count,
   }
   std::vector<MatrixXd> rows;
   for (const std::size_t k : usable) rows.push_back(candidates[k].rows * scale.cwiseInverse().asDiagonal());
-  // While fewer rows than unknowns are chosen, a little of everything stands in for the rest.
+  // While fewer rows than unknowns are chosen, a little of everything replaces the rest.
   const MatrixXd floor = 1e-9 * MatrixXd::Identity(p, p);
   std::vector<bool> taken(rows.size(), false);
   std::vector<std::size_t> chosen;

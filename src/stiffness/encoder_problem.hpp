@@ -71,7 +71,7 @@ class EncoderProblem {
   double shortest_log() const { return shortest_log_; }
   double rate() const { return stretches_.front().rate; }
   const std::vector<int>& log_of_row() const { return log_of_row_; }
-  /// Share by which the noise of tau lowers the compliance beside these columns.
+  /// Share by which the noise of tau lowers the compliance next to these columns.
   double attenuation(const std::vector<Index>& others, Index torque) const;
   /// Columns were divided by this.
   double scale(Index column) const { return scale_[column]; }
@@ -90,7 +90,7 @@ class EncoderProblem {
   };
   Fit fit(const std::vector<DeflectionTerm>& which, double edge_factor = 1.0) const;
 
-  /// Share of the power of these columns (of the worst of them) that the others cannot stand for.
+  /// Share of the power of these columns (of the worst of them) that the others cannot explain.
   double own_power(const std::vector<Index>& others, const std::vector<Index>& columns) const {
     return own_power(gram_, others, columns);
   }

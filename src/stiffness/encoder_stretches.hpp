@@ -16,7 +16,7 @@ struct Stretch {
   int log{0};
   double rate{0.0};
   Eigen::VectorXd time;
-  std::vector<char> measured;            ///< grid points that stand for a sample
+  std::vector<char> measured;            ///< grid points that represent a sample
   Eigen::VectorXd q, qlink, tau, model;  ///< as read
   Eigen::VectorXd q_smooth, qlink_smooth, qd, direction;
   Eigen::VectorXd torque, instrument;  ///< behind the filter, without rotor inertia

@@ -35,11 +35,11 @@ double wald_p_value(const EncoderProblem::Fit& f, const std::vector<Index>& colu
   return statistics::fisher_tail(wald * (blocks - k) / (k * (blocks - 1.0)), k, blocks - k);
 }
 
-/// The columns whose coefficients the term stands or falls with.
+/// The columns whose coefficients decide on the term.
 std::vector<Index> tested(const EncoderProblem& problem, const std::vector<DeflectionTerm>& used,
                           DeflectionTerm term) {
   const std::vector<Index>& all = problem.term(term)->columns;
-  // Beside a straight line only the curvature is new.
+  // Next to a straight line only the curvature is new.
   if (term == DeflectionTerm::kEccentricity && contains(used, DeflectionTerm::kPosition)) return {all.back()};
   return all;
 }
@@ -74,7 +74,7 @@ std::string obstacle(const EncoderProblem& problem, const std::vector<Deflection
   if (term == DeflectionTerm::kPosition && contains(used, DeflectionTerm::kEccentricity))
     return "contained in the first harmonic";
   if (term == DeflectionTerm::kSecondHarmonic && !contains(used, DeflectionTerm::kEccentricity))
-    return "only beside the first harmonic";
+    return "only together with the first harmonic";
   std::vector<DeflectionTerm> rest = with(used, term);
   std::erase(rest, term);
   if (problem.own_power(problem.indices(rest), columns->columns) < kOwnPower)

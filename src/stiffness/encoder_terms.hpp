@@ -24,7 +24,7 @@ inline constexpr std::array kCandidates{DeflectionTerm::kPosition,         Defle
 std::vector<DeflectionTerm> with(const std::vector<DeflectionTerm>& used, DeflectionTerm term);
 std::vector<DeflectionTerm> without(const std::vector<DeflectionTerm>& used, DeflectionTerm term);
 
-/// Why a term cannot be tried beside these; empty if it can.
+/// Why a term cannot be tried next to these; empty if it can.
 std::string obstacle(const EncoderProblem& problem, const std::vector<DeflectionTerm>& used,
                      DeflectionTerm term);
 
@@ -34,7 +34,7 @@ double correlation_time_of(const EncoderProblem& problem, const Eigen::VectorXd&
 /// Blocks as this residual asks for. @return factor on the variance
 double set_blocks(EncoderProblem& problem, const Eigen::VectorXd& residual);
 
-/// What a term does beside others, judged on blocks as the residual with it asks for: without a term that is
+/// Effect of a term next to others, judged on blocks as the residual with it asks for: without a term that is
 /// really there the residual has a long memory, few blocks are left, and nothing could be shown.
 struct TermTrial {
   EncoderProblem::Fit fit;  ///< with the term

@@ -439,10 +439,9 @@ StiffnessDiagnosis diagnose_stiffness(const model::Kinematics& kinematics,
   } else if (std::isfinite(diagnosis.before.repeatability) &&
              diagnosis.before.fit_rms > 3.0 * diagnosis.before.repeatability) {
     diagnosis.verdict = fmt::format(
-        "Something is left that {} poses do not pin down: the residual is {:.3g} mm{}, and none of {} "
-        "effects lowers the "
-        "error on poses left out ({:.3g} mm) by more than chance; the best, {}, leaves {:.3g} mm (p = "
-        "{:.2g}).",
+        "A residual remains that {} poses do not pin down: the residual is {:.3g} mm{}, and none of {} "
+        "effects lowers the error on poses left out ({:.3g} mm) by more than chance; the best, {}, leaves "
+        "{:.3g} mm (p = {:.2g}).",
         count, 1e3 * diagnosis.before.fit_rms, unexplained, tried, 1e3 * before, has_best ? best.id : "none",
         1e3 * best.left_out_rms, best.p_value);
   } else {

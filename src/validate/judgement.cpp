@@ -142,7 +142,7 @@ Judgement judge_model(const ModelFacts& facts) {
     reason = "a link or the friction of a joint is physically impossible";
   }
   if (facts.physical_cost_ratio > 0.0) {
-    reason += fmt::format(" (--method physical gives links that can exist, for {:.2g} % more error)",
+    reason += fmt::format(" (--method physical gives physically possible links, for {:.2g} % more error)",
                           100.0 * (std::sqrt(facts.physical_cost_ratio) - 1.0));
   }
   judgement.add(Rank::kDoubtful, reason);

@@ -123,7 +123,7 @@ struct TorqueScorer::Impl {
       const Eigen::VectorXd rho = spectrum.autocorrelation(power);
       score.correlation_time[j] =
           statistics::correlated_samples([&](Index lag) { return rho[lag]; }, rho.size()) / setup.sample_rate;
-      // Bins 1 .. L/2 − 1: the mean and the highest frequency stand alone.
+      // Bins 1 .. L/2 − 1: the mean and the highest frequency have no partner.
       const Eigen::VectorXd inner = power.segment(1, power.size() - 2);
       std::vector<double> upper(inner.data() + inner.size() / 2, inner.data() + inner.size());
       std::nth_element(upper.begin(), upper.begin() + static_cast<std::ptrdiff_t>(upper.size() / 2),
@@ -333,15 +333,15 @@ Score score(const data::Log& log, const Eigen::MatrixXd& predicted, double band)
 
 std::string describe_residual(const Score& score, int joint) {
   const double share = score.correlated_share[joint];
-  if (!std::isfinite(share)) return "too few samples to tell noise from what the model misses";
+  if (!std::isfinite(share)) return "too few samples to distinguish noise from model error";
   if (share <= kWhiteShare) {
     return fmt::format("white: {:.0f} % of the variance is correlated in time, the rest is noise",
                        100.0 * share);
   }
   const double below = score.correlated_below[joint];
   return fmt::format(
-      "{:.0f} % of the variance is correlated in time, nine tenths of that below {:.{}f} Hz: what the model "
-      "misses, not noise",
+      "{:.0f} % of the variance is correlated in time, nine tenths of that below {:.{}f} Hz: model error, "
+      "not noise",
       100.0 * share, below, below < 10.0 ? 1 : 0);
 }
 

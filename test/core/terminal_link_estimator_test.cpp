@@ -145,7 +145,7 @@ TYPED_TEST(TerminalLink, GateRefusesOutliersAndLetsALastingChangeIn) {
     ++n;
   }
   ASSERT_EQ(outliers, 79);
-  // The gate stands at 8 mean magnitudes, 6.4 standard deviations: no good row among 4000 reaches it.
+  // The gate is at 8 mean magnitudes, 6.4 standard deviations: no good row among 4000 reaches it.
   EXPECT_EQ(refused, outliers) << "good rows were refused";
   EXPECT_LT(error_of(estimator.estimate()), 0.05);
 

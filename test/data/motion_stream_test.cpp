@@ -248,7 +248,7 @@ TEST(MotionStream, FindsTheBandwidthOfALogTooLongForOneSpectrum) {
 
 TEST(MotionStream, TakesTheLoggedMotionWhereThereIsOne) {
   Log log = sine_log(6000, 250.0, 0.2, 7);
-  // Rates a little too large, to be told from derived ones.
+  // Rates a little too large, to differ from derived ones.
   const Log derived = [&] {
     Log motion = log;
     derive_motion(motion, {});
@@ -304,8 +304,7 @@ TEST(MotionStream, DerivesAMotionWhoseRecordedAccelerationContradictsIt) {
   log.qdd = Eigen::MatrixXd(rows, 1).unaryExpr([&](double) { return noise(random); });
   const MotionStream stream(log);
   EXPECT_FALSE(stream.summary().acceleration_logged);
-  EXPECT_THAT(stream.summary().notes,
-              testing::Contains(testing::HasSubstr("derived from position instead")));
+  EXPECT_THAT(stream.summary().notes, testing::Contains(testing::HasSubstr("derived from position instead")));
   stream.for_each([&](const MotionChunk& chunk) {
     const Eigen::Index middle = chunk.row_qdd.rows() / 2;
     EXPECT_NEAR(chunk.row_qdd(middle, 0), qdd[middle], 0.02);
@@ -361,7 +360,7 @@ TEST(MotionStream, TellsDisplacementsFromTheVelocitiesAsLogged) {
       EXPECT_NEAR(held, log.q(k, 0), 4.5 * kStep) << k;
       // Where the velocity jumps as the joint begins to settle, half a row of the jump is lost: 3 urad.
       EXPECT_NEAR(steps(k, 0), truth[k] - truth[k - 1], kStep / 6.0) << k;
-      // While the joint settles it is the velocity that tells, to a third of an encoder's step.
+      // While the joint settles it is the velocity that shows it, to a third of an encoder's step.
       if (truth[k] == truth[0] || log.time[k] < 4.05) continue;
       EXPECT_NEAR(steps(k, 1), truth[k] - truth[k - 1], kStep / 3.0) << k;
       while_settling += std::abs(steps(k, 1));
@@ -637,7 +636,7 @@ TEST(StreamingMedian, IsTheMiddleOneOfAnyNumberOfValues) {
 
 // --- memory ---
 
-/// Largest part of memory this process had since the last call [kB]; 0 where the system does not tell.
+/// Largest part of memory this process had since the last call [kB]; 0 where the system does not say.
 long largest_memory() {
   ::malloc_trim(0);
   const auto read = [](const char* what) {

@@ -1,4 +1,4 @@
-/// What several runs of an arm tell: friction that remembers, from what a joint does after it has stopped (two joints
+/// What several logs of an arm reveal: friction that remembers, from what a joint does after it has stopped (two joints
 /// settle by tenths of a milliradian, with encoders too coarse to show it), and effects too small for one run.
 #include <algorithm>
 #include <cmath>
@@ -102,7 +102,7 @@ TEST(Memory, GoesByTheVelocityWhereTheEncoderIsTooCoarse) {
     EXPECT_NE(found->displacement, Displacement::kPosition);
     EXPECT_NEAR(found->parameters[0].second, kX0, 0.15 * kX0);
     EXPECT_NEAR(found->parameters[1].second, kSharp, 0.05);
-    // What holds the joint at rest is told.
+    // What holds the joint at rest is reported.
     const Traces& judged = d.validate.front();
     const auto at_rest = static_cast<Index>(3.0 * kRate);
     const auto rms = [&](const MatrixXd& r) {

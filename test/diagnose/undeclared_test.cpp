@@ -123,7 +123,7 @@ TEST_P(NothingThere, IsSaidOfTenLogs) {
     }
   }
   RecordProperty("alarms", alarms);
-  // Five in a hundred; a group of ten alone is told from that by more than one.
+  // Five in a hundred; a group of ten alone differs from that by more than one.
   EXPECT_LE(alarms, 1) << what;
 }
 

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using test::SourceFile;
 using Rooms = std::set<std::string>;
 
-/// What each room includes besides itself: no more, no less.
+/// Other rooms that each room includes: no more, no less.
 const std::map<std::string, Rooms>& table() {
   static const std::map<std::string, Rooms> rooms = {
       {"core", {}},
@@ -143,7 +143,7 @@ TEST(Rooms, IncludeWhatTheTableSaysAndNothingElse) {
   }
 }
 
-// A question is answered without another one; all are judged by the same scorer. What is said of an answer stands above.
+// A question is answered without another one; all are judged by the same scorer. What is said of an answer is above.
 TEST(Rooms, OfQuestionsKnowNoOtherQuestion) {
   const Rooms questions = {"collision", "diagnose",     "excite",    "identify",
                            "payload",   "plausibility", "stiffness", "track"};

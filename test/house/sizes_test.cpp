@@ -68,7 +68,7 @@ struct Function {
   std::size_t lines() const { return last - first + 1; }
 };
 
-/// What stands before a brace, where it opens the body of a function: its name; else nothing.
+/// The words before a brace, where it opens the body of a function: its name; else nothing.
 std::string function_name(const std::string& head) {
   static const std::vector<std::string> others = {"namespace", "class", "struct", "enum", "union", "="};
   const std::size_t open = head.find('(');
@@ -106,7 +106,7 @@ std::vector<Function> functions_in(const std::vector<std::string>& lines) {
         continue;
       }
       if (c == '{') {
-        // A body stands behind a blank; {} directly behind a name initialises a member.
+        // A body follows a blank; {} directly behind a name initialises a member.
         const bool scope = !head.empty() && head.back() == ' ';
         const std::string name = scope ? function_name(head) : "";
         if (!name.empty()) {

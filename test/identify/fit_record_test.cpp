@@ -57,7 +57,7 @@ TEST(CountedParameters, AreDeterminedOnesThatMoveTorque) {
   const CountedParameters counted = counted_parameters(fit, Eigen::Vector3d(0.5, 0.4, 0.004));
   EXPECT_EQ(counted.counted, (std::vector<bool>{true, false, false}));
   EXPECT_EQ(counted.count(), 1);
-  EXPECT_THAT(counted.reasons[1], HasSubstr("does not tell"));
+  EXPECT_THAT(counted.reasons[1], HasSubstr("does not determine"));
   EXPECT_THAT(counted.reasons[2], HasSubstr("0.4 %"));
 }
 

@@ -33,7 +33,7 @@ using payload::judge;
 using stiffness::judge;
 
 /// A score of joints whose torque varies by 1 about its mean and reaches `largest`, with these errors; in band
-/// unless told otherwise.
+/// unless stated otherwise.
 validate::Score score_of(const VectorXd& error, double largest, double band = 5.0) {
   validate::Score score;
   score.rmse = score.rmse_in_band = error;
@@ -234,14 +234,15 @@ TEST(Load, BelowZeroWithinItsIntervalIsNoContradiction) {
   run.mass.half_width[0] = 0.02;
   EXPECT_THAT(contradiction(run), IsEmpty());
   run.mass.value[0] = -0.03;
-  EXPECT_THAT(contradiction(run), HasSubstr("less than nothing"));
+  EXPECT_THAT(contradiction(run), HasSubstr("mass is negative"));
 }
 
 TEST(Load, WithAnInertiaThatNoBodyHasIsAContradictionBeyondItsIntervalsOnly) {
   // Ixx about the flange of a mass 0.11 m off its x axis is at least m (cy² + cz²) = 0.025; here it is 0.
   InertialParameters<double> impossible = kBody;
   impossible[4] = 0.0;
-  EXPECT_THAT(contradiction(found_body(impossible)), HasSubstr("no body has this mass"));
+  EXPECT_THAT(contradiction(found_body(impossible)), HasSubstr("mass, centre of mass and inertia are "
+                                                               "physically impossible"));
   EXPECT_THAT(contradiction(found_body(impossible, 0.5)), IsEmpty());
   // A point, whose pseudo-inertia is singular, is a body within any interval.
   EXPECT_THAT(contradiction(found_body(test::body(2.0, {0.05, 0.1, -0.05}, {0, 0, 0, 0, 0, 0}))), IsEmpty());

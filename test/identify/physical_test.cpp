@@ -50,7 +50,7 @@ InertialParameters<double> random_body(std::mt19937_64& generator) {
   return link;
 }
 
-/// A chain whose axes stand across each other by turns.
+/// A chain with axes crossed by turns.
 model::Robot make_arm(int n, unsigned seed) {
   std::mt19937_64 generator(seed);
   model::Robot robot;
@@ -517,7 +517,7 @@ TEST(MassMatrix, ShowsALinkThatCannotExist) {
   EXPECT_EQ(check.not_positive, 200);
   EXPECT_EQ(check.not_positive_with_rotors, 200);
   EXPECT_LT(check.smallest_eigenvalue, -0.04);
-  // The motor carries it, whether it stands at the joint or is shared with the one before.
+  // The motor carries it, whether it is at the joint or shared with the one before.
   robot.joints[2].actuation.rotor_inertia = 3.0;
   EXPECT_EQ(model::check_mass_matrix(robot, 200, 2).not_positive_with_rotors, 0);
   robot.joints[2].actuation.rotor_inertia = 0.0;

@@ -103,7 +103,7 @@ TEST(Robust, OutliersDoNotMoveTheEstimateBeyondItsInterval) {
 }
 
 TEST(Robust, WithoutOutliersCostsLittle) {
-  // 95 % efficiency: mean squared error 1/0.95 of that of least squares; the sample of 200 tells it to ± 2 %.
+  // 95 % efficiency: mean squared error 1/0.95 of that of least squares; the sample of 200 shows it to ± 2 %.
   double plain_error = 0.0, robust_error = 0.0;
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     const std::vector<regression::ObservationRows> pieces = make_rows(500, 0.0, 0.0, seed);

@@ -23,9 +23,7 @@ constexpr double kTorqueScale = 0.02 * kMass;
 
 class MeasuredUr10e : public ::testing::Test {
  protected:
-  void SetUp() override {
-    HEFT_NEEDS_MEASURED_DATA(folder());
-  }
+  void SetUp() override { HEFT_NEEDS_MEASURED_DATA(folder()); }
   static std::string folder() { return HEFT_DATA_DIR "/ur10e-dynamic-calibration"; }
   static model::Robot robot() { return urdf::load_urdf(folder() + "/robot.urdf"); }
   static data::Log log(const std::string& name) {
@@ -93,7 +91,7 @@ TEST_F(MeasuredUr10e, APersonWhoPushesTheStandingArmIsNoLoad) {
   EXPECT_FALSE(found.mass.identifiable[0]);
   EXPECT_TRUE(found.changes.empty());
   EXPECT_EQ(found.rows_used.sum(), 0);
-  EXPECT_THAT(found.missing, HasSubstr("stands still"));
+  EXPECT_THAT(found.missing, HasSubstr("does not move"));
 }
 
 TEST_F(MeasuredUr10e, ALoadTakenUpHalfWayIsSeenAtOnce) {

@@ -275,7 +275,7 @@ TEST(PayloadRun, StandingStillSaysWhatToRecord) {
   EXPECT_FALSE(run.mass.identifiable[0]);
   EXPECT_EQ(run.rows_used.sum(), 0);
   EXPECT_EQ(run.on_last_link[0], 0.0);
-  EXPECT_THAT(run.missing, AllOf(HasSubstr("stands still"), HasSubstr("record a motion")));
+  EXPECT_THAT(run.missing, AllOf(HasSubstr("does not move"), HasSubstr("record a motion")));
   EXPECT_FALSE(run.converged_at.has_value());
 }
 

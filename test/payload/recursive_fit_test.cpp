@@ -72,7 +72,7 @@ TEST(RecursiveFit, FindsFrictionAndRotors) {
         << "joint " << i + 1;
     EXPECT_NEAR(found.viscous_friction, expected.viscous_friction, 0.1 * expected.viscous_friction)
         << "joint " << i + 1;
-    // The first joint's rotor cannot be told from its link.
+    // The first joint's rotor cannot be separated from its link.
     if (i == 0) continue;
     EXPECT_NEAR(found.rotor_inertia, expected.rotor_inertia, 0.1 * expected.rotor_inertia)
         << "joint " << i + 1;

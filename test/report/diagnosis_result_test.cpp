@@ -129,7 +129,7 @@ TEST(DiagnosisVerdict, NamesPreslidingOfTwoDistancesOnce) {
       report::brief(diagnosis),
       StartsWith("3 effects are missing: presliding (friction hysteresis) in joint 1 and Stribeck friction "
                  "in joint 1. "));
-  // Where each has its own place, it is told that it is one of two.
+  // Where each has its own place, the text says that it is one of two.
   EXPECT_THAT(report::finding_in_place(diagnosis, diagnosis.findings[1]),
               EndsWith("in joint 1, one of two distances"));
   EXPECT_THAT(report::finding_in_place(diagnosis, diagnosis.findings[2]), EndsWith("in joint 1"));
@@ -163,7 +163,7 @@ TEST(DiagnosisVerdict, TellsNothingMissingFromSomethingUnknown) {
 
 TEST(DiagnosisWords, TellWhatIsLeftByItsShares) {
   const diagnose::Unexplained left{1,
-                                   "52 % of the squared residual is no noise; it drifts slowly",
+                                   "52 % of the squared residual is not noise; it drifts slowly",
                                    {{"rms", 1.59},
                                     {"noise_rms", 1.1},
                                     {"share_above_noise", 0.52},

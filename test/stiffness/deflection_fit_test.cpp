@@ -1,5 +1,5 @@
-// Joint stiffness from loads and deflections: what was put in comes out, intervals cover, effects that stand between
-// springs and readings are told apart from chance.
+// Joint stiffness from loads and deflections: what was put in comes out, intervals cover, effects that act between
+// springs and readings are distinguished from chance.
 #include <cmath>
 #include <random>
 #include <string>
@@ -51,7 +51,7 @@ const Vector3d kHook(0.4, 0.0, 0.0);      // from the tip [m], tool axes
 
 enum class Seen { kWholePose, kTranslations, kWire };
 
-/// Readings under a pull askew at a hook beside the tip, as exact statics gives them. (A weight never loads an
+/// Readings under a pull askew at a hook next to the tip, as exact statics gives them. (A weight never loads an
 /// upright first axis.)
 std::vector<data::Deflection> measure(const model::Kinematics& arm, const std::vector<VectorXd>& poses,
                                       const VectorXd& stiffness, double noise, double noise_r,

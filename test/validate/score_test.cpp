@@ -1,4 +1,4 @@
-/// Scores against closed forms, residuals told from noise, criteria judged at their limits.
+/// Scores against closed forms, residuals separated from noise, criteria judged at their limits.
 #include "heft/validate/score.hpp"
 
 #include <algorithm>

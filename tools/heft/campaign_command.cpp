@@ -47,11 +47,11 @@ page::Table parameter_table(const studies::CampaignResult& result) {
                      "torque share [%]", "counted"});
   for (int i = 0; i < result.fit.base.count(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    // Beside a truth of 0 there is nothing to be relative to.
+    // A truth of 0 leaves nothing to be relative to.
     const double share = result.beta_true[i] == 0.0 ? kNaN : 100.0;
     const char* counted = result.counted.counted[at]  ? "yes"
                           : result.fit.determined[at] ? "no"
-                                                      : "no: the log does not tell it";
+                                                      : "no: the log does not determine it";
     table.add_row({result.fit.base.name(*result.fit.columns, i), page::number(result.beta_true[i]),
                    page::number(result.fit.beta[i]), page::number(result.fit.half_width[i], 2),
                    (*result.fit.columns)[result.fit.base.kept[at]].unit,

@@ -196,7 +196,7 @@ Action set_up_dynamics(CommandLine line) {
   line.footer(
       "The log needs q1..qN; qd and qdd are derived when missing. Columns of the result after `time` (with "
       "several logs a\n"
-      "column `log` with their number, from 1, stands first):\n"
+      "column `log` with their number, from 1, comes first):\n"
       "  torque     tau1..tauN\n"
       "  gravity    g1..gN\n"
       "  regressor  Y1_m1 ... : row 1 for all links (m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, then "

@@ -159,14 +159,14 @@ Action set_up_identify(CommandLine line) {
       .type_name("LOG.csv")
       .names_file(FileUse::kMeasurements);
   line.add_option("--split", options->split,
-                  "share of a single log that the fit gets when there is no --validate; the rest judges "
-                  "(0: fit to all of it)")
+                  "fraction of a single log used for fitting when --validate is missing; the rest is used "
+                  "for validation (0: fit to all of it)")
       .type_name("SHARE")
       .from_to_below(0.0, 1.0)
       .capture_default_str();
   line.add_option("--method", options->method,
-                  "ols, wls (joints weighted by their noise), irls (robust), iv (instruments), tls, physical "
-                  "(links that can exist)")
+                  "ols, wls (joints weighted by their noise), irls (robust), iv (instruments), tls, "
+                  "physical (physically possible links)")
       .one_of({"ols", "wls", "irls", "iv", "tls", "physical"})
       .capture_default_str();
   line.add_option("--instruments", options->instruments,
@@ -197,12 +197,12 @@ Action set_up_identify(CommandLine line) {
       .type_name("OUT.urdf")
       .names_file(FileUse::kOutput);
   line.add_flag("--allow-impossible", options->allow_impossible,
-                "write links into the URDF that no body can be");
+                "write links to the URDF even if their inertia is physically impossible");
   add_result_options(line, options->result);
   line.footer(
       "Example: heft identify --urdf ur10e --log a.csv --log b.csv --validate c.csv -o arm.json --report "
       "arm.html\n"
-      "A single log is cut in two, so that the error is always one on data not seen.");
+      "A single log is cut in two, so that the error is always one on unseen data.");
   return [options] { run(*options); };
 }
 

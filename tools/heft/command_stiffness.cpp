@@ -30,8 +30,8 @@ Action set_up_stiffness(CommandLine line) {
   add_log_options(line, options->log);
   add_accept_torque_option(line, options->log);
   line.get_option("--log").required(false).description(
-      "log with link-side encoders qlink1.. beside q1.. (stiffness, hysteresis), or of the motor side alone "
-      "(then with --validate); may be given several times");
+      "log with link-side encoders qlink1.. in addition to q1.. (stiffness, hysteresis), or of the motor "
+      "side alone (then with --validate); may be given several times");
   line.add_option("--validate", options->validate, "motor side alone: log to judge the elasticity on")
       .type_name("LOG.csv")
       .names_file(FileUse::kMeasurements);
@@ -60,7 +60,7 @@ Action set_up_stiffness(CommandLine line) {
       .type_name("LOG.csv")
       .names_file(FileUse::kInput);
   line.add_option("--compensated", options->compensated,
-                  "write that log with positions that make up for the sag")
+                  "write that log with positions that compensate for the sag")
       .type_name("LOG.csv")
       .names_file(FileUse::kOutput);
   line.add_option("--plan", options->plan,
@@ -95,7 +95,7 @@ Action set_up_stiffness(CommandLine line) {
       throw UsageError("--path needs --payload KG: without a load nothing sags");
     }
     if (!options->compensated.empty() && options->path.empty()) {
-      throw UsageError("--compensated needs --path LOG.csv: the positions that are to be made up for");
+      throw UsageError("--compensated needs --path LOG.csv: the positions to be compensated");
     }
     if (options->plan > 0 && options->pull.empty()) {
       throw UsageError("--plan needs --pull X,Y,Z: the force [N] that will load the tool, base axes");
@@ -108,11 +108,11 @@ Action set_up_stiffness(CommandLine line) {
   });
   line.footer(
       "M.csv has one row a reading, SI units: q1..qN; the load fx fy fz [N] mx my mz [N·m about the tip];\n"
-      "what gave way: dx dy dz [m], rx ry rz [rad], or d [m] along ux uy uz (a wire, a dial gauge); an "
-      "empty\n"
+      "what moved: dx dy dz [m], rx ry rz [rad], or d [m] along ux uy uz (a wire, a dial gauge); an empty\n"
       "field was not measured. Also: pose (name; same name, same pose), frame (base or tool: axes of load "
       "and\n"
-      "deflection), px py pz (measured point from the tip, axes of the tool), sigma, sigma_r (deviations).\n"
+      "deflection), px py pz (measured point from the tip, axes of the tool), sigma, sigma_r (standard "
+      "deviations).\n"
       "Examples:\n"
       "  heft stiffness --urdf ur5 --measurements deflections.csv --report stiffness.html -o elastic.json\n"
       "  heft stiffness --urdf robot.urdf --log a.csv --log b.csv --rotor-inertia 607,844,751,83,98,40\n"

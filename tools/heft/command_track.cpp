@@ -56,7 +56,7 @@ Action set_up_track(CommandLine line) {
           "friction, without load and effects")
       .type_name("MODEL.json")
       .names_file(FileUse::kInput);
-  line.add_option("--from", options->from, "[s] errors count from here on")
+  line.add_option("--from", options->from, "errors count from this time on [s]")
       .not_negative()
       .capture_default_str();
   add_result_options(line, options->result);

@@ -71,7 +71,7 @@ Action set_up_validate(CommandLine line) {
       .type_name("N")
       .between(2, 1000)
       .capture_default_str();
-  line.add_option("--duration", options->of_campaign.duration, "[s] of a campaign: length of an experiment")
+  line.add_option("--duration", options->of_campaign.duration, "of a campaign: length of an experiment [s]")
       .type_name("S")
       .between(5.0, 600.0)
       .capture_default_str();
@@ -104,7 +104,7 @@ Action set_up_validate(CommandLine line) {
       "judged.\n"
       "The criteria: parameter recovery < 15 %, torque prediction < 3 %, tracking error reduced > 40 %, "
       "payload\n"
-      "generalisation < 5 %, repeatability < 10 %. Logs tell the second; --campaign judges all five.\n"
+      "generalisation < 5 %, repeatability < 10 %. Logs show the second; --campaign judges all five.\n"
       "Example: heft validate --model arm.json --log unseen.csv --report judged.html\n"
       "         heft validate --campaign --urdf ur10e --seed 1 --report campaign.html");
   return [options] {

@@ -74,7 +74,7 @@ ArmCapsules arm_capsules(const model::Robot& robot, const std::vector<model::Lin
 /// one given, or half of the furthest apart that they are in 2000 random poses between the position limits and in the
 /// middle, where that is less; pairs that are never further apart than a tenth of the clearance touch whatever the arm
 /// does and are left out. Fills `guarded` with every obstacle for every capsule
-/// that some joint moves to another place: a robot may stand on its table.
+/// that some joint moves to another place: a robot may be mounted on its table.
 /// @param lower,upper  n, finite [rad, m]
 void choose_pairs(const model::Robot& robot, const Eigen::VectorXd& lower, const Eigen::VectorXd& upper,
                   double clearance, const std::vector<BoxObstacle>& obstacles, ArmCapsules& arm);

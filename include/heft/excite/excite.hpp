@@ -141,7 +141,7 @@ std::string to_urscript(const data::Log& log, const std::string& name = "heft_mo
 /// A ROS 2 trajectory_msgs/msg/JointTrajectory in YAML, as `ros2 topic pub` and `ros2 action send_goal` take it.
 std::string to_ros_trajectory(const data::Log& log, const model::Robot& robot);
 
-/// Poses at which the arm may stand: inside the limits less their margin, clear of itself, floor, box and obstacles.
+/// Poses that the arm may take: inside the limits less their margin, clear of itself, floor, box and obstacles.
 class PoseCheck {
  public:
   PoseCheck(const model::Robot& robot, const MotionLimits& limits);

@@ -85,7 +85,7 @@ struct LimitDefaults {
 /// The URDF's limits. A revolute joint that may turn by more than one turn, or whose limits are not stated, gets ±π
 /// (a turn about the middle of its range where that leaves out 0); a prismatic one without limits and a joint without
 /// velocity limit stay unbounded, which ExcitationDesign refuses. The floor is the base frame's x-y plane when
-/// the base stands upright within 45°, else (ceiling, wall, no gravity) there is none. Clearance: 2 % of the arm's
+/// the base is upright within 45°, else (ceiling, wall, no gravity) there is none. Clearance: 2 % of the arm's
 /// length.
 MotionLimits limits_of(const model::Robot& robot, const LimitDefaults& defaults = {});
 

@@ -1,6 +1,6 @@
 /// @file
 /// A model from logs: base parameters with intervals that hold, link parameters that reproduce them, and what
-/// the logs could not tell.
+/// the logs do not determine.
 #pragma once
 
 #include <functional>
@@ -25,7 +25,7 @@ namespace heft::identify {
 enum class Method {
   kOls,      ///< every joint's rows count alike
   kWls,      ///< rows weighted by the noise of their joint
-  kIrls,     ///< weighted, and rows that stand far off count less (Huber, then Tukey)
+  kIrls,     ///< weighted, and outliers count less (Huber, then Tukey)
   kIv,       ///< instrumental variables
   kTls,      ///< total least squares: errors in the motion as well as in the torque
   kPhysical  ///< weighted, links that could exist
@@ -76,7 +76,7 @@ struct Fit {
   Eigen::VectorXd std;           ///< b standard deviations, for residuals correlated in time
   Eigen::VectorXd half_width;    ///< b, of the 95 % intervals
   Eigen::MatrixXd covariance;    ///< b × b
-  std::vector<bool> determined;  ///< b: the logs tell this one (not the ridge or the prior)
+  std::vector<bool> determined;  ///< b: by the logs (not by the ridge or the prior)
   Eigen::VectorXd relative;      ///< b: half-width against |value|
 
   double condition{0.0};           ///< of the weighted base regressor, columns scaled to norm 1
@@ -98,7 +98,7 @@ struct Fit {
   std::vector<int> repaired_prior, at_boundary;  ///< links, see PhysicalFit
 
   std::optional<BiasTest> bias;
-  /// What the logs do not tell and the motion that would, one line each; empty: nothing.
+  /// What the logs do not determine and the motion that would, one line each; empty: nothing.
   std::vector<std::string> missing;
   std::vector<std::string> notes;
 

@@ -45,7 +45,7 @@ struct InstrumentOptions {
   int max_blocks{96};
 };
 
-/// Sums of an instrumental variable fit by block of time and joint, with the plain rows beside them. Memory
+/// Sums of an instrumental variable fit by block of time and joint, and of the plain rows. Memory
 /// is bounded as in BlockFactors.
 class InstrumentSums {
  public:

@@ -16,7 +16,7 @@ namespace heft::identify {
 
 struct PhysicalOptions {
   /// Weight of the prior against the data. 1: the divergence from the prior counts like minus the logarithm of
-  /// a probability beside rows with independent noise, so it fades as rows come in. On measured logs this
+  /// a probability next to rows with independent noise, so it fades as rows come in. On measured logs this
   /// predicts better what the fit has not seen than a vanishing weight: bodies at the very edge of what is
   /// possible fit the training log's model errors.
   double prior_weight{1.0};

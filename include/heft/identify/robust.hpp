@@ -1,5 +1,5 @@
 /// @file
-/// Weighted least squares in which rows that stand far off count less.
+/// Weighted least squares in which outliers count less.
 /// Derivation: src/identify/robust.md
 #pragma once
 
@@ -54,7 +54,7 @@ struct RobustFit {
 /// Iteratively reweighted least squares: Huber's weights until they rest, then Tukey's biweight from there.
 ///
 ///   u = r / s_j,  Huber  w = min(1, c/|u|),  Tukey  w = (1 − (u/c)²)² inside |u| < c, 0 outside;
-///   s_j = 1.4826 · median |r| of joint j, taken anew with every iteration of Huber's, kept with Tukey's.
+///   s_j = 1.4826 · median |r| of joint j, computed again in every iteration of Huber's, kept with Tukey's.
 ///
 /// √w goes on the row and its torque before the row enters the factor. The median comes from a histogram of
 /// log |r| (256 bins an octave), so memory does not depend on the number of rows beyond `row_memory`.

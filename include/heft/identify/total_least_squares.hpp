@@ -14,7 +14,7 @@ namespace heft::identify {
 
 struct TotalLeastSquaresOptions {
   std::vector<bool> exact{};  ///< b: columns without error; empty: none
-  /// b: standard deviation of the error of each column, beside torque_noise; only the ratios count. Empty:
+  /// b: standard deviation of the error of each column, relative to torque_noise; only the ratios count. Empty:
   /// equal relative noise, each column's error (and the torque's) is the same part of its rms over the rows.
   Eigen::VectorXd column_noise{};
   double torque_noise{1.0};  ///< of the (weighted) torque, in the units of column_noise; unused without those

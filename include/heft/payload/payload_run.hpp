@@ -44,9 +44,9 @@ struct Estimated {
 /// The load changed.
 struct LoadChange {
   double time{0.0};         ///< when the torque began to differ [s]
-  double mass_before{0.0};  ///< [kg]; NaN: not told
-  double mass{0.0};         ///< from then on [kg]; NaN: not told
-  double std{0.0};          ///< of `mass` [kg]; NaN: not told
+  double mass_before{0.0};  ///< [kg]; NaN: not determined
+  double mass{0.0};         ///< from then on [kg]; NaN: not determined
+  double std{0.0};          ///< of `mass` [kg]; NaN: not determined
 };
 
 struct PayloadRun {
@@ -82,7 +82,7 @@ struct PayloadRun {
   int left_out{0};  ///< samples whose torque or velocity no such arm can have
   Eigen::VectorXd time, mass_history,
       mass_std_history;  ///< running values [s, kg, kg]; NaN: not identifiable yet
-  /// What the data do not tell and the motion that would show it; empty: nothing is missing.
+  /// What the data do not determine and the motion that would; empty: nothing is missing.
   std::string missing;
 };
 

@@ -57,12 +57,12 @@ double choose_cutoff(const data::Log& log);
 /// Torque and every column of the regressor pass the same causal low-passes
 /// (src/payload/causal_signals.hpp), so that the model is the one that an estimator in the loop needs.
 ///
-/// Rows of joints that stand still are left out: at rest friction takes up any torque below its level.
+/// Rows of joints at rest are left out: at rest friction takes up any torque below its level.
 ///
 /// @param logs  at least one, each with q and tau of the robot's joints; qd is used for the sign of
 ///         friction if present
 /// @throws ModelError for more than model::kMaxJoints joints, DataError when a log lacks torque or joints.
-///         Missing excitation is not an error but stands in `missing`.
+///         Missing excitation is not an error but is given in `missing`.
 /// Cost: 6 joints 21 thousand multiplications a row, one second for 50 s at 100 Hz.
 RecursiveFit fit_recursively(const model::Robot& robot, const std::vector<data::Log>& logs,
                              const RecursiveFitOptions& options = {});

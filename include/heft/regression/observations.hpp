@@ -39,7 +39,7 @@ using InstrumentMotion = std::function<void(int log, data::MotionChunk& chunk)>;
 ///
 /// The columns are built at the even grid's own rate from zero-phase filtered motion, then torque and columns
 /// pass the same zero-phase low-pass and every k-th row is kept. Coulomb columns are built with the sharp sign
-/// and filtered like the rest; a smoothed sign beside an unfiltered torque would hide half of the error at
+/// and filtered like the rest; a smoothed sign together with an unfiltered torque would hide half of the error at
 /// reversals. Memory: one piece of log.
 ///
 /// @param selected  columns of the regression wanted, ascending; empty: all

@@ -13,7 +13,7 @@
 
 namespace heft::regression {
 
-/// What stands beside the rigid bodies.
+/// Terms in addition to the rigid bodies.
 struct ModelStructure {
   bool rotor_inertia{true};  ///< not for torque measured behind the gear: the sensor does not see it
   bool coulomb{true};

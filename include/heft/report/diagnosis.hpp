@@ -11,7 +11,7 @@
 
 namespace heft::report {
 
-/// What belongs to a diagnosis besides its result.
+/// Context of a diagnosis: everything but its result.
 struct DiagnosisContext {
   std::vector<std::string> train, validate;  ///< paths of the logs
   std::string torque_at{"motor"};

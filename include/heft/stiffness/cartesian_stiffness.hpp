@@ -2,7 +2,7 @@
 /// Forward use of joint stiffnesses: what the tool gives under load, and how to take it back.
 ///
 /// Source: thesis "Experimental identification of the joints stiffness of the UR5 robot arm" (2017), sections
-/// 3.1 and 3.2, whose equation numbers stand at the functions. Links are rigid, joints linear springs.
+/// 3.1 and 3.2, whose equation numbers are given at the functions. Links are rigid, joints linear springs.
 ///
 /// Throughout, `stiffness` is n: k of each joint [N·m/rad; N/m on a prismatic joint], above zero, infinite
 /// for a rigid joint; anything else is an InputError that names the joint.
@@ -89,7 +89,7 @@ struct SagLoad {
   double payload_mass{0.0};                              ///< [kg]
   Eigen::Vector3d payload_com{Eigen::Vector3d::Zero()};  ///< in the tool frame [m]
   /// Count the arm's own weight as load, too: the reference is then an arm without weight. Otherwise the arm
-  /// as it stands without payload is the reference, and its joint positions are those of its links.
+  /// without payload is the reference, and its joint positions are those of its links.
   bool own_weight{false};
 };
 
@@ -98,7 +98,7 @@ struct PathSag {
   Eigen::MatrixXd
       tool;  ///< rows × 6: loaded minus unloaded, translation [m] and rotation vector [rad], base axes
   Eigen::MatrixXd joint;        ///< rows × n: links minus motors [rad, m]
-  Eigen::MatrixXd compensated;  ///< rows × n: motor positions with which the loaded links stand on the path
+  Eigen::MatrixXd compensated;  ///< rows × n: motor positions that put the loaded links on the path
   /// Largest distance of the loaded tool from the path after compensation [m], by solving for the
   /// equilibrium.
   double left{0.0};

@@ -1,5 +1,5 @@
 /// @file
-/// Stiffness of joints from loads and deflections measured at poses where the arm stands still.
+/// Stiffness of joints from loads and deflections measured at poses where the arm is at rest.
 ///
 /// Links are rigid, each joint is a spring between drive and link: k_i δθ_i = τ_i with τ = Jᵀ w (64), (65). A wrench w
 /// then moves the tool by δd = J diag(x) Jᵀ w, linear in the compliances x_i = 1/k_i (106), (109). Numbers in brackets:

@@ -2,7 +2,7 @@
 /// How well a pose carries motion and force through the joints, and which poses to measure at.
 ///
 /// Source: thesis "Experimental identification of the joints stiffness of the UR5 robot arm" (2017), sections
-/// 2.2.3.3 and 3.2.1, whose equation numbers stand at the functions.
+/// 2.2.3.3 and 3.2.1, whose equation numbers are given at the functions.
 #pragma once
 
 #include <cstdint>

@@ -49,7 +49,7 @@ struct JointEncoderOptions {
   std::vector<double> coulomb_friction{};
   GearTorque torque{GearTorque::kMeasured};
   /// One matrix a log, samples × joints: torque through the gear by a model of the links [N·m] (no rotor inertia, no
-  /// motor-side friction; less the torque of a counterbalance beside the gear). For kModel and kInstrumental.
+  /// motor-side friction; less the torque of a counterbalance next to the gear). For kModel and kInstrumental.
   std::vector<Eigen::MatrixXd> model_torque{};
   /// Cut-off of the zero-phase low-pass that deflection and terms go through [Hz]; 0: ten times the motion's
   /// bandwidth, at least 3 Hz.
@@ -131,7 +131,7 @@ struct JointStiffness {
   /// Compliance by the weighting that was not used; another answer than this one speaks of a missing term.
   std::optional<Uncertain> other_weighting;
   double torque_range{0.0};        ///< largest minus smallest [N·m]
-  double independent_torque{0.0};  ///< rms of the torque that no other term could stand for [N·m]
+  double independent_torque{0.0};  ///< rms of the torque that no other term could explain [N·m]
   /// Share by which white noise of tau lowers c (raises the stiffness), from the power of tau above the cut-off; 0
   /// with the model's torque or instrument.
   double attenuation{0.0};

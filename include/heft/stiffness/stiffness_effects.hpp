@@ -12,7 +12,7 @@
 
 namespace heft::stiffness {
 
-/// Something that may stand between springs in the joints and what the instrument read.
+/// Something that may act between springs in the joints and the readings of the instrument.
 struct StiffnessEffect {
   std::string id;       ///< "sensor_offset"
   std::string meaning;  ///< in a few words
@@ -43,7 +43,7 @@ struct ResidualCorrelation {
 struct StiffnessTrial {
   std::string id, meaning, unit;
   bool possible{true};       ///< a fit with it exists
-  std::string why{};         ///< where it does not: what stands against it
+  std::string why{};         ///< where it does not: the reason
   double parameter{0.0};     ///< best value; NaN without one
   double fit_rms{0.0};       ///< [m]
   double left_out_rms{0.0};  ///< error on poses left out [m]

@@ -52,7 +52,7 @@ Eigen::VectorXd explained_share(const Score& score);
 /// Judges a prediction on logs that the fit has not seen, each joint of each log.
 host::Judgement judge_prediction(const std::vector<Score>& held_out);
 
-/// What is known of a model beside its errors.
+/// Facts of a model other than its errors.
 struct ModelFacts {
   int parameters{0}, determined{0};  ///< base parameters; 0: not known
   bool physically_consistent{true};  ///< every link could exist

@@ -46,12 +46,12 @@ struct Score {
   Eigen::VectorXd torque_mean, torque_variance;  ///< of the measured torque, same samples as rmse
 
   // Whiteness, from the power spectral density of the residual about its mean.
-  /// Share of the residual's variance that is correlated in time: what stands above the level of its upper half
+  /// Share of the residual's variance that is correlated in time: what exceeds the level of its upper half
   /// of frequencies. White noise has none; what a model misses is nothing else. NaN: too few samples.
   Eigen::VectorXd correlated_share;
   /// Nine tenths of the correlated part lie below this frequency [Hz]; NaN without one.
   Eigen::VectorXd correlated_below;
-  /// Time that tells as much as one independent sample: period · (1 + 2 Σ ρ), summed while ρ > 0.05 [s].
+  /// Time that is worth one independent sample: period · (1 + 2 Σ ρ), summed while ρ > 0.05 [s].
   Eigen::VectorXd correlation_time;
   double sample_rate{0.0};  ///< of the even grid [Hz]
 

@@ -159,7 +159,7 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
     }
   }
   if (c.events.empty()) {
-    c.refused = "no stretch of time stands out";
+    c.refused = "no stretch of time is unlike the rest";
     return {std::move(c)};
   }
   c.trial.valid = true;

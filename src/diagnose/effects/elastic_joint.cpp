@@ -56,7 +56,7 @@ class SpringSearch {
       c.trial = judge(bench_, c);
     }
     if (c.trial.valid && c.trial.coefficients[0] < 0.3)
-      c.refused = "the joint would have to give against the load";
+      c.refused = "the joint would have to deflect against the load";
     if (c.trial.valid && c.trial.coefficients.size() > 1 && c.trial.coefficients[1] < -2.0 * c.trial.std[1]) {
       c.refused = "the motor's inertia would be negative";
     }
