@@ -25,8 +25,8 @@ const char* to_string(TorqueAt at);
 
 /// Which logs, and what they must hold.
 struct LogFiles {
-  std::vector<std::string> train;  ///< to fit to
-  std::vector<std::string> judge;  ///< to judge on
+  std::vector<std::string> train{};  ///< to fit to
+  std::vector<std::string> judge{};  ///< to judge on
   /// Fraction of a single training log that is fitted to when nothing is given to judge on; the rest judges. 0: all
   /// of it is fitted to.
   double split{0.7};
