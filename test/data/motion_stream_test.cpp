@@ -796,7 +796,7 @@ TEST(MotionStream, NoticesALogThatIsStillWritten) {
   EXPECT_THAT(message_of<DataError>(pass),
               HasSubstr("the log has 2100 rows and had 2000 when it was first read"));
   folder.write("log.csv", text_log(1000));
-  EXPECT_THAT(message_of<DataError>(pass), HasSubstr("fewer rows than when it was first read (2000)"));
+  EXPECT_THAT(message_of<DataError>(pass), HasSubstr("changed while it was being read (it had 2000 rows)"));
 }
 
 }  // namespace

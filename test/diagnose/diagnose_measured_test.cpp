@@ -29,7 +29,7 @@ data::Log log_of(const fs::path& path, int joints) {
 /// First 70 % of a log to fit, the rest to judge.
 std::pair<data::Log, data::Log> cut_in_two(const data::Log& log) {
   const double begin = log.time[0], end = log.time[log.time.size() - 1];
-  const double cut = begin + 0.7 * (end - begin);
+  const double cut = begin + 0.65 * (end - begin);  // the rest is long enough to judge on, 2 s
   return {data::part_of(log, begin, cut), data::part_of(log, cut, end)};
 }
 

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 #include <sstream>
+#include <regex>
 #include <string>
 #include <vector>
 
@@ -123,7 +124,8 @@ TEST(ExciteUr10e, MotionMeetsItsTargetsAndKeepsItsLimitsOnTheSimulatedArm) {
       run_heft({"excite", "--urdf", "ur10e", "--duration", "20", "--harmonics", "5", "--compare", "100", "-o",
                 folder.path("out.csv"), "--json", folder.path("out.json")});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_EQ(outcome.err, "");
+  // On a slow machine a line every ten seconds says how far the design is.
+  EXPECT_EQ(std::regex_replace(outcome.err, std::regex("heft: designing [0-9]+ % after [0-9]+ s\n"), ""), "");
   const nlohmann::json result = json_of(folder.path("out.json"));
   EXPECT_EQ(result["parameters"].size(), 48U);
   EXPECT_LE(result["condition_number"].get<double>(), 15.0);
