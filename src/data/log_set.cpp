@@ -11,7 +11,7 @@
 #include "heft/host/error.hpp"
 #include "log_file.hpp"
 #include "log_fingerprint.hpp"
-#include "motion_steps.hpp"
+#include "refuse_unsound.hpp"
 
 namespace heft::data {
 namespace {

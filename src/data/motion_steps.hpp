@@ -97,8 +97,4 @@ class StreamingMedian {
   double value_{0.0};
 };
 
-/// Checks a log that comes from memory as a reader checks a file.
-/// @throws DataError naming row and column when sizes differ, a number is not finite or time does not increase
-void refuse_unsound(const Log& log);
-
 }  // namespace heft::data
