@@ -5,10 +5,13 @@
 
 #include <fmt/format.h>
 
+#include "cutoff.hpp"
 #include "displacement.hpp"
 #include "heft/host/error.hpp"
 #include "motion_stream_impl.hpp"
 #include "refuse_unsound.hpp"
+#include "resample.hpp"
+#include "streaming_median.hpp"
 
 namespace heft::data {
 

@@ -11,6 +11,7 @@
 #include "displacement.hpp"
 #include "heft/host/error.hpp"
 #include "motion_stream_impl.hpp"
+#include "resample.hpp"
 
 namespace heft::data {
 namespace {

@@ -9,9 +9,9 @@
 
 #include <Eigen/Core>
 
+#include "derive_motion.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "log_file.hpp"
-#include "motion_steps.hpp"
 #include "moving_span.hpp"
 #include "row_source.hpp"
 

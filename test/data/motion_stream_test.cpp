@@ -17,7 +17,7 @@
 
 #include "heft/core/effects/hysteresis.hpp"
 #include "heft/host/error.hpp"
-#include "motion_steps.hpp"
+#include "streaming_median.hpp"
 #include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -1,0 +1,149 @@
+#include "derive_motion.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "cutoff.hpp"
+#include "heft/host/error.hpp"
+#include "resample.hpp"
+#include "savitzky_golay.hpp"
+
+namespace heft::data {
+namespace {
+
+using Eigen::Index;
+
+/// Weights of the first derivative at `at` of the polynomial through the values at t[0..count).
+/// d/dx of each Lagrange polynomial; exact products, no recursion needed for five points.
+void derivative_weights(const double* t, int count, double at, double* weights) {
+  for (int j = 0; j < count; ++j) {
+    double denominator = 1.0;
+    double numerator = 0.0;
+    for (int k = 0; k < count; ++k) {
+      if (k == j) continue;
+      denominator *= t[j] - t[k];
+      double product = 1.0;
+      for (int l = 0; l < count; ++l) {
+        if (l != j && l != k) product *= at - t[l];
+      }
+      numerator += product;
+    }
+    weights[j] = numerator / denominator;
+  }
+}
+
+}  // namespace
+
+Eigen::MatrixXd differentiate(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal, int stencil) {
+  const Index n = time.size();
+  if (n < 2 || signal.rows() != n) {
+    throw DataError(fmt::format("differentiating: {} times for {} rows; expected the same number, at least 2",
+                                n, signal.rows()));
+  }
+  if (stencil != 3 && stencil != 5) {
+    throw DataError(fmt::format("differentiating: stencil of {} samples; expected 3 or 5", stencil));
+  }
+  const Index count = std::min<Index>(stencil, n);
+  Eigen::MatrixXd derivative(n, signal.cols());
+  std::array<double, 5> weights{};
+  for (Index row = 0; row < n; ++row) {
+    const Index begin = std::clamp<Index>(row - count / 2, 0, n - count);
+    derivative_weights(time.data() + begin, static_cast<int>(count), time[row], weights.data());
+    for (Index column = 0; column < signal.cols(); ++column) {
+      const double* x = signal.col(column).data() + begin;
+      // Differences to the middle sample: a large constant in x must not leave rounding noise.
+      const double middle = signal(row, column);
+      double sum = 0.0;
+      for (Index k = 0; k < count; ++k) sum += weights[static_cast<std::size_t>(k)] * (x[k] - middle);
+      derivative(row, column) = sum;
+    }
+  }
+  return derivative;
+}
+
+void refuse_short_log(const std::string& path, long samples) {
+  throw DataError(fmt::format(
+      "{}: {} samples; expected at least {} to derive velocity and acceleration; give a longer log", path,
+      samples, kLeastSamples));
+}
+
+DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate,
+                             double cutoff, const MotionOptions& options) {
+  DerivedMotion motion;
+  if (options.method == DerivativeMethod::kSavitzkyGolay && cutoff > 0.0) {
+    check_order(options.polynomial_order, 2);
+    const int window = savitzky_golay_window(cutoff, sample_rate, options.polynomial_order);
+    motion.q = savitzky_golay(q, sample_rate, window, options.polynomial_order, 0);
+    motion.qd = savitzky_golay(q, sample_rate, window, options.polynomial_order, 1);
+    motion.qdd = savitzky_golay(q, sample_rate, window, options.polynomial_order, 2);
+    return motion;
+  }
+  motion.q = cutoff > 0.0 ? low_pass_zero_phase(q, sample_rate, cutoff) : q;
+  motion.qd = differentiate(grid, motion.q, options.stencil);
+  motion.qdd = differentiate(grid, motion.qd, options.stencil);
+  return motion;
+}
+
+Index settling_rows(double sample_rate, double cutoff, const MotionOptions& options) {
+  if (options.method == DerivativeMethod::kSavitzkyGolay && cutoff > 0.0) {
+    // Half a window is reached; with a whole one the ends of the log have theirs in any piece.
+    return savitzky_golay_window(cutoff, sample_rate, options.polynomial_order);
+  }
+  // What the cut does to a piece decays as exp(-0.38·2π f_c t): to 3e-15 in fourteen periods. The differences
+  // reach one stencil further for each derivative.
+  const Index differences = 2 * options.stencil;
+  return differences + (cutoff > 0.0 ? static_cast<Index>(std::ceil(14.0 * sample_rate / cutoff)) : 0);
+}
+
+MotionReport derive_motion(Log& log, const MotionOptions& options) {
+  MotionReport report;
+  const bool need_velocity = options.from_position || log.qd.cols() == 0;
+  const bool need_acceleration = options.from_position || log.qdd.cols() == 0;
+  if (!need_velocity && !need_acceleration && !options.smooth_position) return report;
+  if (log.num_samples() < kLeastSamples) refuse_short_log(log.path, log.num_samples());
+
+  // 1. An even grid, which is the log's own unless the clock jitters.
+  report.resampled = !is_uniform(log.time);
+  report.gaps = find_gaps(log.time, kGapFactor);
+  const double rate = median_sample_rate(log.time);
+  const Eigen::VectorXd grid = report.resampled
+                                   ? even_grid(log.time, rate)
+                                   : Eigen::VectorXd(Eigen::VectorXd::LinSpaced(
+                                         log.time.size(), log.time[0], log.time[log.time.size() - 1]));
+  report.sample_rate = static_cast<double>(grid.size() - 1) / (grid[grid.size() - 1] - grid[0]);
+  const auto to_grid = [&](const Eigen::MatrixXd& x) {
+    return report.resampled ? resample(log.time, x, grid) : x;
+  };
+  const auto from_grid = [&](const Eigen::MatrixXd& x) {
+    return report.resampled ? resample(grid, x, log.time) : x;
+  };
+
+  // 2. The cut-off.
+  const Eigen::MatrixXd q = to_grid(log.q);
+  if (options.cutoff == 0.0) {
+    report.cutoff_chosen = true;
+    report.bandwidth = motion_bandwidth(q, report.sample_rate);
+  }
+  report.cutoff = choose_cutoff(log.path, options, report.bandwidth, report.sample_rate);
+
+  // 3. Filter, differentiate, back to the log's time stamps.
+  if (need_velocity || options.smooth_position) {
+    DerivedMotion motion = derive_on_grid(grid, q, report.sample_rate, report.cutoff, options);
+    if (need_velocity) {
+      log.qd = from_grid(motion.qd);
+      report.velocity_derived = true;
+      if (need_acceleration) log.qdd = from_grid(motion.qdd);
+    }
+    if (options.smooth_position) log.q = from_grid(motion.q);
+  }
+  if (!need_velocity && need_acceleration) {
+    log.qdd = from_grid(derive_on_grid(grid, to_grid(log.qd), report.sample_rate, report.cutoff, options).qd);
+  }
+  report.acceleration_derived = need_acceleration;
+  return report;
+}
+
+}  // namespace heft::data

@@ -1,0 +1,24 @@
+/// @file
+/// Even grids, and values brought to them the same way for a whole log and for pieces of one.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "heft/data/differentiate.hpp"
+
+namespace heft::data {
+
+/// Longest stretch without samples that a spline may bridge, in median periods.
+inline constexpr double kGapFactor = 10.0;
+
+/// `resample` with the longest bridged stretch given [s], so that a piece of a log has the gaps of the whole.
+Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal,
+                         const Eigen::VectorXd& at, double longest);
+
+/// Number of rows of the even grid over `length` seconds at about `sample_rate`.
+Eigen::Index grid_rows(double length, double sample_rate);
+
+/// The even grid from the first to the last time stamp.
+Eigen::VectorXd even_grid(const Eigen::VectorXd& time, double sample_rate);
+
+}  // namespace heft::data
