@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <nlohmann/json.hpp>
 
 #include "command.hpp"
 #include "console.hpp"
@@ -94,9 +93,8 @@ void run(const Options& options) {
   const report::DiagnosisContext context{options.log.logs, options.validate, options.log.torque_at,
                                          command_line(options), torque};
   console.print("{}", report::full(diagnosis, context));
-  finish(console, options.model, options.result,
-         nlohmann::ordered_json::parse(report::json(diagnosis, context)), report::page(diagnosis, context),
-         [&] {
+  finish(console, options.model, options.result, report::json(diagnosis, context),
+         report::page(diagnosis, context), [&] {
            model::ModelFile file = diagnosis.model_file();
            file.provenance.notes = report::notes(diagnosis);
            model::write_model(options.model, file);

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "command.hpp"
 #include "console.hpp"
@@ -110,9 +109,8 @@ void run(const Options& options) {
   }
   console.print("{}", text);
   // A model that contradicts a log of the arm must not be used.
-  finish(console, contradicted ? std::string() : options.output, options.result,
-         nlohmann::ordered_json::parse(report::json(loads)), report::page(arm, loads),
-         [&] { model::write_model(options.output, arm.model_file()); });
+  finish(console, contradicted ? std::string() : options.output, options.result, report::json(loads),
+         report::page(arm, loads), [&] { model::write_model(options.output, arm.model_file()); });
   if (!unanswered.empty()) throw NotIdentifiableError(unanswered);
 }
 

@@ -3,8 +3,6 @@
 #include <memory>
 #include <string>
 
-#include <nlohmann/json.hpp>
-
 #include "command.hpp"
 #include "console.hpp"
 #include "example_scenario.hpp"
@@ -37,8 +35,7 @@ void run(const Options& options) {
   }();
   for (const std::string& text : tracking.notes) note(text);
   console.print("{}", report::full(tracking));
-  finish(console, "", options.result, nlohmann::ordered_json::parse(report::json(tracking)),
-         report::page(tracking));
+  finish(console, "", options.result, report::json(tracking), report::page(tracking));
 }
 
 }  // namespace

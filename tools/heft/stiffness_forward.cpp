@@ -76,7 +76,7 @@ void finish_stiffness(const StiffnessCommandOptions& options, report::StiffnessR
       console.print("Compensated positions: {}\n", options.compensated);
   };
   write_each({write_path, [&] {
-                finish(console, has_model ? options.model : "", options.result, report::to_json(answer),
+                finish(console, has_model ? options.model : "", options.result, report::json(answer),
                        report::page(answer), write_model);
               }});
 }

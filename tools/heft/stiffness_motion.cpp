@@ -52,7 +52,7 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
   answer.judgement.add(torque);
   answer.logs = std::move(logs);
   console.print("{}", report::full(answer));
-  finish(console, options.model, options.result, report::to_json(answer), report::page(answer), [&] {
+  finish(console, options.model, options.result, report::json(answer), report::page(answer), [&] {
     model::ModelFile file = found.model_file();
     file.provenance.notes = {report::brief(answer)};
     model::write_model(options.model, file);
