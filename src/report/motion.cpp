@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "host/json.hpp"
-#include "motion_safety.hpp"
+#include "safety_words.hpp"
 #include "page_lines.hpp"
 
 namespace heft::report {

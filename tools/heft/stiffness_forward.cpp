@@ -11,7 +11,6 @@
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/host/numbers.hpp"
-#include "stiffness_parts.hpp"
 
 namespace heft::tools {
 
@@ -125,7 +124,7 @@ void plan_stiffness_measurements(const StiffnessCommandOptions& options) {
   };
   const stiffness::MeasurementPlan plan = stiffness::plan_measurements(robot, asked);
   console.print("{}", report::full(plan));
-  finish(console, options.model, options.result, report::to_json(plan), report::page(plan),
+  finish(console, options.model, options.result, report::json(plan), report::page(plan),
          [&] { host::write_file_atomically(options.model, stiffness::measurement_form(plan)); });
 }
 

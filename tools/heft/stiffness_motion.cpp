@@ -9,7 +9,6 @@
 #include "heft/host/error.hpp"
 #include "stiffness_forward.hpp"
 #include "stiffness_jobs.hpp"
-#include "stiffness_parts.hpp"
 
 namespace heft::tools {
 namespace {

@@ -1,4 +1,4 @@
-#include "motion_safety.hpp"
+#include "safety_words.hpp"
 
 #include <cmath>
 #include <sstream>
