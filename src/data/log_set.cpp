@@ -199,9 +199,7 @@ class LogSetBuilder {
     set_.train_paths_ = files.train;
     for (const std::string& path : files.train) set_.train_.push_back(of_file(path));
     for (const std::string& path : files.judge) set_.judge_.push_back(of_file(path));
-    refuse_leakage(set_.train_, set_.judge_);
-    set_.given_ = set_.train_;
-    set_.given_.insert(set_.given_.end(), set_.judge_.begin(), set_.judge_.end());
+    keep_apart();
     if (!set_.judge_.empty()) {
       set_.how_ = "judged on logs that the fit has not seen";
     } else if (set_.train_.size() != 1 || files.split == 0.0) {
@@ -217,15 +215,20 @@ class LogSetBuilder {
     add(std::move(train), "training log", set_.train_);
     add(std::move(judge), "log to judge on", set_.judge_);
     for (const LogSource& source : set_.train_) set_.train_paths_.push_back(source.path);
-    refuse_leakage(set_.train_, set_.judge_);
-    set_.given_ = set_.train_;
-    set_.given_.insert(set_.given_.end(), set_.judge_.begin(), set_.judge_.end());
+    keep_apart();
     set_.how_ =
         set_.judge_.empty() ? "not judged: no log was held back" : "judged on logs that the fit has not seen";
     return std::move(set_);
   }
 
  private:
+  /// Every log is there: none to judge on may hold samples that are fitted to.
+  void keep_apart() {
+    refuse_leakage(set_.train_, set_.judge_);
+    set_.given_ = set_.train_;
+    set_.given_.insert(set_.given_.end(), set_.judge_.begin(), set_.judge_.end());
+  }
+
   LogSource of_file(const std::string& path) {
     return inspect({path, needs_, nullptr, set_.cutoff_}, limits_, set_.notes_);
   }

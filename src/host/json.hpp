@@ -24,6 +24,13 @@ using Json = nlohmann::ordered_json;
 /// JSON has neither NaN nor infinity: null is written for both.
 inline Json number_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
+/// Numbers, null for those that are not finite.
+inline Json json_array(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  Json array = Json::array();
+  for (const double value : values) array.push_back(number_or_null(value));
+  return array;
+}
+
 /// The value of a JSON text; comments as in C are left out.
 /// @param file  named in messages
 /// @throws ModelError naming file, line and column of what is not JSON, is nested too deeply or too large

@@ -24,7 +24,8 @@ model::Robot as_measured(const model::Robot& robot, bool torque_at_joint);
 /// @param delay  of the torque channel [s]
 data::Log with_late_motion(data::Log log, double delay);
 
-/// Torque beyond `Y x` (with the inertial columns of Y at the links' motion, the others at the motors'), with the memory of friction and the deflection of elastic joints carried from sample to sample.
+/// Torque beyond `Y x` (with the inertial columns of Y at the links' motion, the others at the motors'), with the memory
+/// of friction and the deflection of elastic joints carried from sample to sample.
 /// The model's delay is left out: see with_late_motion().
 class BeyondRegressor {
  public:

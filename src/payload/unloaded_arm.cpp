@@ -55,12 +55,6 @@ std::optional<statistics::ResidualStatistics> residual_of(const model::ModelFile
   return residual;
 }
 
-nlohmann::ordered_json list_of(const Eigen::VectorXd& values) {
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const double value : values) list.push_back(host::number_or_null(value));
-  return list;
-}
-
 RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs, const Options& options,
                  const std::string& what) {
   RecursiveFitOptions how;
@@ -115,8 +109,8 @@ model::ModelFile UnloadedArm::model_file() const {
   nlohmann::ordered_json others = file.other_fields.empty()
                                       ? nlohmann::ordered_json::object()
                                       : nlohmann::ordered_json::parse(file.other_fields);
-  others[kResidualField] = {{"std", list_of(fit->residual.std)},
-                            {"correlation_time", list_of(fit->residual.correlation_time)},
+  others[kResidualField] = {{"std", host::json_array(fit->residual.std)},
+                            {"correlation_time", host::json_array(fit->residual.correlation_time)},
                             {"cutoff_hz", fit->residual.cutoff}};
   file.other_fields = shown(others);
   return file;

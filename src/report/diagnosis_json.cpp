@@ -22,14 +22,14 @@ nlohmann::ordered_json joint_or_null(int joint) {
 
 nlohmann::ordered_json before_after_json(const validate::Score& before, const validate::Score& after) {
   nlohmann::ordered_json json;
-  json["rmse_before"] = json_array(before.rmse);
-  json["rmse_after"] = json_array(after.rmse);
-  json["rmse_in_band_before"] = json_array(before.rmse_in_band);
-  json["rmse_in_band_after"] = json_array(after.rmse_in_band);
-  json["r2_before"] = json_array(before.r2);
-  json["r2_after"] = json_array(after.r2);
-  json["rmse_percent_of_max_before"] = json_array(before.percent_of_max);
-  json["rmse_percent_of_max_after"] = json_array(after.percent_of_max);
+  json["rmse_before"] = host::json_array(before.rmse);
+  json["rmse_after"] = host::json_array(after.rmse);
+  json["rmse_in_band_before"] = host::json_array(before.rmse_in_band);
+  json["rmse_in_band_after"] = host::json_array(after.rmse_in_band);
+  json["r2_before"] = host::json_array(before.r2);
+  json["r2_after"] = host::json_array(after.r2);
+  json["rmse_percent_of_max_before"] = host::json_array(before.percent_of_max);
+  json["rmse_percent_of_max_after"] = host::json_array(after.percent_of_max);
   json["samples"] = after.samples;
   return json;
 }
@@ -63,7 +63,7 @@ nlohmann::ordered_json parameters_json(const Finding& finding) {
     json["events"] = nlohmann::ordered_json::array();
     for (std::size_t k = 0; k < finding.events.size(); ++k) {
       nlohmann::ordered_json event{{"t0", finding.events[k].first}, {"duration", finding.events[k].second}};
-      if (k < finding.forces.size()) event["force"] = json_array(finding.forces[k]);
+      if (k < finding.forces.size()) event["force"] = host::json_array(finding.forces[k]);
       json["events"].push_back(std::move(event));
     }
   }
@@ -116,9 +116,9 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
     const RelativeErrors relative = relative_errors(diagnosis);
     nlohmann::ordered_json& validate = json["validate"];
     validate["r2_in_band_before"] =
-        json_array(r2_in_band(diagnosis.validate_before, diagnosis.validate_torque));
+        host::json_array(r2_in_band(diagnosis.validate_before, diagnosis.validate_torque));
     validate["r2_in_band_after"] =
-        json_array(r2_in_band(diagnosis.validate_after, diagnosis.validate_torque));
+        host::json_array(r2_in_band(diagnosis.validate_after, diagnosis.validate_torque));
     validate["relative_error_in_band_before"] = host::number_or_null(relative.before);
     validate["relative_error_in_band_after"] = host::number_or_null(relative.after);
     validate["relative_error_in_band_moving_before"] = host::number_or_null(relative.moving_before);

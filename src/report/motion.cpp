@@ -6,8 +6,8 @@
 #include <fmt/format.h>
 
 #include "host/json.hpp"
-#include "safety_words.hpp"
 #include "page_lines.hpp"
+#include "safety_words.hpp"
 
 namespace heft::report {
 namespace {
@@ -33,7 +33,7 @@ nlohmann::ordered_json scenario_reference(const excite::ExcitationTrajectory& mo
     }
   }
   return {{"kind", "fourier"},
-          {"q0", array_of(q0)},
+          {"q0", host::json_array(q0)},
           {"amplitude", rows_of(amplitude)},
           {"frequency_hz", rows_of(frequency)},
           {"phase", rows_of(phase)}};
@@ -174,7 +174,7 @@ std::string json(const excite::ExcitingMotion& motion) {
       {"condition_number_scaling", scaling_text(motion)},
       {"condition_number_unweighted_rows", host::number_or_null(score.condition_unit_rows)},
       {"log_det", host::number_or_null(score.log_det)},
-      {"torque_noise", array_of(design.torque_noise())},
+      {"torque_noise", host::json_array(design.torque_noise())},
       {"sample_rate", design.options().sample_rate},
       {"std_geometric_mean", host::number_or_null(score.mean_std)},
       {"std_principal_axes_geometric_mean", host::number_or_null(score.volume_std)}};
@@ -204,13 +204,13 @@ std::string json(const excite::ExcitingMotion& motion) {
                        host::number_or_null(less(score.volume_std, random.volume_std))}};
   }
   add_safety(motion, json);
-  json["trajectory"] = {{"start", array_of(trajectory.start)},
+  json["trajectory"] = {{"start", host::json_array(trajectory.start)},
                         {"sine", rows_of(trajectory.sine)},
                         {"cosine", rows_of(trajectory.cosine)},
                         {"reference", scenario_reference(trajectory)}};
   const std::vector<double>& costs = motion.excitation.costs;
   json["costs_of_starts"] =
-      array_of(Eigen::Map<const VectorXd>(costs.data(), static_cast<Index>(costs.size())));
+      host::json_array(Eigen::Map<const VectorXd>(costs.data(), static_cast<Index>(costs.size())));
   json["history"] = motion.excitation.history;
   return json.dump(2);
 }
@@ -278,7 +278,7 @@ std::string json(const excite::FrictionMotion& motion) {
   nlohmann::ordered_json json{{"robot", motion.robot.name},
                               {"for", "friction"},
                               {"duration", motion.path.duration()},
-                              {"pose", array_of(motion.pose)},
+                              {"pose", host::json_array(motion.pose)},
                               {"strokes", nlohmann::ordered_json::array()}};
   for (const excite::Stroke& stroke : motion.strokes) {
     json["strokes"].push_back({{"joint", stroke.joint + 1},

@@ -35,9 +35,9 @@ Eigen::VectorXd known_of(const payload::Estimated& estimate, Eigen::VectorXd val
 }
 
 nlohmann::ordered_json estimate_json(const payload::Estimated& estimate) {
-  return {{"value", json_array(known_of(estimate, estimate.value))},
-          {"std", json_array(known_of(estimate, estimate.std))},
-          {"half_width_95", json_array(known_of(estimate, estimate.half_width))},
+  return {{"value", host::json_array(known_of(estimate, estimate.value))},
+          {"std", host::json_array(known_of(estimate, estimate.std))},
+          {"half_width_95", host::json_array(known_of(estimate, estimate.half_width))},
           {"identifiable", estimate.identifiable}};
 }
 
@@ -249,13 +249,14 @@ nlohmann::ordered_json to_json(const Payload& result) {
     json["changes"].push_back(std::move(entry));
   }
   if (result.before.rmse.size() > 0) {
-    json["rmse_before"] = json_array(result.before.rmse);
-    if (result.after) json["rmse_after"] = json_array(result.after->rmse);
-    if (result.after_friction) json["rmse_after_with_friction"] = json_array(result.after_friction->rmse);
+    json["rmse_before"] = host::json_array(result.before.rmse);
+    if (result.after) json["rmse_after"] = host::json_array(result.after->rmse);
+    if (result.after_friction)
+      json["rmse_after_with_friction"] = host::json_array(result.after_friction->rmse);
   }
   if (result.before.rmse_in_band.size() > 0) {
-    json["rmse_in_band_before"] = json_array(result.before.rmse_in_band);
-    if (result.after) json["rmse_in_band_after"] = json_array(result.after->rmse_in_band);
+    json["rmse_in_band_before"] = host::json_array(result.before.rmse_in_band);
+    if (result.after) json["rmse_in_band_after"] = host::json_array(result.after->rmse_in_band);
     json["band_hz"] =
         result.before.band > 0 ? nlohmann::ordered_json(result.before.band) : nlohmann::ordered_json(nullptr);
   }

@@ -76,15 +76,9 @@ std::string floor_text(const excite::Motion& motion) {
 
 }  // namespace
 
-nlohmann::ordered_json array_of(const Eigen::Ref<const VectorXd>& values) {
-  nlohmann::ordered_json array = nlohmann::ordered_json::array();
-  for (const double v : values) array.push_back(host::number_or_null(v));
-  return array;
-}
-
 nlohmann::ordered_json rows_of(const MatrixXd& values) {
   nlohmann::ordered_json array = nlohmann::ordered_json::array();
-  for (Index j = 0; j < values.rows(); ++j) array.push_back(array_of(values.row(j).transpose()));
+  for (Index j = 0; j < values.rows(); ++j) array.push_back(host::json_array(values.row(j).transpose()));
   return array;
 }
 
@@ -159,11 +153,11 @@ void add_safety(const excite::Motion& motion, nlohmann::ordered_json& json) {
   for (const excite::Phase& phase : motion.phases)
     json["phases"].push_back({{"name", phase.name}, {"begin", phase.begin}, {"end", phase.end}});
   json["limits"] = {{"margin", limits.margin},
-                    {"lower", array_of(limits.lower)},
-                    {"upper", array_of(limits.upper)},
-                    {"velocity", array_of(limits.velocity)},
-                    {"acceleration", array_of(limits.acceleration)},
-                    {"torque", array_of(limits.torque)},
+                    {"lower", host::json_array(limits.lower)},
+                    {"upper", host::json_array(limits.upper)},
+                    {"velocity", host::json_array(limits.velocity)},
+                    {"acceleration", host::json_array(limits.acceleration)},
+                    {"torque", host::json_array(limits.torque)},
                     {"tool_speed", host::number_or_null(limits.tool_speed)},
                     {"floor", limits.floor ? host::number_or_null(*limits.floor) : nullptr},
                     {"clearance", limits.clearance},
@@ -173,11 +167,11 @@ void add_safety(const excite::Motion& motion, nlohmann::ordered_json& json) {
   for (const collision::ExcludedPair& pair : limits.arm.excluded)
     json["limits"]["not_watched"].push_back({{"links", {pair.first, pair.second}}, {"reason", pair.reason}});
   const auto reached = [](const excite::LimitUse& of) {
-    return nlohmann::ordered_json{{"lowest", array_of(of.lowest)},
-                                  {"highest", array_of(of.highest)},
-                                  {"velocity", array_of(of.velocity)},
-                                  {"acceleration", array_of(of.acceleration)},
-                                  {"torque", array_of(of.torque)},
+    return nlohmann::ordered_json{{"lowest", host::json_array(of.lowest)},
+                                  {"highest", host::json_array(of.highest)},
+                                  {"velocity", host::json_array(of.velocity)},
+                                  {"acceleration", host::json_array(of.acceleration)},
+                                  {"torque", host::json_array(of.torque)},
                                   {"tool_speed", of.tool_speed},
                                   {"link_distance", host::number_or_null(of.link_distance)},
                                   {"closest_links", of.closest_links},

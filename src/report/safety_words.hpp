@@ -11,7 +11,6 @@
 
 namespace heft::report {
 
-nlohmann::ordered_json array_of(const Eigen::Ref<const Eigen::VectorXd>& values);
 nlohmann::ordered_json rows_of(const Eigen::MatrixXd& values);
 std::string percent_text(double share);
 

@@ -44,20 +44,12 @@ page::Table score_table(const validate::Score& score) {
   return table;
 }
 
-nlohmann::ordered_json json_array(const Eigen::VectorXd& values) {
-  nlohmann::ordered_json array = nlohmann::ordered_json::array();
-  for (const double value : values) {
-    array.push_back(host::number_or_null(value));
-  }
-  return array;
-}
-
 nlohmann::ordered_json score_json(const validate::Score& score) {
   nlohmann::ordered_json json;
-  json["rmse"] = json_array(score.rmse);
-  json["rmse_in_band"] = json_array(score.rmse_in_band);
-  json["rmse_percent_of_max"] = json_array(score.percent_of_max);
-  json["r2"] = json_array(score.r2);
+  json["rmse"] = host::json_array(score.rmse);
+  json["rmse_in_band"] = host::json_array(score.rmse_in_band);
+  json["rmse_percent_of_max"] = host::json_array(score.percent_of_max);
+  json["r2"] = host::json_array(score.r2);
   json["band_hz"] = score.band > 0 ? nlohmann::ordered_json(score.band) : nlohmann::ordered_json(nullptr);
   return json;
 }
@@ -105,16 +97,16 @@ std::string validation_text(const validate::Score& score) {
 
 nlohmann::ordered_json validation_json(const validate::Score& score) {
   nlohmann::ordered_json json = score_json(score);
-  json["rmse_moving"] = json_array(score.rmse_moving);
-  json["rmse_in_band_moving"] = json_array(score.rmse_in_band_moving);
-  json["rmse_in_band_percent_of_max"] = json_array(score.in_band_percent_of_max);
-  json["max_torque"] = json_array(score.max_torque);
-  json["quantile_999"] = json_array(score.quantile_999);
-  json["bias"] = json_array(score.bias);
+  json["rmse_moving"] = host::json_array(score.rmse_moving);
+  json["rmse_in_band_moving"] = host::json_array(score.rmse_in_band_moving);
+  json["rmse_in_band_percent_of_max"] = host::json_array(score.in_band_percent_of_max);
+  json["max_torque"] = host::json_array(score.max_torque);
+  json["quantile_999"] = host::json_array(score.quantile_999);
+  json["bias"] = host::json_array(score.bias);
   json["samples"] = score.samples;
-  json["whiteness"] = {{"correlated_share", json_array(score.correlated_share)},
-                       {"correlated_below_hz", json_array(score.correlated_below)},
-                       {"correlation_time", json_array(score.correlation_time)}};
+  json["whiteness"] = {{"correlated_share", host::json_array(score.correlated_share)},
+                       {"correlated_below_hz", host::json_array(score.correlated_below)},
+                       {"correlation_time", host::json_array(score.correlation_time)}};
   json["whiteness"]["verdict"] = nlohmann::ordered_json::array();
   for (int j = 0; j < score.num_joints(); ++j) {
     json["whiteness"]["verdict"].push_back(validate::describe_residual(score, j));

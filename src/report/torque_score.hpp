@@ -68,7 +68,4 @@ std::vector<page::PlotSpec> torque_plots(const data::Log& log, const Eigen::Matr
 /// Plots, two side by side.
 std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots);
 
-/// Entries of a vector as JSON; NaN is null.
-nlohmann::ordered_json json_array(const Eigen::VectorXd& values);
-
 }  // namespace heft::report

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "host/json.hpp"
 #include "torque_score.hpp"
 
 namespace heft::report {
@@ -47,8 +48,8 @@ nlohmann::ordered_json tracking_json(const std::vector<TrackingRun>& runs) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   for (const TrackingRun& run : runs) {
     json.push_back({{"controller", run.name},
-                    {"rms_error", json_array(root_mean_squares(run.error))},
-                    {"max_error", json_array(run.error.cwiseAbs().colwise().maxCoeff().transpose())}});
+                    {"rms_error", host::json_array(root_mean_squares(run.error))},
+                    {"max_error", host::json_array(run.error.cwiseAbs().colwise().maxCoeff().transpose())}});
   }
   return json;
 }

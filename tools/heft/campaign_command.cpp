@@ -17,6 +17,7 @@
 #include "heft/validate/acceptance.hpp"
 #include "heft/validate/score.hpp"
 #include "heft/validate/torque_trace.hpp"
+#include "host/json.hpp"
 #include "page_lines.hpp"
 #include "torque_score.hpp"
 
@@ -115,15 +116,15 @@ nlohmann::ordered_json campaign_json(const studies::CampaignSettings& settings,
     json["payload_scores"].push_back(
         {{"identified_with", entry.trained},
          {"judged_with", entry.judged},
-         {"rmse_percent_of_max", json_array(entry.score.percent_of_max)},
-         {"rmse_in_band_percent_of_max", json_array(entry.score.in_band_percent_of_max)}});
+         {"rmse_percent_of_max", host::json_array(entry.score.percent_of_max)},
+         {"rmse_in_band_percent_of_max", host::json_array(entry.score.in_band_percent_of_max)}});
   }
   json["load_difference"] = {{"value", result.load_difference},
                              {"std", result.load_difference_std},
                              {"true", result.load_difference_true}};
   json["tracking"] = nlohmann::ordered_json::array();
   for (const studies::TrackingResult& tracking : result.tracking) {
-    json["tracking"].push_back({{"model", tracking.name}, {"rms_error", json_array(tracking.rms)}});
+    json["tracking"].push_back({{"model", tracking.name}, {"rms_error", host::json_array(tracking.rms)}});
   }
   return json;
 }

@@ -31,26 +31,9 @@ struct Options {
 };
 
 data::LogSet open(const Options& options, const model::Robot& robot) {
-  data::LogFiles files;
-  files.train = options.log.logs;
-  files.judge = options.validate;
-  files.torque_constant = options.log.torque_constant;
-  files.torque_at =
-      options.log.measured_at() == TorqueAt::kJoint ? data::TorqueAt::kJoint : data::TorqueAt::kMotor;
-  files.robot = robot.name;
-  data::LogSet logs = data::open_logs(robot.joint_specs(), files);
-  for (const std::string& line : logs.notes()) note(line);
-  return logs;
-}
-
-/// What is found when the logs' torque is compared with the robot.
-host::Judgement compare_torque(const data::LogSet& logs, const Options& options, const model::Robot& robot) {
-  host::Judgement torque;
-  for (const auto* sources : {&logs.train(), &logs.judge()}) {
-    for (const data::LogSource& source : *sources)
-      torque.add(judge_torque(data::stream(source), robot, options.log, options.log.measured_at()));
-  }
-  return torque;
+  data::LogFiles files = files_of(options.log, robot, options.validate);
+  files.cutoff = 0.0;  // --band is that of the errors; the search chooses the low-pass of the motion
+  return open_logs(robot, files);
 }
 
 /// The line that gives the same result, without the files to write.
@@ -77,7 +60,7 @@ void run(const Options& options) {
   const Console console{options.result.json, options.model};
   const model::Robot robot = load_robot(options.robot);
   const data::LogSet logs = open(options, robot);
-  const host::Judgement torque = compare_torque(logs, options, robot);
+  const host::Judgement torque = judge_torque(logs, robot, options.log);
 
   diagnose::DiagnoseOptions asked;
   asked.band = options.log.band;

@@ -19,6 +19,7 @@
 #include "heft/page/page.hpp"
 #include "heft/validate/predict.hpp"
 #include "heft/validate/score.hpp"
+#include "host/json.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
 #include "torque_score.hpp"
@@ -157,7 +158,7 @@ void run(const Options& options) {
       page.paragraph(fmt::format("Regressor with {} columns a joint.", (at_motor ? 14 : 10) * n));
     } else {
       const Eigen::VectorXd largest = result.torque.cwiseAbs().colwise().maxCoeff();
-      entry["max_abs"] = json_array(largest);
+      entry["max_abs"] = host::json_array(largest);
       if (result.score) {
         entry.update(score_json(*result.score));
         const page::Table table = score_table(*result.score);

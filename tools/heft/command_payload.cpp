@@ -33,18 +33,11 @@ struct Options {
 
 /// The logs without load to fit to, then those that check the model and those with the load.
 data::LogSet open(const Options& options, const model::Robot& robot) {
-  data::LogFiles files;
+  std::vector<std::string> judge = options.zeros;
+  judge.insert(judge.end(), options.log.logs.begin(), options.log.logs.end());
+  data::LogFiles files = files_of(options.log, robot, judge);
   files.train = options.baselines;
-  files.judge = options.zeros;
-  files.judge.insert(files.judge.end(), options.log.logs.begin(), options.log.logs.end());
-  files.torque_constant = options.log.torque_constant;
-  files.torque_at =
-      options.log.measured_at() == TorqueAt::kJoint ? data::TorqueAt::kJoint : data::TorqueAt::kMotor;
-  files.cutoff = options.log.band;
-  files.robot = robot.name;
-  data::LogSet logs = data::open_logs(robot.joint_specs(), files);
-  for (const std::string& line : logs.notes()) note(line);
-  return logs;
+  return open_logs(robot, files);
 }
 
 /// The steps of an estimate, one after the other.

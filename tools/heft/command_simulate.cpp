@@ -14,6 +14,7 @@
 #include "heft/excite/motion.hpp"
 #include "heft/host/file.hpp"
 #include "heft/page/page.hpp"
+#include "host/json.hpp"
 #include "options.hpp"
 #include "page_lines.hpp"
 #include "scenario_input.hpp"
@@ -131,7 +132,7 @@ void run(const Options& options) {
       robot_name, duration, log.num_samples(), num_payload, num_stick, happened);
   const Eigen::VectorXd error = tracking_error(log);
   page::Table table({"joint", "RMS tracking error [rad, m]", "largest torque [N·m, N]"});
-  if (error.size() > 0) json["rms_tracking_error"] = json_array(error);
+  if (error.size() > 0) json["rms_tracking_error"] = host::json_array(error);
   for (int j = 0; j < log.num_joints(); ++j) {
     table.add_row({fmt::format("{}", j + 1), error.size() > 0 ? page::number(error[j]) : "–",
                    log.tau.cols() > 0 ? page::number(log.tau.col(j).cwiseAbs().maxCoeff()) : "–"});

@@ -74,15 +74,10 @@ std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources,
 
 void stiffness_from_motion(const StiffnessCommandOptions& options) {
   const model::Robot robot = load_robot(options.robot);
-  data::LogFiles files;
-  files.train = options.log.logs;
-  files.judge = options.validate;
+  data::LogFiles files = files_of(options.log, robot, options.validate);
   files.split = 0.0;
-  files.torque_constant = options.log.torque_constant;
-  files.torque_at = options.log.torque_at == "joint" ? data::TorqueAt::kJoint : data::TorqueAt::kMotor;
-  files.robot = robot.name;
-  const data::LogSet opened = data::open_logs(robot.joint_specs(), files);
-  for (const std::string& line : opened.notes()) note(line);
+  files.cutoff = 0.0;  // --band goes to the fit of the deflections, or to the errors of the diagnosis
+  const data::LogSet opened = open_logs(robot, files);
   host::Judgement torque;
   std::vector<data::Log> logs = read_all(opened.train(), options, robot, torque);
   if (!stiffness::link_encoder_joints(logs.front()).empty())
