@@ -75,12 +75,7 @@ std::string passed_limit(const LimitCheck& check, const Samples& motion, const d
   return "";
 }
 
-}  // namespace
-
-std::shared_ptr<const sim::Reference> reference_of(const PiecewiseMotion& motion, int num_joints) {
-  return std::make_shared<MotionReference>(motion, num_joints);
-}
-
+/// A simulated arm that follows a reference under computed torque with its own model and friction.
 sim::SimulationSettings replay_settings(const model::Robot& robot,
                                         std::shared_ptr<const sim::Reference> reference, double duration) {
   const int n = robot.num_joints();
@@ -98,6 +93,18 @@ sim::SimulationSettings replay_settings(const model::Robot& robot,
   settings.controller = std::make_shared<ComputedTorque>(robot);
   settings.sensors.encoder_quantum = VectorXd::Constant(n, 2e-5);
   return settings;
+}
+
+}  // namespace
+
+std::shared_ptr<const sim::Reference> reference_of(const PiecewiseMotion& motion, int num_joints) {
+  return std::make_shared<MotionReference>(motion, num_joints);
+}
+
+sim::SimulationResult replay(const model::Robot& robot, const data::Log& motion) {
+  const double begin = motion.time[0], duration = motion.time[motion.num_samples() - 1] - begin;
+  const auto reference = sim::make_sampled(motion.time.array() - begin, motion.q, motion.qd, motion.qdd);
+  return sim::simulate(replay_settings(robot, reference, duration));
 }
 
 Rehearsal rehearse(const model::Robot& robot, const MotionLimits& limits, const PiecewiseMotion& motion) {

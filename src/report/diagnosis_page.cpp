@@ -335,9 +335,9 @@ void add_refusals(page::Page& page, const Diagnosis& diagnosis) {
 }  // namespace
 
 page::Page page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  page::Page page = new_page(fmt::format("{}: diagnosis", diagnosis.after.name),
-                             fmt::format("trained on {}; judged on {}", file_names_of(context.train),
-                                         file_names_of(context.validate)));
+  page::Page page = page::new_page(fmt::format("{}: diagnosis", diagnosis.after.name),
+                                   fmt::format("trained on {}; judged on {}", file_names_of(context.train),
+                                               file_names_of(context.validate)));
   for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
     for (const Traces& log : *logs) {
       if (log.time.size() < 2) continue;

@@ -171,9 +171,9 @@ std::string json(const Identification& found) {
 
 page::Page page(const Identification& found) {
   const Fit& fit = found.fit;
-  page::Page page =
-      new_page(fmt::format("{}: identified model", fit.robot.name),
-               fmt::format("{} on {}", identify::to_string(fit.method), file_names_of(found.log_paths)));
+  page::Page page = page::new_page(
+      fmt::format("{}: identified model", fit.robot.name),
+      fmt::format("{} on {}", identify::to_string(fit.method), file_names_of(found.log_paths)));
   for (const auto* logs : {&found.train_logs, &found.judge_logs}) {
     for (const data::StreamSummary& log : *logs) add_log_line(page, log_line(log));
   }

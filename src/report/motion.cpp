@@ -217,8 +217,8 @@ std::string json(const excite::ExcitingMotion& motion) {
 
 page::Page page(const excite::ExcitingMotion& motion) {
   const excite::ExcitationScore& score = motion.excitation.score;
-  page::Page page =
-      new_page(fmt::format("{}: exciting motion", motion.robot.name), about(motion.excitation.trajectory));
+  page::Page page = page::new_page(fmt::format("{}: exciting motion", motion.robot.name),
+                                   about(motion.excitation.trajectory));
   page.verdict(brief(motion), tone_of(motion));
   for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
   page.facts(
@@ -293,8 +293,8 @@ std::string json(const excite::FrictionMotion& motion) {
 }
 
 page::Page page(const excite::FrictionMotion& motion) {
-  page::Page page = new_page(fmt::format("{}: strokes for friction", motion.robot.name),
-                             fmt::format("{:.4g} s", motion.path.duration()));
+  page::Page page = page::new_page(fmt::format("{}: strokes for friction", motion.robot.name),
+                                   fmt::format("{:.4g} s", motion.path.duration()));
   page.verdict(brief(motion), tone_of(motion));
   for (const std::string& reason : motion.judgement.reasons) page.paragraph(reason + ".");
   page.table(stroke_table(motion), "Stretches at constant speed");

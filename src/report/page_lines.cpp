@@ -1,44 +1,9 @@
 #include "page_lines.hpp"
 
-#include <ctime>
-
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 namespace heft::report {
-namespace {
-
-std::string& command_line() {
-  static std::string line;
-  return line;
-}
-
-}  // namespace
-
-std::string shell_word(const std::string& word) {
-  constexpr const char* kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./=+,:@%";
-  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
-
-void remember_command(int argc, const char* const* argv) {
-  // How the program was found says nothing about the result.
-  command_line() = "heft";
-  for (int k = 1; k < argc; ++k) command_line() += " " + shell_word(argv[k]);
-}
-
-page::Page new_page(const std::string& title, const std::string& subtitle) {
-  page::Page page(title, subtitle);
-  if (!command_line().empty()) page.footer(command_line());
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  page.footer(fmt::format("{:%Y-%m-%d %H:%M} UTC, heft {}, commit {}.", utc, HEFT_VERSION, HEFT_COMMIT));
-  return page;
-}
 
 void add_log_line(page::Page& page, const LogLine& log) {
   std::string line = fmt::format("{}: ", log.path);
@@ -68,6 +33,12 @@ std::string verdict_text(const host::Judgement& judgement) {
 void put_verdict(nlohmann::ordered_json& json, const host::Judgement& judgement) {
   json["verdict"] = host::to_string(judgement.verdict);
   json["reasons"] = judgement.reasons;
+}
+
+std::string verdict_json(const host::Judgement& judgement) {
+  nlohmann::ordered_json json;
+  put_verdict(json, judgement);
+  return text_of(json);
 }
 
 std::string text_of(const nlohmann::ordered_json& json) {

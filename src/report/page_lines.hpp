@@ -1,6 +1,6 @@
 /// @file
-/// What all pages and results have in common: the verdict with its reasons, file names without their folders, and the
-/// lines at the end that say how the page came to be.
+/// What all pages and results have in common: the verdict with its reasons, file names without their folders, and what
+/// the end of a page says of each log.
 #pragma once
 
 #include <string>
@@ -9,15 +9,11 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "heft/host/verdict.hpp"
+#include "heft/page/origin.hpp"
 #include "heft/page/page.hpp"
+#include "heft/report/verdict.hpp"
 
 namespace heft::report {
-
-/// Keeps the command line for the pages.
-void remember_command(int argc, const char* const* argv);
-
-/// An empty page whose end names the command, the date, and heft's version and commit.
-page::Page new_page(const std::string& title, const std::string& subtitle = {});
 
 /// What was done to a log.
 struct LogLine {
@@ -33,15 +29,10 @@ std::string file_name_of(const std::string& path);
 /// "run-a.csv, run-b.csv".
 std::string file_names_of(const std::vector<std::string>& paths);
 
-/// "Verdict: doubtful" and a line a reason; ends with a line break.
-std::string verdict_text(const host::Judgement& judgement);
 /// Fields "verdict" and "reasons".
 void put_verdict(nlohmann::ordered_json& json, const host::Judgement& judgement);
 
 /// A JSON result as text. Names of files are bytes; what is not UTF-8 in them must not cost the result.
 std::string text_of(const nlohmann::ordered_json& json);
-
-/// A word as a shell takes it literally.
-std::string shell_word(const std::string& word);
 
 }  // namespace heft::report

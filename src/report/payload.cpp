@@ -376,9 +376,9 @@ std::string full(const UnloadedArm& arm) {
 page::Page page(const UnloadedArm& arm, const std::vector<Payload>& loads) {
   std::vector<std::string> logs;
   for (const Payload& load : loads) logs.push_back(load.log);
-  page::Page page = new_page(fmt::format("{}: the load at the flange", arm.robot.name),
-                             fmt::format("{}, torque of joints {} and up", file_names_of(logs),
-                                         loads.empty() ? 1 : loads.front().run.first_joint));
+  page::Page page = page::new_page(fmt::format("{}: the load at the flange", arm.robot.name),
+                                   fmt::format("{}, torque of joints {} and up", file_names_of(logs),
+                                               loads.empty() ? 1 : loads.front().run.first_joint));
   for (const Payload& load : loads) {
     if (loads.size() > 1) page.heading(file_name_of(load.log));
     add_log_line(page, {load.log, load.log_rate, load.log_seconds, load.run.cutoff});

@@ -42,9 +42,9 @@ page::Page page(const StiffnessReport& report) {
   const stiffness::Stiffness& stiffness = report.stiffness;
   const std::string& robot = stiffness.robot.name;
   page::Page page = stiffness.encoders
-                        ? new_page("Joint stiffness from encoders",
-                                   fmt::format("{}, {}", robot, file_names_of(stiffness.sources)))
-                        : new_page("Joint stiffness", robot);
+                        ? page::new_page("Joint stiffness from encoders",
+                                         fmt::format("{}, {}", robot, file_names_of(stiffness.sources)))
+                        : page::new_page("Joint stiffness", robot);
   for (const data::Log& log : report.logs) add_log_line(page, log_line(log));
   if (stiffness.deflections) add_deflections(page, stiffness);
   if (stiffness.encoders) add_encoders(page, stiffness, report.logs);

@@ -90,8 +90,9 @@ std::string json(const MotorSideReport& report) { return text_of(to_json(report)
 
 page::Page page(const MotorSideReport& report) {
   const Diagnosis& diagnosis = report.diagnosis;
-  page::Page page = new_page("Joint stiffness from the motor's side",
-                             fmt::format("{}, {}", diagnosis.after.name, file_names_of(report.sources)));
+  page::Page page =
+      page::new_page("Joint stiffness from the motor's side",
+                     fmt::format("{}, {}", diagnosis.after.name, file_names_of(report.sources)));
   for (const data::Log& log : report.logs) add_log_line(page, log_line(log));
   page.verdict(brief(report), report.judgement);
   page.table(joint_table(diagnosis), "Elastic joints among the effects of a diagnosis");

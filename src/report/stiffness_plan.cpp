@@ -132,7 +132,7 @@ nlohmann::ordered_json to_json(const stiffness::MeasurementPlan& plan) {
 }
 
 page::Page page(const stiffness::MeasurementPlan& plan) {
-  page::Page page = new_page("Poses to measure stiffness at", plan.robot.name);
+  page::Page page = page::new_page("Poses to measure stiffness at", plan.robot.name);
   page.verdict(brief(plan));
   page.table(plan_table(plan), "Poses");
   page.table(deviation_table(plan), "Expected accuracy with a tracker");

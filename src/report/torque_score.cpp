@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/host/numbers.hpp"
-#include "heft/validate/acceptance.hpp"
 #include "host/json.hpp"
 
 namespace heft::report {
@@ -194,6 +193,12 @@ nlohmann::ordered_json fit_json(const model::FitRecord& fit) {
   return json;
 }
 
+std::string json(const validate::Score& score) { return text_of(validation_json(score)); }
+std::string json(const std::vector<validate::Criterion>& criteria) {
+  return text_of(criteria_json(criteria));
+}
+std::string json(const model::FitRecord& fit) { return text_of(fit_json(fit)); }
+
 page::Table base_parameter_table(const model::FitRecord& fit) {
   page::Table table({"base parameter", "value", "± (95 %)", "unit", "", "combination"});
   for (const model::BaseParameterRecord& parameter : fit.base_parameters) {
@@ -257,22 +262,6 @@ std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots) {
   for (page::PlotSpec& plot : plots) {
     plot.width = 460;
     plot.height = 220;
-  }
-  return plots;
-}
-
-std::vector<page::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted) {
-  std::vector<page::PlotSpec> plots;
-  for (Eigen::Index j = 0; j < predicted.cols(); ++j) {
-    page::PlotSpec spec;
-    spec.title = fmt::format("Joint {}", j + 1);
-    spec.x_label = "time [s]";
-    spec.y_label = "torque [N·m]";
-    if (log.tau.cols() == predicted.cols()) {
-      spec.series.push_back(page::line("measured", log.time, log.tau.col(j), page::Hue::kNeutral));
-    }
-    spec.series.push_back(page::line("model", log.time, predicted.col(j), page::Hue::kVermillion));
-    plots.push_back(std::move(spec));
   }
   return plots;
 }

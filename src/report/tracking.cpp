@@ -108,11 +108,12 @@ std::string json(const Tracking& tracking) {
                     {"true", tracking.true_mass}}},
                   {"changes", tracking.load.change},
                   {"rows", tracking.settings.rows}};
-  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return text_of(json);
 }
 
 page::Page page(const Tracking& tracking) {
-  page::Page page = new_page(fmt::format("{}: tracking", tracking.robot), file_name_of(tracking.scenario));
+  page::Page page =
+      page::new_page(fmt::format("{}: tracking", tracking.robot), file_name_of(tracking.scenario));
   page.verdict(brief(tracking), tracking.judgement);
   page.paragraph(load_sentence(tracking));
   page.table(tracking_table(tracking.counted), "Root mean square tracking error per joint");

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "host/json.hpp"
-#include "torque_score.hpp"
+#include "page_lines.hpp"
 
 namespace heft::report {
 namespace {
@@ -28,13 +28,13 @@ std::vector<std::string> joint_names(Eigen::Index count) {
 
 std::vector<double> to_vector(const Eigen::VectorXd& values) { return {values.begin(), values.end()}; }
 
-page::Table tracking_table(const std::vector<TrackingRun>& runs) {
+page::Table tracking_table(const std::vector<track::Run>& runs) {
   std::vector<std::string> headers{"controller"};
   const Eigen::Index n = runs.empty() ? 0 : runs.front().error.cols();
   for (Eigen::Index j = 0; j < n; ++j) headers.push_back(fmt::format("joint {} [mrad]", j + 1));
   headers.push_back("largest [mrad]");
   page::Table table(headers);
-  for (const TrackingRun& run : runs) {
+  for (const track::Run& run : runs) {
     std::vector<std::string> row{run.name};
     const Eigen::VectorXd rms = root_mean_squares(run.error);
     for (const double value : rms) row.push_back(page::number(1e3 * value, 3));
@@ -44,9 +44,9 @@ page::Table tracking_table(const std::vector<TrackingRun>& runs) {
   return table;
 }
 
-nlohmann::ordered_json tracking_json(const std::vector<TrackingRun>& runs) {
+nlohmann::ordered_json tracking_json(const std::vector<track::Run>& runs) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  for (const TrackingRun& run : runs) {
+  for (const track::Run& run : runs) {
     json.push_back({{"controller", run.name},
                     {"rms_error", host::json_array(root_mean_squares(run.error))},
                     {"max_error", host::json_array(run.error.cwiseAbs().colwise().maxCoeff().transpose())}});
@@ -54,7 +54,9 @@ nlohmann::ordered_json tracking_json(const std::vector<TrackingRun>& runs) {
   return json;
 }
 
-std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
+std::string json(const std::vector<track::Run>& runs) { return text_of(tracking_json(runs)); }
+
+std::vector<page::PlotSpec> tracking_plots(const std::vector<track::Run>& runs,
                                            const std::vector<page::Mark>& marks) {
   std::vector<page::PlotSpec> plots;
   const Eigen::Index n = runs.empty() ? 0 : runs.front().error.cols();
@@ -63,7 +65,7 @@ std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
     spec.title = fmt::format("Joint {}", j + 1);
     spec.x_label = "time [s]";
     spec.y_label = "error [mrad]";
-    for (const TrackingRun& run : runs) {
+    for (const track::Run& run : runs) {
       spec.series.push_back(page::line(run.name, run.time, 1e3 * run.error.col(j)));
     }
     spec.marks = marks;
@@ -72,11 +74,11 @@ std::vector<page::PlotSpec> tracking_plots(const std::vector<TrackingRun>& runs,
   return plots;
 }
 
-page::PlotSpec tracking_bars(const std::vector<TrackingRun>& runs) {
+page::PlotSpec tracking_bars(const std::vector<track::Run>& runs) {
   page::PlotSpec spec;
   spec.title = "Tracking error per joint";
   spec.y_label = "RMS error [mrad]";
-  for (const TrackingRun& run : runs) {
+  for (const track::Run& run : runs) {
     spec.series.push_back(page::bars(run.name, to_vector(1e3 * root_mean_squares(run.error))));
   }
   spec.categories = joint_names(runs.empty() ? 0 : runs.front().error.cols());

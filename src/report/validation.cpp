@@ -142,7 +142,7 @@ std::string json(const Validation& judged) {
 
 page::Page page(const Validation& judged) {
   page::Page page =
-      new_page(fmt::format("{}: model judged", judged.robot.name), file_names_of(paths_of(judged)));
+      page::new_page(fmt::format("{}: model judged", judged.robot.name), file_names_of(paths_of(judged)));
   for (const data::StreamSummary& log : judged.logs) add_log_line(page, log_line(log));
   page.verdict(brief(judged), judged.judgement);
   page.paragraph(model_in_words(judged));

@@ -1,5 +1,6 @@
 /// Loads and tracking comparisons in words, as JSON, as pages.
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +8,7 @@
 
 #include "heft/host/numbers.hpp"
 #include "heft/report/payload.hpp"
-#include "tracking_runs.hpp"
+#include "heft/report/tracking.hpp"
 
 namespace heft {
 namespace {
@@ -77,10 +78,11 @@ TEST(PayloadReport, PageShowsMassAndTorqueError) {
 }
 
 TEST(Tracking, TableAndJsonGiveRootMeanSquares) {
-  report::TrackingRun run{"PD", Eigen::VectorXd::LinSpaced(4, 0, 1), Eigen::MatrixXd(4, 1), {}};
+  track::Run run{"PD", Eigen::VectorXd::LinSpaced(4, 0, 1), Eigen::MatrixXd(4, 1), {}};
   run.error << 0.003, -0.003, 0.003, -0.003;
   EXPECT_THAT(report::tracking_table({run}).to_text(), AllOf(HasSubstr("PD"), HasSubstr("3.00")));
-  EXPECT_NEAR(report::tracking_json({run}).at(0).at("rms_error").at(0).get<double>(), 0.003, 1e-15);
+  const auto json = nlohmann::json::parse(report::json(std::vector<track::Run>{run}));
+  EXPECT_NEAR(json.at(0).at("rms_error").at(0).get<double>(), 0.003, 1e-15);
   EXPECT_EQ(report::tracking_plots({run}).size(), 1U);
   EXPECT_EQ(report::tracking_bars({run}).categories.size(), 1U);
 }

@@ -203,11 +203,11 @@ const ClosedLoop& closed_loop() {
   return result;
 }
 
-double rms(const report::TrackingRun& run) {
+double rms(const track::Run& run) {
   return std::sqrt(run.error.squaredNorm() / static_cast<double>(run.error.size()));
 }
 
-double rms_of_joint(const report::TrackingRun& run, Eigen::Index joint) {
+double rms_of_joint(const track::Run& run, Eigen::Index joint) {
   return std::sqrt(run.error.col(joint).squaredNorm() / static_cast<double>(run.error.rows()));
 }
 

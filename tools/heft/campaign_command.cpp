@@ -1,162 +1,13 @@
 #include "campaign_command.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <string>
-
-#include <fmt/format.h>
-#include <nlohmann/json.hpp>
-
-#include "campaign/campaign.hpp"
+#include "campaign_report.hpp"
 #include "console.hpp"
-#include "heft/data/motion_stream.hpp"
-#include "heft/host/numbers.hpp"
+#include "heft/data/log.hpp"
 #include "heft/host/output_folder.hpp"
-#include "heft/identify/fit_record.hpp"
-#include "heft/page/page.hpp"
-#include "heft/validate/acceptance.hpp"
-#include "heft/validate/score.hpp"
-#include "heft/validate/torque_trace.hpp"
-#include "host/json.hpp"
-#include "page_lines.hpp"
-#include "torque_score.hpp"
+#include "heft/model/model_file.hpp"
 
 namespace heft::tools {
 namespace {
-
-std::string campaign_text(const studies::CampaignSettings& settings, const studies::CampaignResult& result) {
-  std::string loads;
-  for (const double payload : settings.payloads)
-    loads += fmt::format("{}{:g}", loads.empty() ? "" : ", ", payload);
-  return fmt::format(
-      "Simulated arm: {} with the mass, centre of mass and central inertia of every link off by 10 to 25 %, "
-      "and drives "
-      "with rotor inertia, Coulomb and viscous friction and an offset. Forward dynamics by SUNDIALS, "
-      "sticking friction, "
-      "{:g} Hz, computed torque in the loop. Normally distributed noise, standard deviations: encoder {:g} "
-      "rad (the loop "
-      "closes on it too), torque {:g} N·m. Loads {} and {:g} kg; {} experiments of {:g} s without load that "
-      "differ in "
-      "noise. Seed {}: the arm and the exciting motion {}, the motion judged on {}, noise from {} on.",
-      settings.nominal.name, settings.sample_rate, settings.position_noise, settings.torque_noise, loads,
-      settings.judged_payload, settings.repeats, settings.duration, settings.seed, settings.seed,
-      settings.seed + 1000, result.experiments.front().seed);
-}
-
-page::Table parameter_table(const studies::CampaignResult& result) {
-  page::Table table({"base parameter", "true", "found", "± (95 %)", "unit", "error [%]", "scatter [%]",
-                     "torque share [%]", "counted"});
-  for (int i = 0; i < result.fit.base.count(); ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    // A truth of 0 leaves nothing to be relative to.
-    const double share = result.beta_true[i] == 0.0 ? kNaN : 100.0;
-    const char* counted = result.counted.counted[at]  ? "yes"
-                          : result.fit.determined[at] ? "no"
-                                                      : "no: the log does not determine it";
-    table.add_row({result.fit.base.name(*result.fit.columns, i), page::number(result.beta_true[i]),
-                   page::number(result.fit.beta[i]), page::number(result.fit.half_width[i], 2),
-                   (*result.fit.columns)[result.fit.base.kept[at]].unit,
-                   page::number(share * result.errors[i], 3), page::number(share * result.scatter[i], 3),
-                   page::number(100.0 * result.shares[i], 3), counted});
-  }
-  return table;
-}
-
-page::Table tracking_table(const studies::CampaignResult& result) {
-  std::vector<std::string> header{"computed torque with"};
-  const Eigen::Index n = result.tracking.front().rms.size();
-  for (Eigen::Index j = 0; j < n; ++j) header.push_back(fmt::format("joint {} [mrad]", j + 1));
-  header.emplace_back("all [mrad]");
-  page::Table table(header);
-  for (const studies::TrackingResult& tracking : result.tracking) {
-    std::vector<std::string> row{tracking.name};
-    for (const double rms : tracking.rms) row.push_back(page::number(1e3 * rms, 3));
-    row.push_back(page::number(1e3 * tracking.total(), 3));
-    table.add_row(row);
-  }
-  return table;
-}
-
-page::Table payload_table(const studies::CampaignResult& result) {
-  page::Table table({"identified with [kg]", "judged with [kg]", "worst joint, RMSE [% of max]",
-                     "worst joint, in band [% of max]", "mean of the joints [% of max]"});
-  for (const studies::PayloadScore& entry : result.payloads) {
-    table.add_row({fmt::format("{:g}", entry.trained), fmt::format("{:g}", entry.judged),
-                   page::number(entry.score.percent_of_max.maxCoeff(), 3),
-                   page::number(entry.score.in_band_percent_of_max.maxCoeff(), 3),
-                   page::number(entry.score.percent_of_max.mean(), 3)});
-  }
-  return table;
-}
-
-nlohmann::ordered_json campaign_json(const studies::CampaignSettings& settings,
-                                     const studies::CampaignResult& result) {
-  nlohmann::ordered_json json{{"robot", settings.nominal.name},
-                              {"seed", settings.seed},
-                              {"sample_rate", settings.sample_rate},
-                              {"duration", settings.duration},
-                              {"position_noise_std", settings.position_noise},
-                              {"torque_noise_std", settings.torque_noise},
-                              {"payloads", settings.payloads},
-                              {"repeats", settings.repeats},
-                              {"criteria", criteria_json(result.criteria)}};
-  json.update(validation_json(result.holdout));
-  json.update(fit_json(identify::fit_record(result.fit, "motor")));
-  for (Eigen::Index i = 0; i < result.errors.size(); ++i) {
-    nlohmann::ordered_json& entry = json["base_parameters"][static_cast<std::size_t>(i)];
-    entry["true"] = result.beta_true[i];
-    entry["relative_error"] = result.errors[i];
-    entry["scatter"] = std::isfinite(result.scatter[i]) ? nlohmann::ordered_json(result.scatter[i])
-                                                        : nlohmann::ordered_json(nullptr);
-    entry["torque_share"] = result.shares[i];
-    entry["counted"] = static_cast<bool>(result.counted.counted[static_cast<std::size_t>(i)]);
-  }
-  json["payload_scores"] = nlohmann::ordered_json::array();
-  for (const studies::PayloadScore& entry : result.payloads) {
-    json["payload_scores"].push_back(
-        {{"identified_with", entry.trained},
-         {"judged_with", entry.judged},
-         {"rmse_percent_of_max", host::json_array(entry.score.percent_of_max)},
-         {"rmse_in_band_percent_of_max", host::json_array(entry.score.in_band_percent_of_max)}});
-  }
-  json["load_difference"] = {{"value", result.load_difference},
-                             {"std", result.load_difference_std},
-                             {"true", result.load_difference_true}};
-  json["tracking"] = nlohmann::ordered_json::array();
-  for (const studies::TrackingResult& tracking : result.tracking) {
-    json["tracking"].push_back({{"model", tracking.name}, {"rms_error", host::json_array(tracking.rms)}});
-  }
-  return json;
-}
-
-void add_campaign_plots(page::Page& page, const studies::CampaignResult& result) {
-  const auto judged =
-      std::find_if(result.experiments.begin(), result.experiments.end(),
-                   [](const studies::Experiment& e) { return !e.exciting && e.payload == 0; });
-  const data::MotionStream stream(judged->log);
-  validate::TorqueTrace trace(stream.summary().samples, result.holdout.num_joints());
-  validate::ScoreOptions scoring;
-  scoring.band = result.holdout.band;
-  scoring.rows = [&](const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
-                     const Eigen::MatrixXd& predicted) { trace.add(time, measured, predicted); };
-  (void)validate::score(result.fit.robot, stream, scoring);
-  page.plots("Torque on the motion judged on", small(torque_plots(trace)));
-  page.plots("Torque error", small(residual_plots(trace)));
-  std::vector<page::PlotSpec> plots;
-  for (Eigen::Index j = 0; j < result.tracking.front().rms.size(); ++j) {
-    page::PlotSpec spec;
-    spec.title = fmt::format("Joint {}", j + 1);
-    spec.x_label = "time [s]";
-    spec.y_label = "error [mrad]";
-    for (std::size_t k = 0; k < 2; ++k) {
-      const studies::TrackingResult& tracking = result.tracking[k];
-      spec.series.push_back(page::line(tracking.name, tracking.time, 1e3 * tracking.error.col(j),
-                                       k == 0 ? page::Hue::kNeutral : page::Hue::kBlue));
-    }
-    plots.push_back(std::move(spec));
-  }
-  page.plots("Tracking error of computed torque", small(std::move(plots)));
-}
 
 /// Logs and models of a campaign as files.
 void write_campaign(const std::string& path, const studies::CampaignResult& result) {
@@ -164,12 +15,8 @@ void write_campaign(const std::string& path, const studies::CampaignResult& resu
   for (const studies::Experiment& experiment : result.experiments) {
     data::write_log(folder.file(experiment.name + ".csv"), experiment.log);
   }
-  model::ModelFile truth = model::make_model(result.truth);
-  truth.provenance.method = "simulated truth";
-  model::write_model(folder.file("truth.json"), truth);
-  model::ModelFile fitted = result.fit.model_file();
-  fitted.provenance.logs = {result.experiments.front().name + ".csv"};
-  model::write_model(folder.file("identified.json"), fitted);
+  model::write_model(folder.file("truth.json"), result.true_model_file());
+  model::write_model(folder.file("identified.json"), result.model_file());
 }
 
 }  // namespace
@@ -177,68 +24,23 @@ void write_campaign(const std::string& path, const studies::CampaignResult& resu
 void run_campaign_command(const RobotOptions& given, const ResultOptions& results,
                           const CampaignOptions& options) {
   const Console console{results.json};
-  studies::CampaignSettings settings;
   RobotOptions robot = given;
   if (robot.urdf.empty()) robot.urdf = "ur10e";
+  studies::CampaignSettings settings;
   settings.nominal = load_robot(robot);
   settings.seed = options.seed;
   settings.repeats = options.repeats;
   settings.duration = options.duration;
+  settings.traces = !results.report.empty();
   studies::CampaignResult result;
   {
     Progress progress("campaign");
     result = studies::run_campaign(settings, [&](double done, const std::string&) { progress.update(done); });
   }
-  const host::Judgement judgement = validate::judge(result.criteria);
-  nlohmann::ordered_json json = campaign_json(settings, result);
-  put_verdict(json, judgement);
-
-  const std::string text = campaign_text(settings, result);
-  const std::string counted = fmt::format(
-      "Parameters counted: base parameters that the log determined and that move at least {:g} % of a "
-      "joint's torque on "
-      "the motion judged on.",
-      100.0 * identify::kCountedShare);
-  const std::string tracking = fmt::format(
-      "Tracking: the same loop on the motion judged on, against the true positions. \"{}\" has the URDF's "
-      "links and the "
-      "drives' catalogue values, as far off as the links; the criterion is against it, for against the URDF "
-      "alone, whose "
-      "drives have neither friction nor rotors, anything would win.",
-      result.tracking.front().name);
-  const std::string meaning = score_meaning(result.holdout) + validation_meaning();
-  console.print("{}\n{}{}{}\n{}", text, criteria_table(result.criteria).to_text(2),
-                criteria_lines(result.criteria), criteria_summary(result.criteria) + ".",
-                verdict_text(judgement));
-  console.print("{}\nTorque on the motion judged on, without load:\n{}{}\n", counted,
-                validation_text(result.holdout), meaning);
-  console.print("Loads:\n{}", payload_table(result).to_text(2));
-  console.print("{}\n{}", tracking, tracking_table(result).to_text(2));
-
-  page::Page page = new_page(fmt::format("{}: simulated campaign", settings.nominal.name),
-                             fmt::format("seed {}", settings.seed));
-  page.verdict(criteria_summary(result.criteria) + ".", judgement);
-  page.table(criteria_table(result.criteria), "Acceptance criteria");
-  add_criteria_notes(page, result.criteria);
-  page.paragraph(text);
-  page.paragraph(
-      fmt::format("Condition number of the exciting motion's base regressor, unit columns: {:.3g}; of the "
-                  "fit's weighted one: {:.3g}.",
-                  result.condition, result.fit.condition));
-  page.heading("Parameters");
-  page.table(parameter_table(result), counted);
-  page.heading("Torque");
-  page.table(validation_table(result.holdout), meaning + moving_line(result.holdout));
-  add_residual_words(page, result.holdout);
-  page.table(
-      payload_table(result),
-      fmt::format("Each model on the motion judged on, band {:.3g} Hz; in the last row the known difference "
-                  "of the loads is added to the model",
-                  result.holdout.band));
-  page.heading("Tracking");
-  page.table(tracking_table(result), tracking);
-  if (!results.report.empty()) add_campaign_plots(page, result);
-  finish(console, options.output, results, json, page, [&] { write_campaign(options.output, result); });
+  const studies::StudyReport report = studies::campaign_report(settings, result);
+  console.print("{}", report.text);
+  finish(console, options.output, results, report.json_text(), report.page,
+         [&] { write_campaign(options.output, result); });
 }
 
 }  // namespace heft::tools

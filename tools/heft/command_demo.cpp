@@ -26,8 +26,8 @@ void run(const Options& options) {
   report.json["report"] = folder.file("report.html");
   console.print("{}", report.text);
   write_each({[&] { report.page.write(folder.file("report.html")); },
-              [&] { write_json(folder.file("results.json"), report.json); },
-              [&] { write_json(options.json, report.json); }});
+              [&] { write_json(folder.file("results.json"), report.json_text()); },
+              [&] { write_json(options.json, report.json_text()); }});
   console.print("Report: {}\n", folder.file("report.html"));
 }
 

@@ -12,10 +12,10 @@
 #include "heft/data/log_set.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/words.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/report/diagnosis.hpp"
 #include "options.hpp"
-#include "page_lines.hpp"
 
 namespace heft::tools {
 namespace {
@@ -40,7 +40,7 @@ data::LogSet open(const Options& options, const model::Robot& robot) {
 std::string command_line(const Options& options) {
   std::string line = "heft diagnose";
   const auto add = [&](const char* name, const std::string& value) {
-    if (!value.empty()) line += fmt::format(" {} {}", name, shell_word(value));
+    if (!value.empty()) line += fmt::format(" {} {}", name, host::shell_word(value));
   };
   add("--urdf", options.robot.urdf);
   add("--model", options.robot.model);

@@ -37,8 +37,8 @@ void run(const Options& options) {
   for (const auto& [name, table] : report.tables) folder.csv(name, table);
   for (const auto& [name, plot] : report.plots) folder.figure(name, plot);
   for (const auto& [name, map] : report.maps) folder.figure(name, map);
-  write_json(folder.file("results.json"), report.json);
-  write_json(options.json, report.json);
+  write_json(folder.file("results.json"), report.json_text());
+  write_json(options.json, report.json_text());
   console.print("Written: {} (results.json, tables as CSV, figures as SVG)\nReport: {}\n", options.output,
                 folder.file("report.html"));
 }

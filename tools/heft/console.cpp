@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include <unistd.h>
-#include <nlohmann/json.hpp>
 
 #include "heft/host/file.hpp"
 #include "text_layout.hpp"
@@ -101,11 +100,8 @@ void Progress::update(double done, const std::string& what) {
   std::fflush(stderr);
 }
 
-void write_json(const std::string& path, const nlohmann::ordered_json& json) {
-  // Names of files are bytes; what is not UTF-8 in them must not cost the result.
-  if (!path.empty())
-    host::write_file_atomically(
-        path, json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+void write_json(const std::string& path, const std::string& json) {
+  if (!path.empty()) host::write_file_atomically(path, json + "\n");
 }
 
 }  // namespace heft::tools

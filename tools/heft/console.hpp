@@ -7,19 +7,14 @@
 #include <string>
 
 #include <fmt/format.h>
-#include <nlohmann/json_fwd.hpp>
-
-namespace heft::report {}
 
 namespace heft::tools {
 
-using namespace report;
-
-/// Writes text to a stream; lines are broken to the width of a terminal. Never throws: what could not be written is
-/// kept in mind for lost_output(), so that a command goes on to write its files.
+/// Writes text to a stream; lines are broken to the width of a terminal. Never throws: a failure
+/// is remembered for lost_output(), so that a command goes on to write its files.
 void print_to(std::FILE* stream, const std::string& text) noexcept;
 
-/// Sends what is left in the buffers on its way.
+/// Flushes both streams.
 /// @return what went wrong with standard output or standard error since the start; empty: nothing
 std::string lost_output() noexcept;
 
@@ -47,7 +42,7 @@ void warn(const std::string& text);
 /// A line on standard error: `heft: note: ...`.
 void note(const std::string& text);
 
-/// How far a long job has come, on standard error: on a terminal one line that counts up, once it takes over a second;
+/// Progress of a long job, on standard error: on a terminal one line that counts up, once it takes over a second;
 /// elsewhere (a file, a pipe) a line every ten seconds. It never counts down: a stage that restarts waits until it is
 /// past what was shown.
 class Progress {
@@ -70,6 +65,6 @@ class Progress {
 };
 
 /// Writes a JSON result; whole or not at all. `-` is standard output; nothing happens for an empty path.
-void write_json(const std::string& path, const nlohmann::ordered_json& json);
+void write_json(const std::string& path, const std::string& json);
 
 }  // namespace heft::tools

@@ -20,9 +20,9 @@
 #include "heft/host/file_plan.hpp"
 #include "heft/host/signals.hpp"
 #include "heft/host/words.hpp"
+#include "heft/page/origin.hpp"
 #include "heft/urdf/urdf_export.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "page_lines.hpp"
 
 namespace heft::tools {
 namespace {
@@ -60,7 +60,7 @@ void look_at_files(const std::vector<GivenFile>& files) {
       case FileUse::kOutputFolder: plan.add_output_folder(file.option, file.path); break;
       case FileUse::kRobot: try { plan.add_input(file.option, urdf::resolve_robot(file.path));
         } catch (const InputError&) {
-          // Said by the command when it reads the robot, after its outputs were looked at.
+          // The command reports it when it reads the robot, after its outputs were looked at.
         }
         break;
     }
@@ -141,7 +141,7 @@ int run(int argc, char** argv) {
   }
   if (chosen.empty()) return kDone;  // --help, --version
 
-  remember_command(argc, argv);
+  page::remember_command(argc, argv);
   try {
     look_at_files(parser.files());
     actions.at(chosen)();

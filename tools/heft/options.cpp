@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "console.hpp"
 #include "heft/host/error.hpp"
@@ -14,7 +13,6 @@
 #include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "heft/validate/predict.hpp"
-#include "page_lines.hpp"
 
 namespace heft::tools {
 
@@ -222,12 +220,6 @@ void write_each(std::initializer_list<std::function<void()>> files) {
 }
 
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
-            const nlohmann::ordered_json& json, const page::Page& page,
-            const std::function<void()>& write_output) {
-  finish(console, output, options, text_of(json), page, write_output);
-}
-
-void finish(const Console& console, const std::string& output, const ResultOptions& options,
             const std::string& json, const page::Page& page, const std::function<void()>& write_output) {
   const auto announced = [&](const char* what, const std::string& path, const std::function<void()>& write) {
     return [&console, what, path, write] {
@@ -236,10 +228,9 @@ void finish(const Console& console, const std::string& output, const ResultOptio
       if (!host::is_standard_output(path)) console.print("{}: {}\n", what, path);
     };
   };
-  write_each(
-      {announced("Written", output, write_output),
-       announced("Results", options.json, [&] { host::write_file_atomically(options.json, json + "\n"); }),
-       announced("Report", options.report, [&] { page.write(options.report); })});
+  write_each({announced("Written", output, write_output),
+              announced("Results", options.json, [&] { write_json(options.json, json); }),
+              announced("Report", options.report, [&] { page.write(options.report); })});
 }
 
 void add_output_option(CommandLine line, std::string& output, const std::string& meaning, bool required) {

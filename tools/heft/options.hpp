@@ -8,8 +8,6 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "command_line.hpp"
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
@@ -25,7 +23,7 @@ namespace heft::tools {
 
 class Console;
 
-/// --urdf, --model and what selects the chain. One of the two at least is given.
+/// --urdf, --model and what selects the chain. At least one of the two is given.
 struct RobotOptions {
   std::string urdf;
   std::string model;
@@ -68,7 +66,7 @@ void add_log_options(CommandLine line, LogOptions& options);
 /// For commands that call judge_torque.
 void add_accept_torque_option(CommandLine line, LogOptions& options);
 
-/// What these options say of the logs of a robot, those to judge on in addition.
+/// The logs of a robot as these options name them, and those to judge on.
 data::LogFiles files_of(const LogOptions& options, const model::Robot& robot,
                         const std::vector<std::string>& judge = {});
 /// data::open_logs with its notes on standard error.
@@ -92,17 +90,14 @@ struct ResultOptions {
   std::string report;
 };
 void add_result_options(CommandLine line, ResultOptions& options);
-/// Writes the command's files and says where they lie: what `write_output` writes, the JSON, the page. Called after the
+/// Writes the command's files and says where they are: what `write_output` writes, the JSON, the page. Called after the
 /// result was printed, so that it is not lost when a file cannot be written; nor are the other files.
 /// @param output  path that `write_output` writes; empty: none
 /// @throws InputError naming every file that could not be written
 void finish(const Console& console, const std::string& output, const ResultOptions& options,
-            const nlohmann::ordered_json& json, const page::Page& page,
-            const std::function<void()>& write_output = {});
-/// The same of an answer's JSON as text.
-void finish(const Console& console, const std::string& output, const ResultOptions& options,
             const std::string& json, const page::Page& page, const std::function<void()>& write_output = {});
-/// Calls all of them, then throws what the first that failed threw.
+/// Calls all of them, then reports all that failed.
+/// @throws InputError with the messages of all, host::ReaderLeftError when only the reader of standard output left
 void write_each(std::initializer_list<std::function<void()>> files);
 
 /// -o/--output, a file.

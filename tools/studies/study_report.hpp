@@ -23,10 +23,15 @@ struct StudyReport {
   std::vector<std::pair<std::string, page::MapSpec>> maps;
   nlohmann::ordered_json json;
 
+  /// `json` as it is written to a file.
+  std::string json_text() const;
   void csv(const std::string& name, const page::Table& table) { tables.emplace_back(name, table); }
   void figure(const std::string& name, const page::PlotSpec& spec) { plots.emplace_back(name, spec); }
   void figure(const std::string& name, const page::MapSpec& spec) { maps.emplace_back(name, spec); }
 };
+
+/// JSON text that `report` gives, for a study's own JSON.
+nlohmann::ordered_json as_json(const std::string& text);
 
 /// Fixed digits without a negative zero.
 std::string fixed(double value, int digits);

@@ -60,10 +60,10 @@ data::Log log_of(const model::Robot& robot, const PiecewiseMotion& motion, doubl
 std::vector<Piece> safe_way(const model::Robot& robot, const MotionLimits& limits, const std::string& name,
                             const Eigen::VectorXd& from, const Eigen::VectorXd& to);
 
-/// Settings that make a simulated arm follow a reference under computed torque with the arm's own model and friction;
-/// encoders of 2e-5 rad (m), exact velocities. `log_rate` is 100 Hz.
-sim::SimulationSettings replay_settings(const model::Robot& robot,
-                                        std::shared_ptr<const sim::Reference> reference, double duration);
+/// The motion of a log on the simulated arm, under computed torque with the arm's own model and friction; encoders of
+/// 2e-5 rad (m), exact velocities, 100 rows a second.
+/// @param motion  with q, qd and qdd
+sim::SimulationResult replay(const model::Robot& robot, const data::Log& motion);
 /// A motion as a simulator's reference.
 std::shared_ptr<const sim::Reference> reference_of(const PiecewiseMotion& motion, int num_joints);
 

@@ -18,4 +18,7 @@ std::size_t edit_distance(const std::string& a, const std::string& b);
 /// The nearest of `known`, "" when none is near.
 std::string nearest_word(const std::string& word, const std::vector<std::string>& known);
 
+/// A word as a shell takes it literally.
+std::string shell_word(const std::string& word);
+
 }  // namespace heft::host

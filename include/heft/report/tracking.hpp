@@ -1,10 +1,13 @@
 /// @file
-/// A tracking comparison in words, as JSON, as a page.
+/// A tracking comparison in words, as JSON, as a page; and runs of controllers side by side.
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "heft/page/page.hpp"
+#include "heft/page/plot.hpp"
+#include "heft/page/table.hpp"
 #include "heft/track/track.hpp"
 
 namespace heft::report {
@@ -16,5 +19,15 @@ std::string full(const track::Tracking& tracking);
 /// Fields as tools/README.md names them.
 std::string json(const track::Tracking& tracking);
 page::Page page(const track::Tracking& tracking);
+
+/// Root mean square and largest tracking error per joint and controller.
+page::Table tracking_table(const std::vector<track::Run>& runs);
+/// One plot a joint: every controller's error over time.
+std::vector<page::PlotSpec> tracking_plots(const std::vector<track::Run>& runs,
+                                           const std::vector<page::Mark>& marks = {});
+/// Bars: root mean square error per joint, one bar a controller.
+page::PlotSpec tracking_bars(const std::vector<track::Run>& runs);
+/// A list of JSON objects, one a controller: root mean square and largest error per joint.
+std::string json(const std::vector<track::Run>& runs);
 
 }  // namespace heft::report

@@ -1,10 +1,13 @@
 #include "campaign.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <random>
+#include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Core>
@@ -66,7 +69,7 @@ InertialParameters<double> sum(const InertialParameters<double>& a, const Inerti
   return result;
 }
 
-/// Mass, centre of mass and central inertia, each times its factor: a body that can be stays one.
+/// Mass, centre of mass and central inertia, each times its factor: a possible body stays possible.
 InertialParameters<double> scaled(const InertialParameters<double>& link, double mass, double com,
                                   double inertia) {
   if (!(link[kMass] > 0)) return link;
@@ -157,13 +160,13 @@ TrackingResult track(const Setup& setup, const std::string& name, const model::R
   return tracking;
 }
 
-/// Mass of what is on the last link in one fit and not in the other, by weighted least squares over all base
+/// Mass that is on the last link in one fit and not in the other, by weighted least squares over all base
 /// parameters: Δβ = G Δx with Δx the ten of the last link.
 void find_load_difference(const identify::Fit& less, const identify::Fit& more, CampaignResult& result) {
   const int n = less.columns->num_joints();
   const Eigen::MatrixXd G = less.base.regrouping.middleCols(10 * (n - 1), 10);
   const Eigen::MatrixXd covariance = less.covariance + more.covariance;
-  // Each parameter by its own deviation: a covariance from few blocks has no inverse.
+  // Each parameter by its own standard deviation: a covariance from few blocks has no inverse.
   const Eigen::VectorXd weight = covariance.diagonal().cwiseSqrt().cwiseInverse();
   Eigen::MatrixXd A = weight.asDiagonal() * G;
   const Eigen::VectorXd scale = A.colwise().norm().cwiseMax(1e-12);
@@ -186,7 +189,7 @@ double worst_of(const Eigen::VectorXd& values, const std::vector<bool>& counted,
   return worst;
 }
 
-/// In band: what the model misses. The same unfiltered, with what of that the sensor's noise alone makes.
+/// In band: the model's own error. The note gives it unfiltered, and how much of that the sensor's noise makes alone.
 void judge_torque(validate::Criterion& criterion, const validate::Score& score,
                   const CampaignSettings& settings) {
   Index at = 0, raw_at = 0;
@@ -196,6 +199,273 @@ void judge_torque(validate::Criterion& criterion, const validate::Score& score,
       "worst: joint {}, band {:.3g} Hz; unfiltered {:.2f} % in joint {}, of which the torque sensor's own "
       "noise makes {:.2f} %",
       at + 1, score.band, raw, raw_at + 1, 100.0 * settings.torque_noise / score.max_torque[raw_at]));
+}
+
+/// Places in the list of criteria.
+enum : std::size_t { kRecovery, kPrediction, kTracking, kPayload, kRepeatability };
+
+/// The steps of a campaign. Each puts its part into the result; later ones use it.
+class Campaign {
+ public:
+  using Progress = std::function<void(double, const std::string&)>;
+
+  Campaign(const CampaignSettings& settings, const Progress& progress)
+      : settings_(settings), progress_(progress) {
+    setup_.settings = &settings_;
+    setup_.truth = perturbed_arm(settings.nominal, settings.seed, &setup_.datasheet);
+    result_.truth = setup_.truth;
+    result_.datasheet = setup_.datasheet;
+    result_.criteria = validate::acceptance_criteria();
+  }
+
+  CampaignResult run() {
+    design_motions();
+    plan_experiments();
+    simulate_experiments();
+    identify_models();
+    judge_parameters();
+    judge_prediction();
+    judge_loads();
+    judge_tracking();
+    judge_repeatability();
+    return std::move(result_);
+  }
+
+ private:
+  void design_motions();
+  void plan_experiments();
+  std::size_t add_experiment(bool exciting, double payload, const std::string& name);
+  void simulate_experiments();
+  void identify_models();
+  void judge_parameters();
+  void note_parameters(Index worst);
+  void judge_prediction();
+  void judge_loads();
+  void score_loads();
+  void judge_tracking();
+  void judge_repeatability();
+
+  /// Progress of one step, which takes this part of the whole.
+  std::function<void(double)> part(double from, double to, const std::string& what) const {
+    if (!progress_) return {};
+    return [this, from, to, what](double done) { progress_(from + done * (to - from), what); };
+  }
+  /// The model identified from the first experiment with this load.
+  const identify::Fit& fit_with(double payload) const;
+  std::string parameter_name(Index i) const {
+    return result_.fit.base.name(*result_.fit.columns, static_cast<int>(i));
+  }
+  const data::Log& log_judged_on() const { return result_.experiments[judged_.front()].log; }
+  bool counts(Index i) const { return result_.counted.counted[static_cast<std::size_t>(i)]; }
+
+  const CampaignSettings& settings_;
+  const Progress& progress_;
+  Setup setup_;
+  CampaignResult result_;
+  // Places in the list of experiments.
+  std::vector<std::size_t> trained_;  ///< each gives one of fits_; first settings_.repeats without load
+  std::vector<std::size_t> judged_;   ///< one a load of the settings
+  std::size_t judged_heavy_{0};       ///< with the load that the model was not identified with
+  std::vector<identify::Fit> fits_;
+};
+
+// Designed for the heaviest load, so that limits hold with every one.
+void Campaign::design_motions() {
+  const double heaviest = std::max(settings_.judged_payload,
+                                   *std::max_element(settings_.payloads.begin(), settings_.payloads.end()));
+  const model::Robot loaded = with_load(setup_.datasheet, heaviest);
+  excite::MotionLimits limits =
+      excite::limits_of(loaded, {.full_turns = true,
+                                 .tool_speed = std::numeric_limits<double>::infinity(),
+                                 .shapes = {},
+                                 .without_bodies = true});
+  limits.margin = 0.2;  // the true arm needs more torque than the data sheet says
+  excite::ExcitationOptions excitation;
+  excitation.duration = settings_.duration;
+  excitation.harmonics = static_cast<int>(std::lround(0.5 * settings_.duration));
+  excitation.structure = {true, true, true, true, {}};
+  excitation.starts = 4;
+  excitation.finalists = 1;
+  excitation.iterations = 60;
+  excitation.seed = settings_.seed;
+  const excite::Excitation excited =
+      excite::ExcitationDesign(loaded, limits, excitation).optimize(part(0.0, 0.1, "designing motions"));
+  result_.condition = excited.score.condition;
+  setup_.exciting = std::make_shared<DesignedMotion>(excited.trajectory);
+  excitation.seed = settings_.seed + 1000;
+  setup_.judged = std::make_shared<DesignedMotion>(excite::ExcitationDesign(loaded, limits, excitation)
+                                                       .optimize(part(0.1, 0.2, "designing motions"))
+                                                       .trajectory);
+  setup_.inertia = track::mean_inertia(setup_.datasheet, *setup_.exciting, settings_.duration);
+}
+
+std::size_t Campaign::add_experiment(bool exciting, double payload, const std::string& name) {
+  const std::uint64_t noise = settings_.seed * 100 + result_.experiments.size() + 1;
+  result_.experiments.push_back({name, exciting, payload, noise, {}});
+  return result_.experiments.size() - 1;
+}
+
+void Campaign::plan_experiments() {
+  std::vector<std::size_t> loads;
+  for (int k = 0; k < settings_.repeats; ++k)
+    trained_.push_back(add_experiment(true, 0.0, fmt::format("exciting-0kg-{}", k + 1)));
+  for (const double payload : settings_.payloads) {
+    if (payload > 0) loads.push_back(add_experiment(true, payload, fmt::format("exciting-{:g}kg", payload)));
+    judged_.push_back(add_experiment(false, payload, fmt::format("judged-{:g}kg", payload)));
+  }
+  const double other = settings_.judged_payload;
+  judged_heavy_ = add_experiment(false, other, fmt::format("judged-{:g}kg", other));
+  loads.push_back(add_experiment(true, other, fmt::format("exciting-{:g}kg", other)));
+  trained_.insert(trained_.end(), loads.begin(), loads.end());
+}
+
+void Campaign::simulate_experiments() {
+  host::for_each_parallel(
+      result_.experiments.size(),
+      [&](std::size_t k) {
+        Experiment& experiment = result_.experiments[k];
+        experiment.log = measure(setup_, experiment);
+      },
+      part(0.2, 0.5, "simulating experiments"));
+}
+
+void Campaign::identify_models() {
+  fits_.resize(trained_.size());
+  host::for_each_parallel(
+      trained_.size(),
+      [&](std::size_t k) {
+        const data::MotionStream stream(result_.experiments[trained_[k]].log);
+        identify::FitOptions options;
+        options.test_bias = k == 0;
+        options.observation.standstill_speed = kStandstillSpeed;
+        fits_[k] = identify::fit(settings_.nominal, {&stream}, options);
+      },
+      part(0.5, 0.85, "identifying"));
+  result_.fit = fits_.front();
+}
+
+const identify::Fit& Campaign::fit_with(double payload) const {
+  for (std::size_t k = 0; k < trained_.size(); ++k) {
+    if (result_.experiments[trained_[k]].payload == payload) return fits_[k];
+  }
+  throw ModelError(
+      fmt::format("campaign: no experiment with {} kg; expected one among the payloads", payload));
+}
+
+void Campaign::judge_parameters() {
+  const identify::Fit& fit = result_.fit;
+  result_.beta_true = fit.base.regrouping * fit.columns->values(setup_.truth);
+  result_.errors = validate::relative_errors(fit.beta, result_.beta_true);
+  result_.shares = identify::torque_shares(fit, result_.beta_true, data::MotionStream(log_judged_on()));
+  result_.counted = identify::counted_parameters(fit, result_.shares);
+  Index worst = 0;
+  validate::judge(result_.criteria[kRecovery],
+                  100.0 * worst_of(result_.errors, result_.counted.counted, &worst));
+  note_parameters(worst);
+}
+
+/// Which parameter was worst, how many intervals hold, and which parameters do not count.
+void Campaign::note_parameters(Index worst) {
+  const identify::Fit& fit = result_.fit;
+  std::string weak, open;
+  int inside = 0;
+  for (Index i = 0; i < result_.shares.size(); ++i) {
+    if (counts(i)) {
+      inside += std::abs(fit.beta[i] - result_.beta_true[i]) <= fit.half_width[i] ? 1 : 0;
+      continue;
+    }
+    std::string& names = fit.determined[static_cast<std::size_t>(i)] ? weak : open;
+    names += (names.empty() ? "" : ", ") + parameter_name(i);
+  }
+  std::vector<std::string>& notes = result_.criteria[kRecovery].notes;
+  notes.push_back(fmt::format(
+      "worst: {}; {} of {} base parameters counted; the 95 % intervals hold the truth of {} of them",
+      parameter_name(worst), result_.counted.count(), result_.shares.size(), inside));
+  if (!weak.empty()) {
+    notes.push_back(
+        fmt::format("not counted, move less than {:g} % of any joint's torque (most are 0 in truth): {}",
+                    100.0 * identify::kCountedShare, weak));
+  }
+  if (!open.empty()) notes.push_back("not counted, the log does not determine them: " + open);
+}
+
+void Campaign::judge_prediction() {
+  const data::MotionStream stream(log_judged_on());
+  validate::ScoreOptions scoring;
+  if (settings_.traces) {
+    result_.trace.emplace(stream.summary().samples, setup_.truth.num_joints());
+    scoring.rows = [this](const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
+                          const Eigen::MatrixXd& predicted) {
+      result_.trace->add(time, measured, predicted);
+    };
+  }
+  result_.holdout = validate::score(result_.fit.robot, stream, scoring);
+  judge_torque(result_.criteria[kPrediction], result_.holdout, settings_);
+}
+
+/// Each model on the other motion with the same load; at last the one identified with one load, with another load.
+void Campaign::score_loads() {
+  std::vector<std::pair<double, std::size_t>> pairs;
+  for (std::size_t k = 0; k < settings_.payloads.size(); ++k)
+    pairs.emplace_back(settings_.payloads[k], judged_[k]);
+  pairs.emplace_back(settings_.identified_payload, judged_heavy_);
+  for (const auto& [payload, log] : pairs) {
+    const Experiment& experiment = result_.experiments[log];
+    model::Robot robot = fit_with(payload).robot;
+    if (experiment.payload != payload) {
+      // The difference between the two loads is known; the load identified with is not.
+      InertialParameters<double>& last = robot.joints.back().link;
+      last = sum(last, campaign_load(robot, experiment.payload));
+      last = sum(last, campaign_load(robot, payload), -1.0);
+    }
+    const data::MotionStream stream(experiment.log);
+    validate::ScoreOptions scoring;
+    scoring.band = result_.holdout.band;
+    result_.payloads.push_back({payload, experiment.payload, validate::score(robot, stream, scoring)});
+  }
+}
+
+void Campaign::judge_loads() {
+  score_loads();
+  validate::Criterion& criterion = result_.criteria[kPayload];
+  judge_torque(criterion, result_.payloads.back().score, settings_);
+  result_.load_difference_true = settings_.judged_payload - settings_.identified_payload;
+  find_load_difference(fit_with(settings_.identified_payload), fit_with(settings_.judged_payload), result_);
+  criterion.notes.push_back(
+      fmt::format("difference of the loads as identified: {:.3f} kg ± {:.3f} kg (standard deviation), in "
+                  "truth {:.3g} kg: {:.1f} %",
+                  result_.load_difference, result_.load_difference_std, result_.load_difference_true,
+                  100.0 * std::abs(result_.load_difference / result_.load_difference_true - 1.0)));
+}
+
+void Campaign::judge_tracking() {
+  model::Robot bare = settings_.nominal;
+  for (model::RobotJoint& joint : bare.joints) joint.actuation = {};
+  const std::array<std::pair<const char*, const model::Robot*>, 3> models{
+      {{"URDF with the drives' data sheet", &setup_.datasheet},
+       {"identified", &result_.fit.robot},
+       {"URDF alone", &bare}}};
+  result_.tracking.resize(models.size());
+  host::for_each_parallel(
+      models.size(),
+      [&](std::size_t k) {
+        const auto& [name, believed] = models[k];
+        result_.tracking[k] = track(setup_, name, *believed, settings_.seed * 100 + 99);
+      },
+      part(0.85, 1.0, "closing the loop"));
+  validate::judge(result_.criteria[kTracking],
+                  100.0 * (1.0 - result_.tracking[1].total() / result_.tracking[0].total()));
+}
+
+void Campaign::judge_repeatability() {
+  std::vector<Eigen::VectorXd> betas;
+  for (int k = 0; k < settings_.repeats; ++k) betas.push_back(fits_[static_cast<std::size_t>(k)].beta);
+  result_.scatter = validate::relative_scatter(betas);
+  Index worst = 0;
+  validate::Criterion& criterion = result_.criteria[kRepeatability];
+  validate::judge(criterion, 100.0 * worst_of(result_.scatter, result_.counted.counted, &worst));
+  criterion.notes.push_back(
+      fmt::format("worst: {}; {} experiments", parameter_name(worst), settings_.repeats));
 }
 
 }  // namespace
@@ -234,193 +504,21 @@ InertialParameters<double> campaign_load(const model::Robot& robot, double mass)
   return sim::inertial_parameters(body);
 }
 
+model::ModelFile CampaignResult::model_file() const {
+  model::ModelFile file = fit.model_file();
+  file.provenance.logs = {experiments.front().name + ".csv"};
+  return file;
+}
+
+model::ModelFile CampaignResult::true_model_file() const {
+  model::ModelFile file = model::make_model(truth);
+  file.provenance.method = "simulated truth";
+  return file;
+}
+
 CampaignResult run_campaign(const CampaignSettings& settings,
                             const std::function<void(double, const std::string&)>& progress) {
-  const auto part = [&](double from, double to, const std::string& what) -> std::function<void(double)> {
-    if (!progress) return {};
-    return [=](double done) { progress(from + done * (to - from), what); };
-  };
-  CampaignResult result;
-  Setup setup;
-  setup.settings = &settings;
-  setup.truth = perturbed_arm(settings.nominal, settings.seed, &setup.datasheet);
-  result.truth = setup.truth;
-  result.datasheet = setup.datasheet;
-
-  // Motions: designed for the heaviest load, so that limits hold with every one.
-  const double heaviest = std::max(settings.judged_payload,
-                                   *std::max_element(settings.payloads.begin(), settings.payloads.end()));
-  const model::Robot loaded = with_load(setup.datasheet, heaviest);
-  excite::MotionLimits limits =
-      excite::limits_of(loaded, {.full_turns = true,
-                                 .tool_speed = std::numeric_limits<double>::infinity(),
-                                 .shapes = {},
-                                 .without_bodies = true});
-  limits.margin = 0.2;  // the true arm needs more torque than the data sheet says
-  excite::ExcitationOptions excitation;
-  excitation.duration = settings.duration;
-  excitation.harmonics = static_cast<int>(std::lround(0.5 * settings.duration));
-  excitation.structure = {true, true, true, true, {}};
-  excitation.starts = 4;
-  excitation.finalists = 1;
-  excitation.iterations = 60;
-  excitation.seed = settings.seed;
-  const excite::Excitation excited =
-      excite::ExcitationDesign(loaded, limits, excitation).optimize(part(0.0, 0.1, "designing motions"));
-  result.condition = excited.score.condition;
-  setup.exciting = std::make_shared<DesignedMotion>(excited.trajectory);
-  excitation.seed = settings.seed + 1000;
-  setup.judged = std::make_shared<DesignedMotion>(excite::ExcitationDesign(loaded, limits, excitation)
-                                                      .optimize(part(0.1, 0.2, "designing motions"))
-                                                      .trajectory);
-  setup.inertia = track::mean_inertia(setup.datasheet, *setup.exciting, settings.duration);
-
-  // Experiments.
-  std::uint64_t noise = settings.seed * 100;
-  const auto add = [&](bool exciting, double payload, const std::string& name) {
-    result.experiments.push_back({name, exciting, payload, ++noise, {}});
-    return result.experiments.size() - 1;
-  };
-  std::vector<std::size_t> repeats, loads, judged;
-  for (int k = 0; k < settings.repeats; ++k)
-    repeats.push_back(add(true, 0.0, fmt::format("exciting-0kg-{}", k + 1)));
-  for (const double payload : settings.payloads) {
-    if (payload > 0) loads.push_back(add(true, payload, fmt::format("exciting-{:g}kg", payload)));
-    judged.push_back(add(false, payload, fmt::format("judged-{:g}kg", payload)));
-  }
-  const std::size_t judged_heavy =
-      add(false, settings.judged_payload, fmt::format("judged-{:g}kg", settings.judged_payload));
-  const std::size_t exciting_heavy =
-      add(true, settings.judged_payload, fmt::format("exciting-{:g}kg", settings.judged_payload));
-  host::for_each_parallel(
-      result.experiments.size(),
-      [&](std::size_t k) {
-        Experiment& experiment = result.experiments[k];
-        experiment.log = measure(setup, experiment);
-      },
-      part(0.2, 0.5, "simulating experiments"));
-
-  // Fits.
-  std::vector<std::size_t> trained = repeats;
-  trained.insert(trained.end(), loads.begin(), loads.end());
-  trained.push_back(exciting_heavy);
-  std::vector<identify::Fit> fits(trained.size());
-  host::for_each_parallel(
-      trained.size(),
-      [&](std::size_t k) {
-        const data::MotionStream stream(result.experiments[trained[k]].log);
-        identify::FitOptions options;
-        options.test_bias = k == 0;
-        options.observation.standstill_speed = kStandstillSpeed;
-        fits[k] = identify::fit(settings.nominal, {&stream}, options);
-      },
-      part(0.5, 0.85, "identifying"));
-  const auto fit_of = [&](double payload) -> const identify::Fit& {
-    for (std::size_t k = 0; k < trained.size(); ++k) {
-      if (result.experiments[trained[k]].payload == payload) return fits[k];
-    }
-    throw ModelError(
-        fmt::format("campaign: no experiment with {} kg; expected one among the payloads", payload));
-  };
-  result.fit = fits.front();
-
-  result.criteria = validate::acceptance_criteria();
-  enum { kRecovery, kPrediction, kTracking, kPayload, kRepeatability };
-  const auto name_of = [&](Index i) {
-    return result.fit.base.name(*result.fit.columns, static_cast<int>(i));
-  };
-
-  // Parameters against the truth.
-  result.beta_true = result.fit.base.regrouping * result.fit.columns->values(setup.truth);
-  result.errors = validate::relative_errors(result.fit.beta, result.beta_true);
-  const data::MotionStream holdout(result.experiments[judged.front()].log);
-  result.shares = identify::torque_shares(result.fit, result.beta_true, holdout);
-  result.counted = identify::counted_parameters(result.fit, result.shares);
-  std::string weak, open;
-  for (Index i = 0; i < result.shares.size(); ++i) {
-    if (result.counted.counted[static_cast<std::size_t>(i)]) continue;
-    std::string& names = result.fit.determined[static_cast<std::size_t>(i)] ? weak : open;
-    names += (names.empty() ? "" : ", ") + name_of(i);
-  }
-  Index at = 0;
-  validate::Criterion& recovery = result.criteria[kRecovery];
-  validate::judge(recovery, 100.0 * worst_of(result.errors, result.counted.counted, &at));
-  int inside = 0;
-  for (Index i = 0; i < result.errors.size(); ++i) {
-    if (!result.counted.counted[static_cast<std::size_t>(i)]) continue;
-    inside += std::abs(result.fit.beta[i] - result.beta_true[i]) <= result.fit.half_width[i] ? 1 : 0;
-  }
-  recovery.notes.push_back(fmt::format(
-      "worst: {}; {} of {} base parameters counted; the 95 % intervals hold the truth of {} of them",
-      name_of(at), result.counted.count(), result.shares.size(), inside));
-  if (!weak.empty()) {
-    recovery.notes.push_back(
-        fmt::format("not counted, move less than {:g} % of any joint's torque (most are 0 in truth): {}",
-                    100.0 * identify::kCountedShare, weak));
-  }
-  if (!open.empty()) recovery.notes.push_back("not counted, the log does not determine them: " + open);
-
-  // Torque on the motion not trained on.
-  result.holdout = validate::score(result.fit.robot, holdout);
-  judge_torque(result.criteria[kPrediction], result.holdout, settings);
-
-  // Loads: each model on the other motion with the same load, then 5 kg on 8 kg.
-  std::vector<std::pair<double, std::size_t>> pairs;
-  for (std::size_t k = 0; k < settings.payloads.size(); ++k)
-    pairs.emplace_back(settings.payloads[k], judged[k]);
-  pairs.emplace_back(settings.identified_payload, judged_heavy);
-  for (const auto& [payload, log] : pairs) {
-    const Experiment& experiment = result.experiments[log];
-    model::Robot robot = fit_of(payload).robot;
-    if (experiment.payload != payload) {
-      // The difference between the two loads is known; the load identified with is not.
-      InertialParameters<double>& last = robot.joints.back().link;
-      last = sum(last, campaign_load(robot, experiment.payload));
-      last = sum(last, campaign_load(robot, payload), -1.0);
-    }
-    const data::MotionStream stream(experiment.log);
-    validate::ScoreOptions scoring;
-    scoring.band = result.holdout.band;
-    result.payloads.push_back({payload, experiment.payload, validate::score(robot, stream, scoring)});
-  }
-  validate::Criterion& payload = result.criteria[kPayload];
-  judge_torque(payload, result.payloads.back().score, settings);
-  result.load_difference_true = settings.judged_payload - settings.identified_payload;
-  find_load_difference(fit_of(settings.identified_payload), fit_of(settings.judged_payload), result);
-  payload.notes.push_back(
-      fmt::format("difference of the loads as identified: {:.3f} kg ± {:.3f} kg (standard deviation), in "
-                  "truth {:.3g} kg: {:.1f} %",
-                  result.load_difference, result.load_difference_std, result.load_difference_true,
-                  100.0 * std::abs(result.load_difference / result.load_difference_true - 1.0)));
-
-  // Closed loops.
-  model::Robot bare = settings.nominal;
-  for (model::RobotJoint& joint : bare.joints) joint.actuation = {};
-  const std::array<std::pair<const char*, const model::Robot*>, 3> models{
-      {{"URDF with the drives' data sheet", &setup.datasheet},
-       {"identified", &result.fit.robot},
-       {"URDF alone", &bare}}};
-  result.tracking.resize(models.size());
-  host::for_each_parallel(
-      models.size(),
-      [&](std::size_t k) {
-        result.tracking[k] = track(setup, models[k].first, *models[k].second, settings.seed * 100 + 99);
-      },
-      part(0.85, 1.0, "closing the loop"));
-  const auto reduction = [&](std::size_t from) {
-    return 100.0 * (1.0 - result.tracking[1].total() / result.tracking[from].total());
-  };
-  validate::Criterion& tracking = result.criteria[kTracking];
-  validate::judge(tracking, reduction(0));
-
-  // Repeats.
-  std::vector<Eigen::VectorXd> betas;
-  for (std::size_t k = 0; k < repeats.size(); ++k) betas.push_back(fits[k].beta);
-  result.scatter = validate::relative_scatter(betas);
-  validate::Criterion& repeatability = result.criteria[kRepeatability];
-  validate::judge(repeatability, 100.0 * worst_of(result.scatter, result.counted.counted, &at));
-  repeatability.notes.push_back(fmt::format("worst: {}; {} experiments", name_of(at), repeats.size()));
-  return result;
+  return Campaign(settings, progress).run();
 }
 
 }  // namespace heft::studies

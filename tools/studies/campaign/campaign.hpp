@@ -5,23 +5,25 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "heft/data/log.hpp"
+#include "heft/host/verdict.hpp"
 #include "heft/identify/fit.hpp"
 #include "heft/identify/fit_record.hpp"
+#include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
-#include "heft/sim/reference.hpp"
 #include "heft/validate/acceptance.hpp"
 #include "heft/validate/score.hpp"
+#include "heft/validate/torque_trace.hpp"
 
 namespace heft::studies {
 
-/// What the campaign is to be.
+/// Settings of a campaign.
 struct CampaignSettings {
   model::Robot nominal;          ///< as its URDF has it: links are taken from here, actuation is not
   std::uint64_t seed{1};         ///< of the true arm, the motions and the noise
@@ -33,6 +35,7 @@ struct CampaignSettings {
   /// Loads that experiments are made with [kg]; the first is none.
   std::vector<double> payloads{0.0, 2.0, 5.0, 10.0};
   double identified_payload{5.0}, judged_payload{8.0};  ///< [kg]
+  bool traces{false};  ///< keep torque over time on the motion judged on, for plots
 };
 
 /// One experiment.
@@ -53,7 +56,7 @@ struct TrackingResult {
   double total() const { return rms.norm(); }
 };
 
-/// A payload as the model trained with it and judged on another motion.
+/// Score of the model identified with one load, on the other motion with the same or another load.
 struct PayloadScore {
   double trained{0.0}, judged{0.0};  ///< [kg]
   validate::Score score;
@@ -66,12 +69,21 @@ struct CampaignResult {
   identify::Fit fit;                                   ///< of the first experiment without load
   Eigen::VectorXd beta_true, shares, errors, scatter;  ///< b
   identify::CountedParameters counted;
-  validate::Score holdout;  ///< of `fit` on the motion judged on
+  validate::Score holdout;                     ///< of `fit` on the motion judged on
+  std::optional<validate::TorqueTrace> trace;  ///< of the same, if asked for
   std::vector<PayloadScore> payloads;
   double load_difference_true{0.0}, load_difference{0.0}, load_difference_std{0.0};  ///< [kg]
   std::vector<TrackingResult> tracking;  ///< datasheet, identified, bare URDF
   std::vector<validate::Criterion> criteria;
-  double condition{0.0};  ///< of the exciting motion, see identify::ExcitationScore
+  double condition{0.0};  ///< of the exciting motion, see excite::ExcitationScore
+
+  /// One criterion missed is bad, one not judged doubtful.
+  host::Judgement judgement() const { return validate::judge(criteria); }
+  bool usable() const { return judgement().usable(); }
+  /// The model identified without load.
+  model::ModelFile model_file() const;
+  /// The arm as it is in truth.
+  model::ModelFile true_model_file() const;
 };
 
 /// The arm that is measured: links of the nominal one with mass, centre of mass and central inertia each off by
@@ -80,8 +92,8 @@ struct CampaignResult {
 model::Robot perturbed_arm(const model::Robot& nominal, std::uint64_t seed,
                            model::Robot* datasheet = nullptr);
 
-/// A load at the flange, heavier ones larger: a ball of steel's weight and thrice its radius, off the flange's
-/// axis. Parameters about the last link's frame.
+/// A load at the flange: an aluminium ball 30 mm in front of it, its centre 36 mm off the flange's axis. Parameters
+/// about the last link's frame.
 InertialParameters<double> campaign_load(const model::Robot& robot, double mass);
 
 /// Runs everything on all processors.

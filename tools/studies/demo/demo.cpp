@@ -13,13 +13,14 @@
 #include "heft/host/parallel.hpp"
 #include "heft/model/named_arms.hpp"
 #include "heft/model/robot_of.hpp"
+#include "heft/page/origin.hpp"
+#include "heft/report/verdict.hpp"
 #include "heft/sim/simulator.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "heft/track/controllers.hpp"
 #include "heft/validate/judgement.hpp"
 #include "host/json.hpp"
 #include "operation_count_line.hpp"
-#include "page_lines.hpp"
 
 namespace heft::studies {
 namespace {
@@ -236,7 +237,7 @@ nlohmann::ordered_json json_of(const DemoResult& d) {
         {"after_grasp_uncorrected", d.after_without},
         {"after_grasp_corrected", d.after_with}}},
       {"report", ""}};
-  report::put_verdict(json, d.judgement);
+  json.update(as_json(report::verdict_json(d.judgement)));
   if (!d.operations.empty()) json["operations"] = d.operations;
   return json;
 }
@@ -394,7 +395,7 @@ void add_notes(const DemoResult& d, page::Page& page) {
 StudyReport run_demo(double mass, const std::function<void(double)>& progress) {
   const DemoResult d = simulate(mass, progress);
   StudyReport report{
-      report::new_page(
+      page::new_page(
           "An arm picks up an unknown load",
           fmt::format(
               "A simulated UR5 under computed torque at 1 kHz; {} kg in the gripper from {:.0f} s on.",

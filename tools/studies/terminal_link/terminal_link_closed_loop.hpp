@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tracking_runs.hpp"
+#include "heft/track/track.hpp"
 
 namespace heft::studies {
 
@@ -23,8 +23,8 @@ struct ClosedLoop {
   std::array<double, 3> payload_com_true{}, payload_com{};
   std::string source;  ///< what the production estimator's estimate rests on
   std::vector<EncoderEstimate> estimates;
-  std::vector<report::TrackingRun> runs;  ///< controllers side by side on the validation trajectory
-  std::vector<std::string> run_notes;     ///< one a run: what the controller knows
+  std::vector<track::Run> runs;        ///< controllers side by side on the validation trajectory
+  std::vector<std::string> run_notes;  ///< one a run: what the controller knows
   double duration{0};
 };
 

@@ -10,10 +10,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "heft/page/page.hpp"
+#include "heft/page/origin.hpp"
+#include "heft/report/tracking.hpp"
 #include "host/json.hpp"
-#include "page_lines.hpp"
-#include "tracking_runs.hpp"
 #include "terminal_link_closed_loop.hpp"
 #include "terminal_link_study.hpp"
 
@@ -224,7 +223,7 @@ Table mass_column_table(const MassColumnCheck& check) {
   return table;
 }
 
-std::vector<double> rms_of(const report::TrackingRun& run) {
+std::vector<double> rms_of(const track::Run& run) {
   std::vector<double> rms;
   for (Eigen::Index j = 0; j < run.error.cols(); ++j) {
     rms.push_back(std::sqrt(run.error.col(j).squaredNorm() / static_cast<double>(run.error.rows())));
@@ -232,14 +231,14 @@ std::vector<double> rms_of(const report::TrackingRun& run) {
   return rms;
 }
 
-double rms_of_all(const report::TrackingRun& run) {
+double rms_of_all(const track::Run& run) {
   return std::sqrt(run.error.squaredNorm() / static_cast<double>(run.error.size()));
 }
 
 Table closed_loop_table(const ClosedLoop& loop) {
   Table table({"controller", "joint 1", "2", "3", "4", "5", "6", "all [mrad]", "of PD [%]"});
   const double reference = rms_of_all(loop.runs.front());
-  for (const report::TrackingRun& run : loop.runs) {
+  for (const track::Run& run : loop.runs) {
     std::vector<std::string> row{run.name};
     for (const double v : rms_of(run)) row.push_back(fmt::format("{:.2f}", 1e3 * v));
     row.push_back(fmt::format("{:.2f}", 1e3 * rms_of_all(run)));
@@ -354,7 +353,7 @@ void add_closed_loop(const ClosedLoop& loop, StudyReport& report) {
   report.csv("closed_loop_tracking.csv", table);
 
   const auto subset = [&](const std::vector<std::size_t>& which) {
-    std::vector<report::TrackingRun> runs;
+    std::vector<track::Run> runs;
     for (const std::size_t i : which) runs.push_back(loop.runs[i]);
     return runs;
   };
@@ -464,7 +463,7 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
                       closed_loop_table(loop).to_text(2));
 
   StudyReport report{
-      report::new_page("Terminal-link estimation, reproduced", kPublication), text, {}, {}, {}, {}};
+      page::new_page("Terminal-link estimation, reproduced", kPublication), text, {}, {}, {}, {}};
   page::Page& page = report.page;
   page.verdict(
       fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.", sentence, seeds),
@@ -582,7 +581,7 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
                            {"half_width_95", loop.payload_half_width},
                            {"com", loop.payload_com},
                            {"com_true", loop.payload_com_true}}},
-                         {"tracking", report::tracking_json(loop.runs)},
+                         {"tracking", as_json(report::json(loop.runs))},
                          {"estimates", estimates}};
   report.json = std::move(json);
   return report;

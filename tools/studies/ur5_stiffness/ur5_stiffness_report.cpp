@@ -11,9 +11,8 @@
 #include <nlohmann/json.hpp>
 
 #include "heft/host/numbers.hpp"
-#include "heft/page/page.hpp"
+#include "heft/page/origin.hpp"
 #include "host/json.hpp"
-#include "page_lines.hpp"
 #include "ur5_stiffness_figures.hpp"
 #include "ur5_stiffness_study.hpp"
 
@@ -346,7 +345,7 @@ void add_faults(const Ur5Study& study, StudyReport& report) {
 StudyReport report_of(const Ur5Study& study, const std::vector<Check>& checks) {
   const StiffnessStudy& s = study.stiffness;
   StudyReport report{
-      report::new_page(
+      page::new_page(
           "Joint stiffness of the UR5, reproduced",
           "the thesis \"Experimental identification of the joints stiffness of the UR5 robot arm\", from its "
           "own tables"),
