@@ -164,14 +164,16 @@ std::string brief(const Diagnosis& diagnosis) {
   return text;
 }
 
-std::vector<std::string> notes(const Diagnosis& diagnosis) {
-  std::vector<std::string> notes{brief(diagnosis)};
+model::ModelFile model_file(const Diagnosis& diagnosis) {
+  model::ModelFile file = diagnosis.model_file();
+  std::vector<std::string>& notes = file.provenance.notes;
+  notes = {brief(diagnosis)};
   for (const Finding& finding : diagnosis.findings) {
     notes.push_back(fmt::format("{}: {}; {}", finding_in_place(diagnosis, finding),
                                 parameters_in_words(finding, diagnosis.after), evidence_in_words(finding)));
   }
   notes.insert(notes.end(), diagnosis.notes.begin(), diagnosis.notes.end());
-  return notes;
+  return file;
 }
 
 int most_improved_joint(const Diagnosis& diagnosis) {

@@ -77,11 +77,8 @@ void run(const Options& options) {
                                          command_line(options), torque};
   console.print("{}", report::full(diagnosis, context));
   finish(console, options.model, options.result, report::json(diagnosis, context),
-         report::page(diagnosis, context), [&] {
-           model::ModelFile file = diagnosis.model_file();
-           file.provenance.notes = report::notes(diagnosis);
-           model::write_model(options.model, file);
-         });
+         report::page(diagnosis, context),
+         [&] { model::write_model(options.model, report::model_file(diagnosis)); });
 }
 
 }  // namespace

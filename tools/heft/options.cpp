@@ -1,8 +1,6 @@
 #include "options.hpp"
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 
 #include <fmt/format.h>
 
@@ -11,6 +9,7 @@
 #include "heft/host/file.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/plausibility/plausibility.hpp"
+#include "heft/urdf/mounting.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "heft/validate/predict.hpp"
 
@@ -40,20 +39,9 @@ void add_robot_options(CommandLine line, RobotOptions& options) {
       .expected(3);
 }
 
-/// Rotation about x by roll, then about the fixed y by pitch, then about the fixed z by yaw, row-major.
-static std::array<double, 9> rotation_of(const std::vector<double>& angles) {
-  const double cr = std::cos(angles[0]), sr = std::sin(angles[0]);
-  const double cp = std::cos(angles[1]), sp = std::sin(angles[1]);
-  const double cy = std::cos(angles[2]), sy = std::sin(angles[2]);
-  return {cy * cp,
-          cy * sp * sr - sy * cr,
-          cy * sp * cr + sy * sr,  //
-          sy * cp,
-          sy * sp * sr + cy * cr,
-          sy * sp * cr - cy * sr,  //
-          -sp,
-          cp * sr,
-          cp * cr};
+/// @pre --mount was given
+static std::array<double, 9> mount_of(const RobotOptions& options) {
+  return urdf::mount_rotation(options.mount[0], options.mount[1], options.mount[2]);
 }
 
 LoadedRobot load_robot_and_fit(const RobotOptions& options) {
@@ -70,25 +58,17 @@ LoadedRobot load_robot_and_fit(const RobotOptions& options) {
   }
   if (options.urdf.empty()) {
     loaded.robot = model::make_robot(*model);
-    if (!options.mount.empty()) {
-      const std::array<double, 9> R = rotation_of(options.mount);
-      const std::array<double, 3> down = urdf::UrdfOptions{}.gravity;
-      // Gravity in the base frame is Rᵀ times gravity in the level world.
-      for (std::size_t i = 0; i < 3; ++i) {
-        loaded.robot.gravity[i] = R[i] * down[0] + R[3 + i] * down[1] + R[6 + i] * down[2];
-      }
-    }
+    if (!options.mount.empty()) loaded.robot.gravity = urdf::gravity_in_base(mount_of(options));
     return loaded;
   }
   urdf::UrdfOptions urdf_options;
   urdf_options.base_link = options.base;
   urdf_options.tip_link = options.tip;
-  if (!options.mount.empty()) urdf_options.mount_rotation = rotation_of(options.mount);
+  if (!options.mount.empty()) urdf_options.mount_rotation = mount_of(options);
   std::vector<std::string> notes;
   loaded.robot = urdf::load_urdf(urdf::resolve_robot(options.urdf), urdf_options, &notes);
   if (model) {
-    // The orientation of the base has just been given: it holds, not the one the model was made with.
-    if (model->kinematics && !options.mount.empty()) model->kinematics->gravity = loaded.robot.gravity;
+    if (!options.mount.empty()) urdf::mount_like(loaded.robot, *model);
     model::apply(*model, loaded.robot, &notes);
   }
   for (const std::string& text : notes) note(text);

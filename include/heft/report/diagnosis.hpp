@@ -7,6 +7,7 @@
 
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/verdict.hpp"
+#include "heft/model/model_file.hpp"
 #include "heft/page/page.hpp"
 
 namespace heft::report {
@@ -27,7 +28,7 @@ std::string full(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& c
 std::string json(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context = {});
 /// Verdict, ranking, residuals of the joints that are worth a look, errors before and after, refusals.
 page::Page page(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context = {});
-/// What a model file says of the diagnosis that it comes from: the answer, each effect, notes.
-std::vector<std::string> notes(const diagnose::Diagnosis& diagnosis);
+/// The diagnosis as a model file, with its notes: the answer, each effect, what else was noticed.
+model::ModelFile model_file(const diagnose::Diagnosis& diagnosis);
 
 }  // namespace heft::report
