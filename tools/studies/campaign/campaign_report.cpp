@@ -151,8 +151,8 @@ std::string tracking_meaning(const CampaignResult& result) {
   return fmt::format(
       "Tracking: the same loop on the motion judged on, against the true positions. "
       "\"{}\" has the URDF's links and the drives' catalogue values, as far off as the links; "
-      "the criterion is against it, for against the URDF alone, whose drives have neither friction nor "
-      "rotors, anything would win.",
+      "the criterion compares with it, since any model would win against the URDF alone, whose drives have "
+      "neither friction nor rotors.",
       result.tracking.front().name);
 }
 
