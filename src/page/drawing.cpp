@@ -1,0 +1,101 @@
+#include "drawing.hpp"
+
+#include <algorithm>
+#include <cstdint>
+
+#include <fmt/format.h>
+
+#include "compact_svg.hpp"
+#include "gnuplot.hpp"
+#include "heft/host/file.hpp"
+#include "heft/page/page.hpp"
+#include "palette.hpp"
+
+namespace heft::page {
+namespace {
+
+/// Above this an SVG drawing is slower to show than a picture.
+constexpr std::size_t kMaxSvgBytes = 300 * 1024;
+
+std::string solid(std::size_t entry) { return kPalette[entry].light; }
+
+std::string base64(const std::string& bytes) {
+  static constexpr char kAlphabet[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t k = 0; k < bytes.size(); k += 3) {
+    const std::size_t count = std::min<std::size_t>(3, bytes.size() - k);
+    std::uint32_t word = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      word = (word << 8U) | (i < count ? static_cast<unsigned char>(bytes[k + i]) : 0U);
+    }
+    for (std::size_t i = 0; i < 4; ++i) {
+      text += i <= count ? kAlphabet[(word >> (18U - 6U * i)) & 63U] : '=';
+    }
+  }
+  return text;
+}
+
+std::string draw_png(int width, int height, const Script& script) {
+  const GnuplotResult result = run_gnuplot(fmt::format("set terminal pngcairo size {},{} noenhanced rounded "
+                                                       "fontscale 1.6 linewidth 1.6 background '#ffffff'\n",
+                                                       2 * width, 2 * height) +
+                                           script(solid));
+  return result.ok ? result.output : std::string{};
+}
+
+std::string not_drawn(const std::string& title, const std::string& reason) {
+  return fmt::format("<p class=\"noplot\">{} is not drawn: {}.</p>\n",
+                     title.empty() ? "The plot" : "“" + escape_html(title) + "”", escape_html(reason));
+}
+
+}  // namespace
+
+std::string quote(const std::string& text) {
+  std::string quoted = "'";
+  for (const char c : text) {
+    if (c == '\'') {
+      quoted += "’";
+    } else {
+      quoted += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+    }
+  }
+  return quoted + "'";
+}
+
+Drawing draw_svg(int width, int height, const Script& script) {
+  const GnuplotResult result =
+      run_gnuplot(fmt::format("set terminal svg size {},{} dynamic noenhanced rounded font 'sans-serif,12'\n",
+                              width, height) +
+                  script(placeholder));
+  if (!result.ok) return {{}, result.error};
+  return {compact_svg(result.output), {}};
+}
+
+std::string fragment(const Drawing& drawing, const std::string& title, const std::string& label, int width,
+                     int height, const Script& script) {
+  if (!drawing.error.empty()) return not_drawn(title, drawing.error);
+  if (drawing.body.size() <= kMaxSvgBytes) {
+    return fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">\n{}</svg>\n", width,
+                       height, escape_html(label), drawing.body);
+  }
+  const std::string png = draw_png(width, height, script);
+  if (png.empty()) return not_drawn(title, "gnuplot could not draw it as a picture");
+  return fmt::format("<img class=\"raster\" alt=\"{}\" src=\"data:image/png;base64,{}\">\n",
+                     escape_html(label), base64(png));
+}
+
+void write_standalone(const Drawing& drawing, const std::string& title, const std::string& legend, int width,
+                      int height, const std::string& path) {
+  constexpr int kHead = 44;
+  host::write_file_atomically(
+      path, fmt::format(
+                "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" "
+                "viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" font-family=\"sans-serif\" "
+                "font-size=\"12\" fill=\"#24292f\">\n<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n"
+                "<text x=\"12\" y=\"20\" font-size=\"14\" font-weight=\"bold\">{2}</text>\n{3}"
+                "<g transform=\"translate(0,{4})\">\n{5}</g>\n</svg>\n",
+                width, height + kHead, escape_html(title), legend, kHead, drawing.body));
+}
+
+}  // namespace heft::page

@@ -1,0 +1,38 @@
+/// @file
+/// Scripts drawn by gnuplot, as part of a page or as a file of their own.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <string>
+
+namespace heft::page {
+
+/// How an entry of the palette is written in a script.
+using ColourName = std::string (*)(std::size_t entry);
+/// The script after `set terminal`, with colours named by a function.
+using Script = std::function<std::string(ColourName)>;
+
+struct Drawing {
+  std::string body;  ///< inside <svg>
+  std::string error;
+};
+
+/// Text as gnuplot's single-quoted string, in which nothing is expanded or executed. gnuplot reads a doubled
+/// quote at the beginning as an empty string and goes on with the rest as commands, so an apostrophe becomes
+/// a typographic one, which has no meaning to it.
+std::string quote(const std::string& text);
+
+/// @param width, height  [px]
+Drawing draw_svg(int width, int height, const Script& script);
+
+/// Fragment of a page: the drawing, or as a picture when it is large, or why there is none.
+/// @param label  what a screen reader says instead of the drawing
+std::string fragment(const Drawing& drawing, const std::string& title, const std::string& label, int width,
+                     int height, const Script& script);
+
+/// A file of its own: title, then `legend`, then the drawing.
+void write_standalone(const Drawing& drawing, const std::string& title, const std::string& legend, int width,
+                      int height, const std::string& path);
+
+}  // namespace heft::page

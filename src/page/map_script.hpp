@@ -1,0 +1,16 @@
+/// @file
+/// The gnuplot script of a map.
+#pragma once
+
+#include <string>
+
+#include "drawing.hpp"
+#include "heft/page/plot.hpp"
+
+namespace heft::page {
+
+/// The whole script after `set terminal`.
+/// @param spec  at least two values along each side, and one for each pair of them
+std::string script_of(const MapSpec& spec, ColourName colour);
+
+}  // namespace heft::page
