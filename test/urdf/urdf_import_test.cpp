@@ -416,9 +416,9 @@ TEST(UrdfRefusal, NoLinks) {
 TEST(UrdfRefusal, NamesMissingOrTwice) {
   EXPECT_THAT(refusal(robot("<link/>")), HasSubstr("arm.urdf:2: <link> without a name"));
   EXPECT_EQ(refusal(robot(link("a") + link("a"))),
-            "arm.urdf:3: link \"a\" is there already (line 2); expected every name once; rename one");
+            "arm.urdf:3: link \"a\" already exists (line 2); expected every name once; rename one");
   EXPECT_THAT(refusal(robot(link("a") + link("b") + joint("j", "a", "b") + joint("j", "a", "b"))),
-              HasSubstr("arm.urdf:5: joint \"j\" is there already (line 4)"));
+              HasSubstr("arm.urdf:5: joint \"j\" already exists (line 4)"));
 }
 
 TEST(UrdfRefusal, LoopOfTwoParents) {

@@ -33,7 +33,7 @@ struct UrdfExportReport {
   /// Links fixed to a moving one whose `<inertial>` is a comment now, since the moving link carries the whole.
   std::vector<std::string> set_aside_links;
   std::vector<std::string> changed_joints;  ///< joints whose `<dynamics>` got other values or was inserted
-  std::vector<std::string> notes;           ///< one line for each thing worth telling
+  std::vector<std::string> notes;           ///< one line for each thing worth knowing
   /// Torques of the file read again against those of the robot: largest difference on random states over the
   /// largest torque.
   double torque_difference{0.0};

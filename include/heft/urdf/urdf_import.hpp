@@ -39,7 +39,7 @@ struct UrdfOptions {
 ///   nobody means, and which would keep the compile-time dynamics from dropping the products by zero.
 /// - A moving link without mass is accepted when another one moves further out, and warned about.
 ///
-/// @param warnings  one line for each thing worth telling (impossible inertia, parts left out), may be null
+/// @param warnings  one line for each thing worth knowing (impossible inertia, parts left out), may be null
 /// @throws UrdfError naming file and, where known, line: what was found, what was expected, what to do.
 model::Robot load_urdf(const std::string& path, const UrdfOptions& options = {},
                        std::vector<std::string>* warnings = nullptr);
