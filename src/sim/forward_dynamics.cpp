@@ -128,6 +128,138 @@ struct ForwardDynamics::Impl {
       s.z = s.R.col(2);
     }
   }
+
+  /// Outward: velocity, velocity products, and inertia and bias force of link i alone. place() has run.
+  void set_velocity(std::size_t i, double rate) {
+    const LinkConstants& link = links[i];
+    LinkState& s = state[i];
+    if (i == 0) {
+      s.w.setZero();
+      s.alpha_bias.setZero();
+      s.a_bias.setZero();
+      if (!link.prismatic) s.w = rate * s.z;
+    } else {
+      const Vector3d& w = state[i - 1].w;
+      const Vector3d w_cross_z_qd = w.cross(s.z) * rate;
+      s.a_bias = w.cross(w.cross(s.r));
+      if (link.prismatic) {
+        s.w = w;
+        s.alpha_bias.setZero();
+        s.a_bias += 2.0 * w_cross_z_qd;
+      } else {
+        s.w = w + rate * s.z;
+        s.alpha_bias = w_cross_z_qd;
+      }
+    }
+    const Vector3d mc = s.R * link.first_moment;
+    s.I = rotate(s.R, link.inertia);
+    s.M = {link.mass, 0.0, 0.0, link.mass, 0.0, link.mass};
+    s.H << 0.0, -mc.z(), mc.y(), mc.z(), 0.0, -mc.x(), -mc.y(), mc.x(), 0.0;
+    s.n = s.w.cross(s.I * s.w);
+    s.f = s.w.cross(s.w.cross(mc));
+  }
+
+  void add_at_tip(const Wrench& wrench) {
+    LinkState& last = state.back();
+    const Vector3d tip = last.R * tip_position;
+    last.n -= wrench.moment + tip.cross(wrench.force);
+    last.f -= wrench.force;
+  }
+
+  /// Inward: articulated inertia and bias of link i, which is complete by now, in the direction of its joint.
+  void project_on_joint(std::size_t i, double tau) {
+    const LinkConstants& link = links[i];
+    LinkState& s = state[i];
+    if (link.prismatic) {
+      s.U_n.noalias() = s.H * s.z;
+      s.U_f = s.M * s.z;
+      s.D = s.z.dot(s.U_f);
+      s.u = tau - s.z.dot(s.f);
+    } else {
+      s.U_n = s.I * s.z;
+      s.U_f.noalias() = s.H.transpose() * s.z;
+      s.D = s.z.dot(s.U_n);
+      s.u = tau - s.z.dot(s.n);
+    }
+    s.D += link.rotor_inertia;
+  }
+
+  /// Inward: adds to the parent's articulated inertia and bias those of link i, as its joint transmits them.
+  void hand_inboard(std::size_t i, bool locked) {
+    const LinkState& s = state[i];
+    Symmetric3 I = s.I;
+    Symmetric3 M = s.M;
+    Matrix3d H = s.H;
+    if (!locked) {
+      const double inverse_D = 1.0 / s.D;
+      I.subtract_outer(s.U_n, inverse_D);
+      M.subtract_outer(s.U_f, inverse_D);
+      H.noalias() -= (inverse_D * s.U_n) * s.U_f.transpose();
+    }
+    Vector3d moment = s.n + I * s.alpha_bias;
+    moment.noalias() += H * s.a_bias;
+    Vector3d force = s.f + M * s.a_bias;
+    force.noalias() += H.transpose() * s.alpha_bias;
+    if (!locked) {
+      const double ratio = s.u / s.D;
+      moment += ratio * s.U_n;
+      force += ratio * s.U_f;
+    }
+    add_shifted(I, H, M, moment, force, s.r, state[i - 1]);
+  }
+
+  /// Adds to the parent, with the reference point moved to its origin by r: with [r] the cross-product matrix of r,
+  /// H' = H + [r] M,  I' = I − H' [r] + [r] Hᵀ,  M' = M.
+  static void add_shifted(const Symmetric3& I, const Matrix3d& H, const Symmetric3& M, const Vector3d& moment,
+                          const Vector3d& force, const Vector3d& r, LinkState& parent) {
+    const double x = r.x(), y = r.y(), z = r.z();
+    Matrix3d Hp;
+    Hp(0, 0) = H(0, 0) + y * M.xz - z * M.xy;
+    Hp(0, 1) = H(0, 1) + y * M.yz - z * M.yy;
+    Hp(0, 2) = H(0, 2) + y * M.zz - z * M.yz;
+    Hp(1, 0) = H(1, 0) + z * M.xx - x * M.xz;
+    Hp(1, 1) = H(1, 1) + z * M.xy - x * M.yz;
+    Hp(1, 2) = H(1, 2) + z * M.xz - x * M.zz;
+    Hp(2, 0) = H(2, 0) + x * M.xy - y * M.xx;
+    Hp(2, 1) = H(2, 1) + x * M.yy - y * M.xy;
+    Hp(2, 2) = H(2, 2) + x * M.yz - y * M.xz;
+    parent.I.xx += I.xx - (Hp(0, 1) * z - Hp(0, 2) * y) + (y * H(0, 2) - z * H(0, 1));
+    parent.I.xy += I.xy - (Hp(0, 2) * x - Hp(0, 0) * z) + (y * H(1, 2) - z * H(1, 1));
+    parent.I.xz += I.xz - (Hp(0, 0) * y - Hp(0, 1) * x) + (y * H(2, 2) - z * H(2, 1));
+    parent.I.yy += I.yy - (Hp(1, 2) * x - Hp(1, 0) * z) + (z * H(1, 0) - x * H(1, 2));
+    parent.I.yz += I.yz - (Hp(1, 0) * y - Hp(1, 1) * x) + (z * H(2, 0) - x * H(2, 2));
+    parent.I.zz += I.zz - (Hp(2, 0) * y - Hp(2, 1) * x) + (x * H(2, 1) - y * H(2, 0));
+    parent.H += Hp;
+    parent.M.add(M);
+    parent.n += moment + r.cross(force);
+    parent.f += force;
+  }
+
+  static bool is_locked(const bool* locked, std::size_t i) { return locked != nullptr && locked[i]; }
+
+  /// Outward: accelerations. Gravity enters as an upward acceleration of the base.
+  void accelerate(const bool* locked, double* qdd, double* excess) const {
+    Vector3d alpha = Vector3d::Zero();
+    Vector3d a = -gravity;
+    for (std::size_t i = 0; i < links.size(); ++i) {
+      const LinkState& s = state[i];
+      a += alpha.cross(s.r) + s.a_bias;
+      alpha += s.alpha_bias;
+      const double net = s.u - s.U_n.dot(alpha) - s.U_f.dot(a);
+      if (is_locked(locked, i)) {
+        qdd[i] = 0.0;
+        if (excess != nullptr) excess[i] = net;
+        continue;
+      }
+      qdd[i] = net / s.D;
+      if (excess != nullptr) excess[i] = 0.0;
+      if (links[i].prismatic) {
+        a += qdd[i] * s.z;
+      } else {
+        alpha += qdd[i] * s.z;
+      }
+    }
+  }
 };
 
 ForwardDynamics::ForwardDynamics(const model::Robot& robot) : impl_(std::make_unique<Impl>()) {
@@ -142,7 +274,7 @@ ForwardDynamics::ForwardDynamics(const model::Robot& robot) : impl_(std::make_un
   for (const model::RobotJoint& joint : robot.joints) {
     using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
     const Vector3d axis = Eigen::Map<const Vector3d>(joint.joint.axis.data());
-    // An axis that is 1e-9 too long scales the joint's inertia by 2e-9, so this is as exact as it need be.
+    // An axis that is 1e-9 too long scales the joint's inertia by 2e-9, so this is exact enough.
     if (!(std::abs(axis.norm() - 1.0) < 1e-9)) {
       throw ModelError(
           fmt::format("robot \"{}\", joint \"{}\": found an axis of length {:.12g}, expected 1; "
@@ -217,128 +349,13 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
   Impl& impl = *impl_;
   impl.place(q);
   const std::size_t n = impl.links.size();
-
-  // Outward: velocities, velocity products, rigid-body inertia and bias force of each link alone.
-  for (std::size_t i = 0; i < n; ++i) {
-    const LinkConstants& link = impl.links[i];
-    LinkState& s = impl.state[i];
-    if (i == 0) {
-      s.w.setZero();
-      s.alpha_bias.setZero();
-      s.a_bias.setZero();
-      if (!link.prismatic) s.w = qd[0] * s.z;
-    } else {
-      const Vector3d& w = impl.state[i - 1].w;
-      const Vector3d w_cross_z_qd = w.cross(s.z) * qd[i];
-      s.a_bias = w.cross(w.cross(s.r));
-      if (link.prismatic) {
-        s.w = w;
-        s.alpha_bias.setZero();
-        s.a_bias += 2.0 * w_cross_z_qd;
-      } else {
-        s.w = w + qd[i] * s.z;
-        s.alpha_bias = w_cross_z_qd;
-      }
-    }
-    const Vector3d mc = s.R * link.first_moment;
-    s.I = rotate(s.R, link.inertia);
-    s.M = {link.mass, 0.0, 0.0, link.mass, 0.0, link.mass};
-    s.H << 0.0, -mc.z(), mc.y(), mc.z(), 0.0, -mc.x(), -mc.y(), mc.x(), 0.0;
-    s.n = s.w.cross(s.I * s.w);
-    s.f = s.w.cross(s.w.cross(mc));
-  }
-  if (wrench != nullptr) {
-    LinkState& last = impl.state[n - 1];
-    const Vector3d tip = last.R * impl.tip_position;
-    last.n -= wrench->moment + tip.cross(wrench->force);
-    last.f -= wrench->force;
-  }
-
-  // Inward: articulated inertia and bias force.
+  for (std::size_t i = 0; i < n; ++i) impl.set_velocity(i, qd[i]);
+  if (wrench != nullptr) impl.add_at_tip(*wrench);
   for (std::size_t i = n; i-- > 0;) {
-    const LinkConstants& link = impl.links[i];
-    LinkState& s = impl.state[i];
-    const bool is_locked = locked != nullptr && locked[i];
-    if (link.prismatic) {
-      s.U_n.noalias() = s.H * s.z;
-      s.U_f = s.M * s.z;
-      s.D = s.z.dot(s.U_f);
-      s.u = tau[i] - s.z.dot(s.f);
-    } else {
-      s.U_n = s.I * s.z;
-      s.U_f.noalias() = s.H.transpose() * s.z;
-      s.D = s.z.dot(s.U_n);
-      s.u = tau[i] - s.z.dot(s.n);
-    }
-    s.D += link.rotor_inertia;
-    if (i == 0) break;
-
-    Symmetric3 I = s.I;
-    Symmetric3 M = s.M;
-    Matrix3d H = s.H;
-    if (!is_locked) {
-      const double inverse_D = 1.0 / s.D;
-      I.subtract_outer(s.U_n, inverse_D);
-      M.subtract_outer(s.U_f, inverse_D);
-      H.noalias() -= (inverse_D * s.U_n) * s.U_f.transpose();
-    }
-    Vector3d moment = s.n + I * s.alpha_bias;
-    moment.noalias() += H * s.a_bias;
-    Vector3d force = s.f + M * s.a_bias;
-    force.noalias() += H.transpose() * s.alpha_bias;
-    if (!is_locked) {
-      const double ratio = s.u / s.D;
-      moment += ratio * s.U_n;
-      force += ratio * s.U_f;
-    }
-
-    // Shift from this origin to the parent's: with [r] the cross-product matrix of r,
-    // H' = H + [r] M,  I' = I − H' [r] + [r] Hᵀ,  M' = M.
-    LinkState& parent = impl.state[i - 1];
-    const double x = s.r.x(), y = s.r.y(), z = s.r.z();
-    Matrix3d Hp;
-    Hp(0, 0) = H(0, 0) + y * M.xz - z * M.xy;
-    Hp(0, 1) = H(0, 1) + y * M.yz - z * M.yy;
-    Hp(0, 2) = H(0, 2) + y * M.zz - z * M.yz;
-    Hp(1, 0) = H(1, 0) + z * M.xx - x * M.xz;
-    Hp(1, 1) = H(1, 1) + z * M.xy - x * M.yz;
-    Hp(1, 2) = H(1, 2) + z * M.xz - x * M.zz;
-    Hp(2, 0) = H(2, 0) + x * M.xy - y * M.xx;
-    Hp(2, 1) = H(2, 1) + x * M.yy - y * M.xy;
-    Hp(2, 2) = H(2, 2) + x * M.yz - y * M.xz;
-    parent.I.xx += I.xx - (Hp(0, 1) * z - Hp(0, 2) * y) + (y * H(0, 2) - z * H(0, 1));
-    parent.I.xy += I.xy - (Hp(0, 2) * x - Hp(0, 0) * z) + (y * H(1, 2) - z * H(1, 1));
-    parent.I.xz += I.xz - (Hp(0, 0) * y - Hp(0, 1) * x) + (y * H(2, 2) - z * H(2, 1));
-    parent.I.yy += I.yy - (Hp(1, 2) * x - Hp(1, 0) * z) + (z * H(1, 0) - x * H(1, 2));
-    parent.I.yz += I.yz - (Hp(1, 0) * y - Hp(1, 1) * x) + (z * H(2, 0) - x * H(2, 2));
-    parent.I.zz += I.zz - (Hp(2, 0) * y - Hp(2, 1) * x) + (x * H(2, 1) - y * H(2, 0));
-    parent.H += Hp;
-    parent.M.add(M);
-    parent.n += moment + s.r.cross(force);
-    parent.f += force;
+    impl.project_on_joint(i, tau[i]);
+    if (i > 0) impl.hand_inboard(i, impl.is_locked(locked, i));
   }
-
-  // Outward: accelerations. Gravity enters as an upward acceleration of the base.
-  Vector3d alpha = Vector3d::Zero();
-  Vector3d a = -impl.gravity;
-  for (std::size_t i = 0; i < n; ++i) {
-    const LinkState& s = impl.state[i];
-    a += alpha.cross(s.r) + s.a_bias;
-    alpha += s.alpha_bias;
-    const double net = s.u - s.U_n.dot(alpha) - s.U_f.dot(a);
-    if (locked != nullptr && locked[i]) {
-      qdd[i] = 0.0;
-      if (excess != nullptr) excess[i] = net;
-      continue;
-    }
-    qdd[i] = net / s.D;
-    if (excess != nullptr) excess[i] = 0.0;
-    if (impl.links[i].prismatic) {
-      a += qdd[i] * s.z;
-    } else {
-      alpha += qdd[i] * s.z;
-    }
-  }
+  impl.accelerate(locked, qdd, excess);
 }
 
 Eigen::VectorXd ForwardDynamics::acceleration(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,

@@ -246,6 +246,113 @@ std::function<void(double, Eigen::Ref<VectorXd>)> read_torque(const SettingsRead
   };
 }
 
+/// Duration, rates and what is logged.
+void read_times(const SettingsReader& top, SimulationSettings& s) {
+  s.duration = top.number("duration", Range::kPositive);
+  s.sample_rate = top.number_or("sample_rate", 1000.0, Range::kPositive);
+  s.log_rate = top.number_or("log_rate", 0.0, Range::kPositive);
+  if (s.log_rate > 0.0) {
+    const double ratio = s.sample_rate / s.log_rate;
+    if (std::round(ratio) < 1.0 || std::abs(ratio - std::round(ratio)) > 1e-9 * ratio) {
+      top.refuse("log_rate", "",
+                 fmt::format("the sample rate {} Hz divided by a whole number", s.sample_rate),
+                 "choose such a rate, or leave it out to log every sample");
+    }
+  }
+  if (s.duration * s.sample_rate > 1e8) {
+    top.refuse("duration", fmt::format("{} s at {} Hz", s.duration, s.sample_rate), "at most 1e8 samples",
+               "shorten it or lower the sample rate");
+  }
+  if (top.has("seed"))
+    s.seed = static_cast<std::uint64_t>(top.whole_number("seed", 0, std::numeric_limits<long>::max()));
+  s.log_truth = top.flag_or("truth", false);
+}
+
+void read_gravity(const SettingsReader& top, SimulationSettings& s) {
+  if (top.has("gravity")) s.gravity = top.numbers("gravity", 3);
+  if (top.has("base_tilt")) {
+    const SettingsReader tilt = top.object("base_tilt");
+    const double degree = std::numbers::pi / 180.0;
+    const Eigen::Vector3d level =
+        s.gravity ? *s.gravity : Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(s.robot.gravity.data()));
+    s.gravity =
+        tilted_gravity(level, tilt.number("tilt_deg") * degree, tilt.number_or("azimuth_deg", 0.0) * degree);
+    tilt.finish();
+  }
+}
+
+/// The reference, and where the arm is when it begins.
+void read_motion(const SettingsReader& top, SimulationSettings& s) {
+  const int n = s.robot.num_joints();
+  if (top.has("reference")) s.reference = read_reference(top.object("reference"), n);
+  if (top.has("initial")) {
+    const SettingsReader initial = top.object("initial");
+    s.initial_position = initial.numbers("position", n);
+    s.initial_velocity = initial.numbers_or_none("velocity", n);
+    initial.finish();
+  } else if (s.reference != nullptr) {
+    s.initial_position.resize(n);
+    s.initial_velocity.resize(n);
+    VectorXd qdd(n);
+    s.reference->evaluate(0.0, s.initial_position, s.initial_velocity, qdd);
+  } else {
+    top.refuse("initial", "", "an object with \"position\"",
+               "add it, or a reference whose start is then taken");
+  }
+}
+
+/// Friction, payload and the other effects.
+void read_forces(const SettingsReader& top, SimulationSettings& s) {
+  const int n = s.robot.num_joints();
+  // The robot with the friction that is simulated: some effects scale or replace it.
+  model::Robot acting = s.robot;
+  if (top.is_text("friction")) {
+    top.word("friction", {"none"});
+    without_friction(acting);
+    s.loads.resize(static_cast<std::size_t>(n));
+    add_joint_effects(acting, s.loads);
+  } else if (top.has("friction")) {
+    s.loads = read_friction(top.object("friction"), acting);
+    add_joint_effects(acting, s.loads);
+  } else {
+    s.loads = friction_of(s.robot);
+  }
+  if (top.has("payload")) s.payload_events = read_payload(top, n);
+  if (top.has("effects")) read_effects(top, acting, s);
+}
+
+/// BDF where the equations of motion are stiff, unless the scenario says otherwise.
+SolverSettings default_solver(const SimulationSettings& s) {
+  SolverSettings solver = s.solver;
+  for (const JointLoad& load : s.loads) {
+    // A smooth sign is stiff: Fc/(ε M) can pass 1e5 1/s.
+    if (load.sign == SignModel::kSmooth && !load.effects.empty()) solver.method = SolverMethod::kBdf;
+  }
+  for (const GearCoupling<double>& coupling : s.robot.couplings) {
+    if (coupling.coulomb_friction > 0.0) solver.method = SolverMethod::kBdf;
+  }
+  // So are the springs of elastic joints: motor and link swing at tens of hertz.
+  if (!s.robot.elasticities.empty()) solver.method = SolverMethod::kBdf;
+  return solver;
+}
+
+void read_drive_torque(const SettingsReader& top, bool has_controller, SimulationSettings& s) {
+  const int n = s.robot.num_joints();
+  if (top.is_text("torque_limit")) {
+    if (top.word("torque_limit", {"robot", "none"}) == "robot") s.torque_limit = effort_limits_of(s.robot);
+  } else if (top.has("torque_limit")) {
+    s.torque_limit = top.numbers("torque_limit", n, Range::kPositive);
+  } else {
+    s.torque_limit = effort_limits_of(s.robot);
+  }
+  if (top.has("torque")) {
+    if (has_controller) {
+      top.refuse("torque", "both an open-loop torque and a controller", "one of the two", "leave one out");
+    }
+    s.torque = read_torque(top.object("torque"), n);
+  }
+}
+
 }  // namespace
 
 Body read_body(const SettingsReader& reader) {
@@ -286,90 +393,12 @@ Scenario parse_scenario(std::string_view json, const std::string& file, const Ro
       s.robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = rotor[i];
   }
 
-  s.duration = top.number("duration", Range::kPositive);
-  s.sample_rate = top.number_or("sample_rate", 1000.0, Range::kPositive);
-  s.log_rate = top.number_or("log_rate", 0.0, Range::kPositive);
-  if (s.log_rate > 0.0) {
-    const double ratio = s.sample_rate / s.log_rate;
-    if (std::round(ratio) < 1.0 || std::abs(ratio - std::round(ratio)) > 1e-9 * ratio) {
-      top.refuse("log_rate", "",
-                 fmt::format("the sample rate {} Hz divided by a whole number", s.sample_rate),
-                 "choose such a rate, or leave it out to log every sample");
-    }
-  }
-  if (s.duration * s.sample_rate > 1e8) {
-    top.refuse("duration", fmt::format("{} s at {} Hz", s.duration, s.sample_rate), "at most 1e8 samples",
-               "shorten it or lower the sample rate");
-  }
-  if (top.has("seed"))
-    s.seed = static_cast<std::uint64_t>(top.whole_number("seed", 0, std::numeric_limits<long>::max()));
-  s.log_truth = top.flag_or("truth", false);
-
-  if (top.has("gravity")) s.gravity = top.numbers("gravity", 3);
-  if (top.has("base_tilt")) {
-    const SettingsReader tilt = top.object("base_tilt");
-    const double degree = std::numbers::pi / 180.0;
-    const Eigen::Vector3d level =
-        s.gravity ? *s.gravity : Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(s.robot.gravity.data()));
-    s.gravity =
-        tilted_gravity(level, tilt.number("tilt_deg") * degree, tilt.number_or("azimuth_deg", 0.0) * degree);
-    tilt.finish();
-  }
-
-  if (top.has("reference")) s.reference = read_reference(top.object("reference"), n);
-  if (top.has("initial")) {
-    const SettingsReader initial = top.object("initial");
-    s.initial_position = initial.numbers("position", n);
-    s.initial_velocity = initial.numbers_or_none("velocity", n);
-    initial.finish();
-  } else if (s.reference != nullptr) {
-    s.initial_position.resize(n);
-    s.initial_velocity.resize(n);
-    VectorXd qdd(n);
-    s.reference->evaluate(0.0, s.initial_position, s.initial_velocity, qdd);
-  } else {
-    top.refuse("initial", "", "an object with \"position\"",
-               "add it, or a reference whose start is then taken");
-  }
-
-  // The robot with the friction that is simulated: some effects scale or replace it.
-  model::Robot acting = s.robot;
-  if (top.is_text("friction")) {
-    top.word("friction", {"none"});
-    without_friction(acting);
-    s.loads.resize(static_cast<std::size_t>(n));
-    add_joint_effects(acting, s.loads);
-  } else if (top.has("friction")) {
-    s.loads = read_friction(top.object("friction"), acting);
-    add_joint_effects(acting, s.loads);
-  } else {
-    s.loads = friction_of(s.robot);
-  }
-  if (top.has("payload")) s.payload_events = read_payload(top, n);
-  if (top.has("effects")) read_effects(top, acting, s);
-  for (const JointLoad& load : s.loads) {
-    // A smooth sign is stiff: Fc/(ε M) can pass 1e5 1/s.
-    if (load.sign == SignModel::kSmooth && !load.effects.empty()) s.solver.method = SolverMethod::kBdf;
-  }
-  for (const GearCoupling<double>& coupling : s.robot.couplings) {
-    if (coupling.coulomb_friction > 0.0) s.solver.method = SolverMethod::kBdf;
-  }
-  // So are the springs of elastic joints: motor and link swing at tens of hertz.
-  if (!s.robot.elasticities.empty()) s.solver.method = SolverMethod::kBdf;
-
-  if (top.is_text("torque_limit")) {
-    if (top.word("torque_limit", {"robot", "none"}) == "robot") s.torque_limit = effort_limits_of(s.robot);
-  } else if (top.has("torque_limit")) {
-    s.torque_limit = top.numbers("torque_limit", n, Range::kPositive);
-  } else {
-    s.torque_limit = effort_limits_of(s.robot);
-  }
-  if (top.has("torque")) {
-    if (kind != "none") {
-      top.refuse("torque", "both an open-loop torque and a controller", "one of the two", "leave one out");
-    }
-    s.torque = read_torque(top.object("torque"), n);
-  }
+  read_times(top, s);
+  read_gravity(top, s);
+  read_motion(top, s);
+  read_forces(top, s);
+  s.solver = default_solver(s);
+  read_drive_torque(top, kind != "none", s);
   if (top.has("sensors")) s.sensors = read_sensors(top.object("sensors"), n, s.sample_rate);
   if (top.has("solver")) s.solver = read_solver(top.object("solver"), s.solver);
   top.finish();
