@@ -142,92 +142,126 @@ bool ExcitationDesign::Impl::space_barrier(const Samples& at, double barrier, bo
   return true;
 }
 
-bool ExcitationDesign::Impl::evaluate(const VectorXd& x, double barrier, double& cost, VectorXd* gradient,
-                                      double* pure) const {
-  const Index samples = times.size(), joints = n(), size = b();
-  const ExcitationTrajectory motion = decode(x);
-  const MatrixXd c = coefficients(motion);
-  MatrixXd q = coarse.q * c, qd = coarse.qd * c, qdd = coarse.qdd * c;
-  q.rowwise() += motion.start.transpose();
+/// The barrier over the coarse samples: Σ log slack, and the derivative of −weight times it by what is limited, samples × n.
+struct ExcitationDesign::Impl::Barrier {
+  Barrier(Index samples, Index joints, double weight)
+      : count(static_cast<double>(samples)),
+        share(weight / count),
+        by_q(MatrixXd::Zero(samples, joints)),
+        by_qd(by_q),
+        by_qdd(by_q),
+        by_tau(by_q) {}
 
-  // The cheap tests first.
-  const double share = barrier / static_cast<double>(samples);
-  double sum = 0.0;  // of logarithms of slacks, over samples
-  MatrixXd by_q = MatrixXd::Zero(samples, joints), by_qd = by_q, by_qdd = by_q;
-  // −log(1 − (v/l)²) bounds both sides; derivative 2 v / (l² − v²).
-  const auto bound = [&](double value, double limit, double& by) {
+  /// log(1 − (v/l)²) bounds both sides; its derivative is −2 v / (l² − v²). False outside.
+  bool bound(double value, double limit, double& by) {
     const double slack = 1.0 - (value / limit) * (value / limit);
     if (!(slack > 0.0)) return false;
-    sum += std::log(slack) / static_cast<double>(samples);
+    sum += std::log(slack) / count;
     by += share * 2.0 * value / (limit * limit * slack);
     return true;
-  };
-  constexpr double kUse = 1.0 - kReserve;
-  for (Index j = 0; j < joints; ++j) {
-    const bool bounded = std::isfinite(bounds.acceleration[j]);
-    for (Index i = 0; i < samples; ++i) {
-      if (!bound(q(i, j) - bounds.middle[j], kUse * bounds.half[j], by_q(i, j))) return false;
-      if (!bound(qd(i, j), kUse * bounds.velocity[j], by_qd(i, j))) return false;
-      if (bounded && !bound(qdd(i, j), kUse * bounds.acceleration[j], by_qdd(i, j))) return false;
-    }
-  }
-  Samples between;
-  MatrixXd by_q_space, by_qd_space;
-  if (bounds.has_space) {
-    between = samples_of(motion, dense);
-    if (!space_barrier(between, barrier, gradient != nullptr, sum, by_q_space, by_qd_space)) return false;
   }
 
-  // Regressors, rows times weight, and torques with friction of either sign.
-  MatrixXd W(samples * joints, size), by_tau = MatrixXd::Zero(samples, joints);
+  double count;
+  double share;
+  double sum{0.0};
+  MatrixXd by_q, by_qd, by_qdd, by_tau;
+};
+
+bool ExcitationDesign::Impl::motion_barrier(const Samples& motion, Barrier& barrier) const {
+  constexpr double kUse = 1.0 - kReserve;
+  for (Index j = 0; j < motion.q.cols(); ++j) {
+    const bool bounded = std::isfinite(bounds.acceleration[j]);
+    for (Index i = 0; i < motion.q.rows(); ++i) {
+      if (!barrier.bound(motion.q(i, j) - bounds.middle[j], kUse * bounds.half[j], barrier.by_q(i, j)))
+        return false;
+      if (!barrier.bound(motion.qd(i, j), kUse * bounds.velocity[j], barrier.by_qd(i, j))) return false;
+      if (bounded && !barrier.bound(motion.qdd(i, j), kUse * bounds.acceleration[j], barrier.by_qdd(i, j)))
+        return false;
+    }
+  }
+  return true;
+}
+
+bool ExcitationDesign::Impl::torque_barrier(const Samples& motion, Barrier& barrier, MatrixXd& W) const {
+  const Index samples = motion.q.rows(), joints = n(), size = b();
+  W.resize(samples * joints, size);
   MatrixXd Y(joints, size);
   VectorXd tau(joints);
   constexpr double kTorqueUse = 1.0 - kTorqueReserve;
   for (Index i = 0; i < samples; ++i) {
-    regressor->evaluate(q.row(i), qd.row(i), qdd.row(i), Y, tau);
+    regressor->evaluate(motion.q.row(i), motion.qd.row(i), motion.qdd.row(i), Y, tau);
     W.middleRows(i * joints, joints) = weights.asDiagonal() * Y;
     for (Index j = 0; j < joints; ++j) {
       if (!std::isfinite(bounds.torque[j])) continue;
-      if (!bound(tau[j], kTorqueUse * bounds.torque[j] - bounds.coulomb[j], by_tau(i, j))) return false;
+      if (!barrier.bound(tau[j], kTorqueUse * bounds.torque[j] - bounds.coulomb[j], barrier.by_tau(i, j)))
+        return false;
     }
   }
-  // F = ∫ Yᵀ Λ² Y dt over the duration.
-  const double dt = span / static_cast<double>(samples) * repeats;
-  MatrixXd F = MatrixXd::Zero(size, size);
+  return true;
+}
+
+MatrixXd ExcitationDesign::Impl::searched_information(const MatrixXd& W, double dt) const {
+  MatrixXd F = MatrixXd::Zero(b(), b());
   F.selfadjointView<Eigen::Lower>().rankUpdate(W.transpose(), dt);
   F.triangularView<Eigen::StrictlyUpper>() = F.transpose();
   if (has_given) {
     const double unit = weights[0] * noise[0];  // weights are 1/noise times this
     F += options.weights == RowWeights::kUnit ? given_unit : MatrixXd(given_noise * (unit * unit));
   }
+  return F;
+}
+
+void ExcitationDesign::Impl::add_objective_slope(const Samples& motion, const MatrixXd& WS,
+                                                 Barrier& barrier) const {
+  const Index joints = n();
+  VectorXd g_q, g_qd, g_qdd;
+  for (Index i = 0; i < motion.q.rows(); ++i) {
+    const MatrixXd G = weights.asDiagonal() * WS.middleRows(i * joints, joints);
+    regressor->gradient(motion.q.row(i), motion.qd.row(i), motion.qdd.row(i), G, barrier.by_tau.row(i), g_q,
+                        g_qd, g_qdd);
+    barrier.by_q.row(i) += g_q;
+    barrier.by_qd.row(i) += g_qd;
+    barrier.by_qdd.row(i) += g_qdd;
+  }
+}
+
+bool ExcitationDesign::Impl::evaluate(const VectorXd& x, double barrier, double& cost, VectorXd* gradient,
+                                      double* pure) const {
+  const Index joints = n();
+  const ExcitationTrajectory motion = decode(x);
+  const Samples samples = samples_of(motion, coarse);
+
+  // The cheap tests first.
+  Barrier walls(times.size(), joints, barrier);
+  if (!motion_barrier(samples, walls)) return false;
+  MatrixXd by_q_space, by_qd_space;
+  if (bounds.has_space && !space_barrier(samples_of(motion, dense), barrier, gradient != nullptr, walls.sum,
+                                         by_q_space, by_qd_space))
+    return false;
+  MatrixXd W;
+  if (!torque_barrier(samples, walls, W)) return false;
+
+  const double dt = span / static_cast<double>(times.size()) * repeats;
   double value = 0.0;
   MatrixXd S;
-  if (!objective(F, value, gradient != nullptr ? &S : nullptr)) return false;
-  cost = value - barrier * sum;
+  if (!objective(searched_information(W, dt), value, gradient != nullptr ? &S : nullptr)) return false;
+  cost = value - barrier * walls.sum;
   if (pure != nullptr) *pure = value;
   if (gradient == nullptr) return true;
 
   // d cost = Σ_t 2 dt tr(S Y_tᵀ Λ² dY_t): G_t = 2 dt Λ² Y_t S.
-  const MatrixXd WS = W * S * (2.0 * dt);
-  VectorXd g_q, g_qd, g_qdd;
-  for (Index i = 0; i < samples; ++i) {
-    const MatrixXd G = weights.asDiagonal() * WS.middleRows(i * joints, joints);
-    regressor->gradient(q.row(i), qd.row(i), qdd.row(i), G, by_tau.row(i), g_q, g_qd, g_qdd);
-    by_q.row(i) += g_q;
-    by_qd.row(i) += g_qd;
-    by_qdd.row(i) += g_qdd;
-  }
-  const Index m = at_rest.cols();
+  add_objective_slope(samples, W * S * (2.0 * dt), walls);
   gradient->resize(x.size());
-  VectorXd by_start = by_q.colwise().sum().transpose();
-  MatrixXd by_c =
-      coarse.q.transpose() * by_q + coarse.qd.transpose() * by_qd + coarse.qdd.transpose() * by_qdd;
+  VectorXd by_start = walls.by_q.colwise().sum().transpose();
+  MatrixXd by_c = coarse.q.transpose() * walls.by_q + coarse.qd.transpose() * walls.by_qd +
+                  coarse.qdd.transpose() * walls.by_qdd;
   if (bounds.has_space) {
     by_start += by_q_space.colwise().sum().transpose();
     by_c += dense.q.transpose() * by_q_space + dense.qd.transpose() * by_qd_space;
   }
   if (free_start()) gradient->head(joints) = bounds.half.cwiseProduct(by_start);
-  gradient->tail(m * joints) = (at_rest.transpose() * by_c * bounds.velocity.asDiagonal()).reshaped();
+  gradient->tail(at_rest.cols() * joints) =
+      (at_rest.transpose() * by_c * bounds.velocity.asDiagonal()).reshaped();
   return true;
 }
 

@@ -102,6 +102,16 @@ void check(const model::Robot& robot, const MotionLimits& limits, const Excitati
   }
 }
 
+/// Instants over a time: in the middle of equal parts, or both ends among them.
+VectorXd evenly(double length, Index count, bool with_ends) {
+  VectorXd t(count);
+  for (Index i = 0; i < count; ++i) {
+    t[i] = with_ends ? length * static_cast<double>(i) / static_cast<double>(count - 1)
+                     : length * (static_cast<double>(i) + 0.5) / static_cast<double>(count);
+  }
+  return t;
+}
+
 }  // namespace
 
 ExcitationDesign::Impl::Impl(const model::Robot& robot, const MotionLimits& limits,
@@ -112,56 +122,67 @@ ExcitationDesign::Impl::Impl(const model::Robot& robot, const MotionLimits& limi
       dynamics(robot) {
   check(robot, limits, options);
   if (options.period == 0.0) options.period = options.duration;
-
-  // Which columns.
   if (options.payload_only) {
-    const int last = n() - 1;
-    // Of the ten those that some motion of this arm shows apart from the ones before.
-    std::mt19937_64 random(1);
-    const int rows = 20 * n();
-    MatrixXd W(rows, 10);
-    for (int s = 0; s < 20; ++s) {
-      const VectorXd q = random_position(random, VectorXd::Zero(n()), VectorXd::Constant(n(), kPi), 1.0);
-      const VectorXd qd = random_position(random, VectorXd::Zero(n()), VectorXd::Ones(n()), 1.0);
-      const VectorXd qdd = random_position(random, VectorXd::Zero(n()), VectorXd::Ones(n()), 1.0);
-      W.middleRows(s * n(), n()) = columns.regressor(q, qd, qdd).middleCols(10 * last, 10);
-    }
-    MatrixXd Q(rows, 0);
-    for (int k = 0; k < 10; ++k) {
-      VectorXd left = W.col(k);
-      for (int pass = 0; pass < 2; ++pass) left -= Q * (Q.transpose() * left);
-      if (left.norm() <= 1e-9 * (1.0 + W.col(k).norm())) continue;
-      Q.conservativeResize(rows, Q.cols() + 1);
-      Q.col(Q.cols() - 1) = left.normalized();
-      kept.push_back(10 * last + k);
-      names.push_back(columns[10 * last + k].name);
-      expressions.push_back(names.back());
-    }
+    choose_last_link();
   } else {
-    const BaseParameters base = find_base_parameters(columns);
-    kept = base.kept;
-    expressions = base.expressions;
-    regrouping = base.regrouping;
-    for (int i = 0; i < base.count(); ++i) names.push_back(base.name(columns, i));
-  }
-  if (options.payload_only) {
-    regrouping = MatrixXd::Zero(b(), columns.count());
-    for (int i = 0; i < b(); ++i) regrouping(i, kept[static_cast<std::size_t>(i)]) = 1.0;
+    choose_base_parameters();
   }
   for (const int c : kept) units.push_back(columns[c].unit);
+  set_weights(limits.torque);
+  regressor = make_differentiable_regressor(columns, kept, 0.02 * bounds.velocity);
+  choose_span();
+  keep_ends_at_rest();
+  choose_instants(limits);
+  given_noise = given_unit = MatrixXd::Zero(b(), b());
+  if (!free_start()) check_start(limits);
+}
 
+void ExcitationDesign::Impl::choose_last_link() {
+  const int last = n() - 1;
+  std::mt19937_64 random(1);
+  const int rows = 20 * n();
+  MatrixXd W(rows, 10);
+  for (int s = 0; s < 20; ++s) {
+    const VectorXd q = random_position(random, VectorXd::Zero(n()), VectorXd::Constant(n(), kPi), 1.0);
+    const VectorXd qd = random_position(random, VectorXd::Zero(n()), VectorXd::Ones(n()), 1.0);
+    const VectorXd qdd = random_position(random, VectorXd::Zero(n()), VectorXd::Ones(n()), 1.0);
+    W.middleRows(s * n(), n()) = columns.regressor(q, qd, qdd).middleCols(10 * last, 10);
+  }
+  MatrixXd Q(rows, 0);
+  for (int k = 0; k < 10; ++k) {
+    VectorXd left = W.col(k);
+    for (int pass = 0; pass < 2; ++pass) left -= Q * (Q.transpose() * left);
+    if (left.norm() <= 1e-9 * (1.0 + W.col(k).norm())) continue;
+    Q.conservativeResize(rows, Q.cols() + 1);
+    Q.col(Q.cols() - 1) = left.normalized();
+    kept.push_back(10 * last + k);
+    names.push_back(columns[10 * last + k].name);
+    expressions.push_back(names.back());
+  }
+  regrouping = MatrixXd::Zero(b(), columns.count());
+  for (int i = 0; i < b(); ++i) regrouping(i, kept[static_cast<std::size_t>(i)]) = 1.0;
+}
+
+void ExcitationDesign::Impl::choose_base_parameters() {
+  const BaseParameters base = find_base_parameters(columns);
+  kept = base.kept;
+  expressions = base.expressions;
+  regrouping = base.regrouping;
+  for (int i = 0; i < base.count(); ++i) names.push_back(base.name(columns, i));
+}
+
+void ExcitationDesign::Impl::set_weights(const VectorXd& torque_limits) {
   noise = options.torque_noise;
   if (noise.size() == 0) {
-    noise = 0.01 * limits.torque;
+    noise = 0.01 * torque_limits;
     if (!noise.allFinite()) noise.setOnes();
   }
   weights = options.weights == RowWeights::kUnit ? VectorXd::Ones(n()) : VectorXd(noise.cwiseInverse());
-  // The search minds ratios only; a largest weight of 1 keeps its numbers near 1.
+  // Only ratios matter to the search; a largest weight of 1 keeps its numbers near 1.
   weights /= weights.maxCoeff();
+}
 
-  regressor = make_differentiable_regressor(columns, kept, 0.02 * bounds.velocity);
-
-  // Whole periods look all alike: the search looks at one.
+void ExcitationDesign::Impl::choose_span() {
   const double periods = options.duration / options.period;
   if (std::abs(periods - std::round(periods)) < 1e-9) {
     repeats = static_cast<int>(std::round(periods));
@@ -169,8 +190,9 @@ ExcitationDesign::Impl::Impl(const model::Robot& robot, const MotionLimits& limi
   } else {
     span = options.duration;
   }
+}
 
-  // Velocity and acceleration at both ends are C c = 0 for the coefficients c = [a; b].
+void ExcitationDesign::Impl::keep_ends_at_rest() {
   const int K = options.harmonics;
   const FourierBasis ends = basis_at(Eigen::Vector2d(0.0, options.duration));
   MatrixXd C(4, 2 * K);
@@ -180,40 +202,34 @@ ExcitationDesign::Impl::Impl(const model::Robot& robot, const MotionLimits& limi
     throw ModelError(
         fmt::format("robot \"{}\": harmonics: found {} over {:.4g} periods, expected more: start and "
                     "end at rest take {} coefficients a joint and leave no motion",
-                    robot.name, K, periods, 2 * K - at_rest.cols()));
+                    columns.robot().name, K, options.duration / options.period, 2 * K - at_rest.cols()));
   }
+}
 
-  const auto even = [](double length, Index count, bool with_ends) {
-    VectorXd t(count);
-    for (Index i = 0; i < count; ++i) {
-      t[i] = with_ends ? length * static_cast<double>(i) / static_cast<double>(count - 1)
-                       : length * (static_cast<double>(i) + 0.5) / static_cast<double>(count);
-    }
-    return t;
-  };
+void ExcitationDesign::Impl::choose_instants(const MotionLimits& limits) {
   // 30 samples of the fastest harmonic: torque and height, which are not band-limited, are then sampled well
   // enough for a search; what they do between samples the final check sees.
-  const Index samples = std::max<Index>(60, static_cast<Index>(std::ceil(30.0 * K * span / options.period)));
-  times = even(span, samples, false);
+  const Index samples =
+      std::max<Index>(60, static_cast<Index>(std::ceil(30.0 * options.harmonics * span / options.period)));
+  times = evenly(span, samples, false);
   coarse = basis_at(times);
-  dense = basis_at(even(span, 5 * samples, false));
+  dense = basis_at(evenly(span, 5 * samples, false));
   // Fine enough, too, that two links which both move at the tool's speed limit come nearer by less than the clearance
   // between two looks at them.
   double looks = 10.0 * static_cast<double>(samples);
   if (std::isfinite(limits.tool_speed) && limits.clearance > 0.0) {
     looks = std::clamp(span * 2.0 * limits.tool_speed / limits.clearance, looks, std::max(looks, kMostLooks));
   }
-  fine = basis_at(even(span, static_cast<Index>(looks) + 1, true));
-  given_noise = given_unit = MatrixXd::Zero(b(), b());
+  fine = basis_at(evenly(span, static_cast<Index>(looks) + 1, true));
+}
 
-  if (!free_start()) {
-    const Closest found = bounds.closest_at_rest(options.start);
-    if (!(found.slack > kRoom)) {
-      throw ModelError(
-          fmt::format("robot \"{}\": start: at this pose the arm passes a limit ({}); expected a "
-                      "position that can be held inside all limits with their margin of {} %",
-                      robot.name, found.what, 100.0 * limits.margin));
-    }
+void ExcitationDesign::Impl::check_start(const MotionLimits& limits) const {
+  const Closest found = bounds.closest_at_rest(options.start);
+  if (!(found.slack > kRoom)) {
+    throw ModelError(
+        fmt::format("robot \"{}\": start: at this pose the arm passes a limit ({}); expected a "
+                    "position that can be held inside all limits with their margin of {} %",
+                    columns.robot().name, found.what, 100.0 * limits.margin));
   }
 }
 

@@ -28,6 +28,19 @@ inline constexpr double kRoom = 0.01;
 struct ExcitationDesign::Impl {
   Impl(const model::Robot& robot, const MotionLimits& limits, ExcitationOptions given_options);
 
+  // Steps of the constructor.
+  /// Parameters of the last link that some motion of this arm distinguishes from those before them.
+  void choose_last_link();
+  void choose_base_parameters();
+  void set_weights(const Eigen::VectorXd& torque_limits);
+  /// One period where the duration holds whole ones, which all look alike; else the duration.
+  void choose_span();
+  /// Coefficients c = [a; b] with C c = 0: velocity and acceleration at both ends.
+  void keep_ends_at_rest();
+  void choose_instants(const MotionLimits& limits);
+  /// @throws ModelError when the arm cannot be held at the start.
+  void check_start(const MotionLimits& limits) const;
+
   int n() const { return columns.num_joints(); }
   int b() const { return static_cast<int>(kept.size()); }
   bool free_start() const { return options.start.size() == 0; }
@@ -46,6 +59,16 @@ struct ExcitationDesign::Impl {
   /// Cost as ExcitationDesign::cost; false outside the limits. `pure` is the objective without barrier.
   bool evaluate(const Eigen::VectorXd& x, double barrier, double& cost, Eigen::VectorXd* gradient,
                 double* pure = nullptr) const;
+
+  struct Barrier;
+  /// Barrier of positions, velocities and accelerations. False outside.
+  bool motion_barrier(const Samples& motion, Barrier& barrier) const;
+  /// Barrier of the torques, with friction of either sign. False outside. W: rows of the regressor times their weight.
+  bool torque_barrier(const Samples& motion, Barrier& barrier, Eigen::MatrixXd& W) const;
+  /// F = ∫ Yᵀ Λ² Y dt over the duration, with what is given.
+  Eigen::MatrixXd searched_information(const Eigen::MatrixXd& W, double dt) const;
+  /// Adds the derivatives of objective and torque barrier by the motion to the barrier's. WS = 2 dt Λ Y S.
+  void add_objective_slope(const Samples& motion, const Eigen::MatrixXd& WS, Barrier& barrier) const;
 
   Samples samples_of(const ExcitationTrajectory& motion, const FourierBasis& basis) const;
   /// Barrier of everything that is limited in space over the dense samples: Σ log slack is added to `sum`, its

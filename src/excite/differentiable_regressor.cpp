@@ -7,7 +7,7 @@
 
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/regressor.hpp"
-#include "heft/host/error.hpp"
+#include "heft/model/sized.hpp"
 
 namespace heft::excite {
 namespace {
@@ -34,7 +34,7 @@ ArmModel<Scalar, N> converted(const ArmModel<double, N>& arm) {
 
 /// Instances take long to compile, so there are few. A smaller arm gets massless joints at its tip that do not move:
 /// they change neither the torques of the others nor their columns.
-constexpr std::array<int, 3> kSizes{6, 7, model::kMaxJoints};
+constexpr int compiled_size(int joints) { return joints <= 6 ? 6 : joints <= 7 ? 7 : model::kMaxJoints; }
 
 /// The robot with N joints.
 template <int N>
@@ -212,25 +212,15 @@ class Sized final : public DifferentiableRegressor {
   Eigen::VectorXd sign_width_;
 };
 
-template <std::size_t K>
-std::unique_ptr<DifferentiableRegressor> make_sized(const RegressionColumns& columns,
-                                                    const std::vector<int>& chosen,
-                                                    const Eigen::VectorXd& sign_width) {
-  if constexpr (K == kSizes.size()) {
-    throw ModelError("more joints than heft handles");  // RegressionColumns has refused before
-  } else {
-    if (columns.num_joints() <= kSizes[K])
-      return std::make_unique<Sized<kSizes[K]>>(columns, chosen, sign_width);
-    return make_sized<K + 1>(columns, chosen, sign_width);
-  }
-}
-
 }  // namespace
 
 std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(const RegressionColumns& columns,
                                                                        const std::vector<int>& chosen,
                                                                        const Eigen::VectorXd& sign_width) {
-  return make_sized<0>(columns, chosen, sign_width);
+  const auto make = [&](auto n) -> std::unique_ptr<DifferentiableRegressor> {
+    return std::make_unique<Sized<compiled_size(n)>>(columns, chosen, sign_width);
+  };
+  return model::with_joint_count(columns.num_joints(), columns.robot().name, make);
 }
 
 }  // namespace heft::excite

@@ -139,23 +139,88 @@ void in_parallel(int count, int threads, const std::function<void(int)>& job,
   if (failure) std::rethrow_exception(failure);
 }
 
+/// Searches from several starts, of which the best are taken to the end.
+class MultiStart {
+ public:
+  MultiStart(const ExcitationDesign::Impl& design, const std::function<void(double)>& progress)
+      : design_(design),
+        progress_(progress),
+        threads_(design.options.threads > 0
+                     ? design.options.threads
+                     : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
+        finalists_(std::clamp(design.options.finalists, 1, design.options.starts)),
+        searches_(static_cast<std::size_t>(design.options.starts)),
+        order_(searches_.size()) {
+    std::iota(order_.begin(), order_.end(), 0);
+  }
+
+  /// A short search from every start.
+  void look() {
+    run(design_.options.starts, [&](int i) {
+      Search& search = searches_[static_cast<std::size_t>(i)];
+      const std::uint64_t seed = design_.options.seed + 0x9e3779b97f4a7c15ULL * static_cast<std::uint64_t>(i);
+      const ExcitationTrajectory motion = design_.random_motion(seed);
+      // Drawn together until the barrier, infinite a little before the limits, has a value.
+      double value = 0.0;
+      for (const double factor : {0.9, 0.7, 0.5, 0.3, 0.1}) {
+        search.x = design_.encode(design_.scaled(motion, factor));
+        if (design_.evaluate(search.x, kFirstBarrier, value, nullptr)) break;
+      }
+      minimise(design_, search, kFirstBarrier, first_iterations(), step_);
+    });
+  }
+
+  /// The best ones to the end.
+  void finish() {
+    run(finalists_, [&](int i) {
+      Search& search = searches_[static_cast<std::size_t>(order_[static_cast<std::size_t>(i)])];
+      if (!search.works) return;
+      const int each = std::max(1, design_.options.iterations / static_cast<int>(kBarriers.size()));
+      for (const double barrier : kBarriers) minimise(design_, search, barrier, each, step_);
+    });
+  }
+
+  int winner() const { return order_[0]; }
+  const Search& best() const { return searches_[static_cast<std::size_t>(order_[0])]; }
+
+  /// Objective of every start; NaN where it has none.
+  std::vector<double> costs() const {
+    std::vector<double> costs;
+    for (const Search& search : searches_) costs.push_back(search.works ? search.value : std::nan(""));
+    return costs;
+  }
+
+ private:
+  int first_iterations() const { return std::max(1, design_.options.iterations / 5); }
+
+  /// Runs jobs, shows progress, and puts the searches in order.
+  void run(int count, const std::function<void(int)>& job) {
+    const double expected = static_cast<double>(design_.options.starts) * first_iterations() +
+                            static_cast<double>(finalists_) * design_.options.iterations;
+    in_parallel(count, threads_, job, [&] {
+      if (progress_) progress_(std::min(1.0, static_cast<double>(steps_) / expected));
+    });
+    std::stable_sort(order_.begin(), order_.end(), [&](int a, int b) {
+      const Search &A = searches_[static_cast<std::size_t>(a)], &B = searches_[static_cast<std::size_t>(b)];
+      if (A.works != B.works) return A.works;
+      return A.works && A.value < B.value;
+    });
+  }
+
+  const ExcitationDesign::Impl& design_;
+  const std::function<void(double)>& progress_;
+  int threads_;
+  int finalists_;
+  std::vector<Search> searches_;
+  std::vector<int> order_;  ///< best first
+  std::atomic<long> steps_{0};
+  const std::function<void()> step_ = [this] { ++steps_; };
+};
+
 }  // namespace
 
 Excitation ExcitationDesign::Impl::optimize(const std::function<void(double)>& progress) const {
-  const int threads = options.threads > 0
-                          ? options.threads
-                          : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   const Quiet quiet;
-  const int finalists = std::clamp(options.finalists, 1, options.starts);
-  const int first = std::max(1, options.iterations / 5);
-  const double expected =
-      static_cast<double>(options.starts) * first + static_cast<double>(finalists) * options.iterations;
-  std::atomic<long> steps{0};
-  const std::function<void()> step = [&] { ++steps; };
-  const auto watch = [&] {
-    if (progress) progress(std::min(1.0, static_cast<double>(steps) / expected));
-  };
-
   const auto refuse = [&](const MatrixXd& information, const std::string& motion) {
     throw NotIdentifiableError(fmt::format(
         "robot \"{}\": {} of {} harmonics over {:.4g} s determines all {} parameters; undetermined: {}. More "
@@ -165,57 +230,20 @@ Excitation ExcitationDesign::Impl::optimize(const std::function<void(double)>& p
         weakest(information + given_noise)));
   };
 
-  // A look at every start.
-  std::vector<Search> searches(static_cast<std::size_t>(options.starts));
-  in_parallel(
-      options.starts, threads,
-      [&](int i) {
-        Search& search = searches[static_cast<std::size_t>(i)];
-        const std::uint64_t seed = options.seed + 0x9e3779b97f4a7c15ULL * static_cast<std::uint64_t>(i);
-        const ExcitationTrajectory motion = random_motion(seed);
-        // Drawn together until the barrier, infinite a little before the limits, has a value.
-        double value = 0.0;
-        for (const double factor : {0.9, 0.7, 0.5, 0.3, 0.1}) {
-          search.x = encode(scaled(motion, factor));
-          if (evaluate(search.x, kFirstBarrier, value, nullptr)) break;
-        }
-        minimise(*this, search, kFirstBarrier, first, step);
-      },
-      watch);
-
-  std::vector<int> order(searches.size());
-  std::iota(order.begin(), order.end(), 0);
-  const auto better = [&](int a, int b) {
-    const Search &A = searches[static_cast<std::size_t>(a)], &B = searches[static_cast<std::size_t>(b)];
-    if (A.works != B.works) return A.works;
-    return A.works && A.value < B.value;
-  };
-  std::stable_sort(order.begin(), order.end(), better);
-  if (!searches[static_cast<std::size_t>(order[0])].works) {
-    MatrixXd by_noise, by_unit;
+  MultiStart starts(*this, progress);
+  starts.look();
+  MatrixXd by_noise, by_unit;
+  if (!starts.best().works) {
     information(random_motion(options.seed), by_noise, by_unit);
     refuse(by_noise, "no motion tried");
   }
-
-  // The best to the end.
-  in_parallel(
-      finalists, threads,
-      [&](int i) {
-        Search& search = searches[static_cast<std::size_t>(order[static_cast<std::size_t>(i)])];
-        if (!search.works) return;
-        const int each = std::max(1, options.iterations / static_cast<int>(kBarriers.size()));
-        for (const double barrier : kBarriers) minimise(*this, search, barrier, each, step);
-      },
-      watch);
-  std::stable_sort(order.begin(), order.end(), better);
+  starts.finish();
 
   Excitation result;
-  result.winner = order[0];
-  const Search& best = searches[static_cast<std::size_t>(order[0])];
-  result.history = best.history;
-  for (const Search& search : searches) result.costs.push_back(search.works ? search.value : std::nan(""));
-  result.scale = drawn_together(decode(best.x), fine, 0.998, result.trajectory);
-  MatrixXd by_noise, by_unit;
+  result.winner = starts.winner();
+  result.history = starts.best().history;
+  result.costs = starts.costs();
+  result.scale = drawn_together(decode(starts.best().x), fine, 0.998, result.trajectory);
   information(result.trajectory, by_noise, by_unit);
   result.score = score_of(by_noise + given_noise, by_unit + given_unit);
   // Beyond this the fit divides by nothing: one part in 10⁵ of a column decides.
