@@ -1,11 +1,9 @@
 #include "heft/model/dynamics.hpp"
 
-#include <fmt/format.h>
-
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/regressor.hpp"
-#include "heft/host/error.hpp"
+#include "heft/model/sized.hpp"
 
 #include "drive_torque.hpp"
 
@@ -59,22 +57,14 @@ struct Sized final : Base {
   Arm arm;
 };
 
-template <int N, typename Base>
-std::unique_ptr<Base> make_sized(const Robot& robot) {
-  if constexpr (N > kMaxJoints) {
-    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name,
-                                 robot.num_joints(), kMaxJoints));
-  } else {
-    if (robot.num_joints() == N) {
-      return std::make_unique<Sized<N, Base>>(robot);
-    }
-    return make_sized<N + 1, Base>(robot);
-  }
-}
-
 }  // namespace
 
-Dynamics::Dynamics(const Robot& robot) : impl_(make_sized<1, Impl>(robot)) { check_effects(robot); }
+Dynamics::Dynamics(const Robot& robot)
+    : impl_(with_joint_count(robot.num_joints(), robot.name, [&](auto n) -> std::unique_ptr<Impl> {
+        return std::make_unique<Sized<n, Impl>>(robot);
+      })) {
+  check_effects(robot);
+}
 Dynamics::~Dynamics() = default;
 Dynamics::Dynamics(Dynamics&&) noexcept = default;
 Dynamics& Dynamics::operator=(Dynamics&&) noexcept = default;

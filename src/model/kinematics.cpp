@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
-#include "heft/model/dynamics.hpp"
+#include "heft/model/sized.hpp"
 
 namespace heft::model {
 
@@ -52,17 +52,6 @@ struct SizedKinematics final : Base {
   ArmModel<double, N> arm;
 };
 
-template <int N, typename Base>
-std::unique_ptr<Base> make_sized(const Robot& robot, const ToolFrame<double>& tool) {
-  if constexpr (N > kMaxJoints) {
-    throw ModelError(fmt::format("robot \"{}\" has {} joints; heft handles 1 to {}", robot.name,
-                                 robot.num_joints(), kMaxJoints));
-  } else {
-    if (robot.num_joints() == N) return std::make_unique<SizedKinematics<N, Base>>(robot, tool);
-    return make_sized<N + 1, Base>(robot, tool);
-  }
-}
-
 /// diag(R, R) v.
 ToolWrench<double> turned(const Eigen::Matrix3d& R, const ToolWrench<double>& v) {
   ToolWrench<double> result;
@@ -75,7 +64,9 @@ ToolWrench<double> turned(const Eigen::Matrix3d& R, const ToolWrench<double>& v)
 
 Kinematics::Kinematics(const Robot& robot) : Kinematics(robot, tip_tool(robot)) {}
 Kinematics::Kinematics(const Robot& robot, const ToolFrame<double>& tool)
-    : impl_(make_sized<1, Impl>(robot, tool)) {}
+    : impl_(with_joint_count(robot.num_joints(), robot.name, [&](auto n) -> std::unique_ptr<Impl> {
+        return std::make_unique<SizedKinematics<n, Impl>>(robot, tool);
+      })) {}
 Kinematics::~Kinematics() = default;
 Kinematics::Kinematics(Kinematics&&) noexcept = default;
 Kinematics& Kinematics::operator=(Kinematics&&) noexcept = default;
