@@ -1,36 +1,17 @@
 /// @file
-/// Two arms at compile time for the firmware tests, as `heft export` would write them.
+/// Arms at compile time for the firmware tests.
 #pragma once
 
 #include <array>
 
 #include "heft/core/arm_model.hpp"
 #include "heft/core/denavit_hartenberg.hpp"
+#include "heft/model/named_arms.hpp"
 
 namespace heft::firmware {
 
-/// The six-joint arm of Kawasaki and Nishimura, tables 1 and 2; kg, m, N·m.
-struct PaperArm {
-  static constexpr ArmModel<double, 6> kModel = [] {
-    constexpr std::array<DenavitHartenberg<double>, 6> kTable = {
-        {{.a = -0.011, .sin_alpha = 1, .cos_alpha = 0},
-         {.a = -0.08},
-         {.a = -0.0886},
-         {.sin_alpha = 1, .cos_alpha = 0},
-         {.d = 0.1, .sin_alpha = 1, .cos_alpha = 0},
-         {}}};
-    constexpr auto kLink = [](double mass, std::array<double, 3> com, double inertia) {
-      return make_inertial_parameters<double>(mass, com, {inertia, 0, inertia, 0, 0, inertia});
-    };
-    ArmModel<double, 6> arm = make_standard_dh_arm<double, 6>(
-        kTable, {kLink(0.8, {-0.04, -0.08, 0}, 0.01), kLink(0.4, {-0.04, 0.02, 0}, 0.005),
-                 kLink(0.35, {-0.07, 0.035, 0}, 0.005), kLink(0.2, {0, 0, 0}, 0.001),
-                 kLink(0.05, {-0.01, -0.03, 0}, 0.0005), kLink(0.05, {0.01, 0.01, 0}, 0.0001)});
-    constexpr std::array<double, 6> kCoulomb = {0.47, 1.25, 1.25, 0.45, 0.25, 0.1};
-    for (std::size_t i = 0; i < kCoulomb.size(); ++i) arm.actuation[i].coulomb_friction = kCoulomb[i];
-    return arm;
-  }();
-};
+/// The six-joint arm of Kawasaki and Nishimura.
+using PaperArm = model::KawasakiArm;
 
 /// The arm whose log is replayed: a load of 60 g gripped askew, and more friction in the last two joints. No
 /// parameter that the estimator finds is zero, so that each can be compared relative to itself.

@@ -1,45 +1,16 @@
 /// @file
-/// Arms as compile-time descriptions: what `heft export` writes, for arms that tests, benchmarks and examples share.
+/// Arms as compile-time descriptions that tests, benchmarks and examples share.
 #pragma once
 
 #include <array>
 
 #include "heft/core/arm_model.hpp"
 #include "heft/core/denavit_hartenberg.hpp"
+#include "heft/model/detail/kawasaki6r.hpp"
 
 namespace heft::model {
 
 namespace detail {
-
-constexpr std::array<double, 6> diagonal(double xx, double yy, double zz) { return {xx, 0, yy, 0, 0, zz}; }
-
-/// Tables 1 and 2 of Kawasaki and Nishimura (1984) in SI units; doubtful digits: core/estimate/README.md, section 9.
-/// @param payload  adds their variation of link 6 (60 g at (0.03, 0.03, 0) …) and of its friction
-constexpr ArmModel<double, 6> make_kawasaki(bool payload) {
-  const std::array<DenavitHartenberg<double>, 6> table = {
-      {{-0.011, 0, 1, 0}, {-0.08, 0, 0, 1}, {-0.0886, 0, 0, 1}, {0, 0, 1, 0}, {0, 0.1, 1, 0}, {0, 0, 0, 1}}};
-  std::array<InertialParameters<double>, 6> links = {
-      make_inertial_parameters<double>(0.8, {-0.04, -0.08, 0}, diagonal(0.01, 0.01, 0.01)),
-      make_inertial_parameters<double>(0.4, {-0.04, 0.02, 0}, diagonal(0.005, 0.005, 0.005)),
-      make_inertial_parameters<double>(0.35, {-0.07, 0.035, 0}, diagonal(0.005, 0.005, 0.005)),
-      make_inertial_parameters<double>(0.2, {0, 0, 0}, diagonal(0.001, 0.001, 0.001)),
-      make_inertial_parameters<double>(0.05, {-0.01, -0.03, 0}, diagonal(0.0005, 0.0005, 0.0005)),
-      make_inertial_parameters<double>(0.05, {0.01, 0.01, 0}, diagonal(0.0001, 0.0001, 0.0001))};
-  if (payload) {
-    // The variation is stated for mass, centre and inertia about the centre: 110 g at (0.04, 0.04, 0),
-    // diag(0.4, 0.3, 0.4) g m².
-    links[5] = make_inertial_parameters<double>(0.11, {0.04, 0.04, 0}, diagonal(0.0004, 0.0003, 0.0004));
-  }
-  ArmModel<double, 6> arm = make_standard_dh_arm<double, 6>(table, links);
-  constexpr std::array<double, 6> kCoulomb = {0.47, 1.25, 1.25, 0.45, 0.25, 0.1};
-  for (std::size_t i = 0; i < 6; ++i) {
-    arm.actuation[i].coulomb_friction = kCoulomb[i];
-  }
-  if (payload) {
-    arm.actuation[5].coulomb_friction = 0.25;
-  }
-  return arm;
-}
 
 /// The UR5 of the reference vectors: makers' geometry and masses, rotational inertias nominal with invented
 /// off-diagonal entries so that every column is exercised.
@@ -75,14 +46,19 @@ constexpr ArmModel<double, 6> make_ur5() {
 
 }  // namespace detail
 
-/// The arm of Kawasaki and Nishimura (1984), six revolute joints, without payload.
-struct KawasakiArm {
-  static constexpr ArmModel<double, 6> kModel = detail::make_kawasaki(false);
-};
+/// The arm of Kawasaki and Nishimura (1984), six revolute joints, without payload: what `heft export` writes for
+/// `urdf/kawasaki6r.urdf`. `urdf/README.md` says how doubtful prints were settled.
+using KawasakiArm = heft_robots::Kawasaki6r;
 
-/// The same arm with the variation of its terminal link.
+/// The same arm with the authors' variation of its terminal link, stated for mass, centre and inertia about the centre:
+/// 110 g at (0.04, 0.04, 0), diag(0.4, 0.3, 0.4) g m²; and of its friction.
 struct KawasakiArmWithPayload {
-  static constexpr ArmModel<double, 6> kModel = detail::make_kawasaki(true);
+  static constexpr ArmModel<double, 6> kModel = [] {
+    ArmModel<double, 6> arm = KawasakiArm::kModel;
+    arm.links[5] = make_inertial_parameters<double>(0.11, {0.04, 0.04, 0}, {0.0004, 0, 0.0003, 0, 0, 0.0004});
+    arm.actuation[5].coulomb_friction = 0.25;
+    return arm;
+  }();
 };
 
 /// UR5 as in the reference vectors.
