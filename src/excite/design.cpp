@@ -30,7 +30,7 @@ constexpr double kPi = std::numbers::pi;
 // Bounds on the work of a design: rows of the log that its score represents, samples of the search.
 constexpr double kMostRows = 2e6;
 constexpr double kMostSamples = 20'000;
-constexpr double kMostLooks = 1e5;  // of the last check of one motion
+constexpr double kMostChecks = 1e5;  // instants in the final check of one motion
 constexpr int kMostHarmonics = 40;
 
 void check_joints(const model::Robot& robot, const MotionLimits& limits, const ExcitationOptions& options) {
@@ -214,13 +214,14 @@ void ExcitationDesign::Impl::choose_instants(const MotionLimits& limits) {
   times = evenly(span, samples, false);
   coarse = basis_at(times);
   dense = basis_at(evenly(span, 5 * samples, false));
-  // Fine enough, too, that two links which both move at the tool's speed limit come nearer by less than the clearance
-  // between two looks at them.
-  double looks = 10.0 * static_cast<double>(samples);
+  // Fine enough, too, that two links which both move at the tool's speed limit approach each other by less than the
+  // clearance from one instant to the next.
+  double checks = 10.0 * static_cast<double>(samples);
   if (std::isfinite(limits.tool_speed) && limits.clearance > 0.0) {
-    looks = std::clamp(span * 2.0 * limits.tool_speed / limits.clearance, looks, std::max(looks, kMostLooks));
+    checks =
+        std::clamp(span * 2.0 * limits.tool_speed / limits.clearance, checks, std::max(checks, kMostChecks));
   }
-  fine = basis_at(evenly(span, static_cast<Index>(looks) + 1, true));
+  fine = basis_at(evenly(span, static_cast<Index>(checks) + 1, true));
 }
 
 void ExcitationDesign::Impl::check_start(const MotionLimits& limits) const {

@@ -118,7 +118,7 @@ void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::op
   motion.use = check.use_of(samples);
   if (!motion.use.inside) {
     throw NotIdentifiableError(
-        fmt::format("robot \"{}\": no safe motion: on a last look at every row a limit is passed: {}",
+        fmt::format("robot \"{}\": no safe motion: the final check of every row found a limit exceeded: {}",
                     motion.robot.name, motion.use.worst));
   }
   if (!rehearsed) {

@@ -11,9 +11,9 @@
 
 namespace heft::excite {
 
-/// Leads to the pieces and back, makes the log, looks at every row and rehearses. Takes `motion.robot` and
-/// `motion.limits`, fills in the rest but the judgement of the motion itself.
-/// @throws NotIdentifiableError naming the limit that is passed
+/// Adds the ways there and back, makes the log, checks every row and rehearses. Takes `motion.robot` and
+/// `motion.limits`, fills in the rest except the judgement of the motion itself.
+/// @throws NotIdentifiableError naming the limit that is exceeded
 void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::optional<Eigen::VectorXd>& from,
                    double rate, bool rehearsed);
 

@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 constexpr double kSampleRate = 500.0, kLogRate = 100.0;  // [Hz]
 constexpr double kNatural = 50.0;                        // of the closed loop [rad/s]
 constexpr double kSignWidth = 2e-3;                      // of the friction fed forward [rad/s, m/s]
-constexpr Index kShapeStride = 5;  // rows of the log from one look at the shapes to the next
+constexpr Index kShapeStride = 5;                        // rows of the log between two checks of the shapes
 
 /// Computed torque from the arm's own model.
 class ComputedTorque final : public sim::Controller {

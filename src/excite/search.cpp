@@ -25,12 +25,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Weight of the barrier in the first look at every start, then in the steps of a finalist. The objective is a
+/// Weight of the barrier in the short search from every start, then in the steps of a finalist. The objective is a
 /// logarithm, so 1 is a factor e and the last step is within 0.1 % of the limits' worth.
 constexpr double kFirstBarrier = 0.05;
 constexpr std::array<double, 3> kBarriers = {1e-2, 1e-3, 1e-4};
 
-/// Keeps Ceres from writing to standard error: a line search that restarts is no news to a user.
+/// Keeps Ceres from writing to standard error: users need not know that a line search restarts.
 class Quiet {
  public:
   Quiet() : before_(FLAGS_minloglevel) { FLAGS_minloglevel = google::GLOG_FATAL; }
@@ -155,7 +155,7 @@ class MultiStart {
   }
 
   /// A short search from every start.
-  void look() {
+  void try_all() {
     run(design_.options.starts, [&](int i) {
       Search& search = searches_[static_cast<std::size_t>(i)];
       const std::uint64_t seed = design_.options.seed + 0x9e3779b97f4a7c15ULL * static_cast<std::uint64_t>(i);
@@ -231,7 +231,7 @@ Excitation ExcitationDesign::Impl::optimize(const std::function<void(double)>& p
   };
 
   MultiStart starts(*this, progress);
-  starts.look();
+  starts.try_all();
   MatrixXd by_noise, by_unit;
   if (!starts.best().works) {
     information(random_motion(options.seed), by_noise, by_unit);

@@ -6,7 +6,7 @@
 
 namespace heft::page {
 
-/// What gnuplot said.
+/// What gnuplot returned.
 struct GnuplotResult {
   bool ok{false};
   std::string output;  ///< standard output: the drawing

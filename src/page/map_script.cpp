@@ -117,8 +117,8 @@ std::string level_script(const MapSpec& spec) {
   for (std::size_t k = 1; k < count; ++k) {
     const std::vector<Outline> outlines = level_outlines(spec.x, spec.y, spec.values, spec.levels[k - 1]);
     if (outlines.empty()) continue;
-    // One line through all outlines, back to where it began after each: what is walked to and fro encloses nothing,
-    // and holes, which run the other way round, stay empty.
+    // One line through all outlines, back to its first point after each: what is drawn there and back encloses no
+    // area, and holes, which run the other way round, stay empty.
     s += fmt::format("$d{} << EOD\n", k);
     const auto add = [&](const std::array<double, 2>& p) { s += fmt::format("{:.6g} {:.6g}\n", p[0], p[1]); };
     for (const Outline& outline : outlines) {

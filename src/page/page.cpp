@@ -129,7 +129,7 @@ Page& Page::verdict(const std::string& sentence, Tone tone) {
 Page& Page::verdict(const std::string& sentence, const host::Judgement& judgement) {
   const Tone tone = tone_of(judgement.verdict);
   if (judgement.reasons.empty()) return verdict(sentence, tone);
-  // Colour alone says nothing to some readers and on paper.
+  // Some readers do not see colours, and some printers do not print them.
   std::string html = fmt::format("<div class=\"verdict {}\">{}<strong>{}</strong><ul>\n", class_of(tone),
                                  escape_html(sentence),
                                  judgement.usable() ? "Doubtful, because:" : "Do not use this result:");

@@ -32,7 +32,7 @@ Extent extent_of(const PlotSpec& spec) {
   return extent;
 }
 
-/// A little air above and below the curves.
+/// Leaves a margin above and below the curves.
 Range padded(Range range, bool logarithmic, bool from_zero) {
   if (logarithmic) return {range.low / 1.3, range.high * 1.3};
   double margin = 0.06 * (range.high - range.low);
@@ -160,7 +160,7 @@ std::string mark_script(const PlotSpec& spec, const Extent& extent, ColourName c
   return s;
 }
 
-/// What stands behind `with`.
+/// The style, as it follows `with`.
 std::string how_drawn(Style style, const std::string& tint) {
   switch (style) {
     case Style::kLine: return fmt::format("lines lw 1.6 lc rgb '{}'", tint);

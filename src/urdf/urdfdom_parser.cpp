@@ -34,7 +34,7 @@ class MessageCatcher : public console_bridge::OutputHandler {
   std::string text_;
 };
 
-/// The link or joint that urdfdom speaks of; null when its text names none.
+/// The link or joint that a message of urdfdom names; null when there is none.
 const XmlElement* element_named_in(const std::string& text, const Document& document) {
   const XmlElement* first = nullptr;
   std::size_t place = std::string::npos;
@@ -81,19 +81,19 @@ std::string without_looks(std::string text, const Document& document) {
   const std::lock_guard<std::mutex> lock(mutex);
   MessageCatcher catcher;
   ::urdf::ModelInterfaceSharedPtr model;
-  std::string said;
+  std::string complaint;
   try {
     model = ::urdf::parseURDF(without_looks(text, document));
   } catch (const std::exception& error) {
-    said = error.what();
+    complaint = error.what();
   }
-  if (said.empty()) said = catcher.text();
-  if (model && said.empty()) return model;
-  if (said.empty()) said = "no reason given";
-  if (const XmlElement* element = element_named_in(said, document)) {
-    document.fail_at(*element, "urdfdom refuses the file: {}; correct this element", said);
+  if (complaint.empty()) complaint = catcher.text();
+  if (model && complaint.empty()) return model;
+  if (complaint.empty()) complaint = "no reason given";
+  if (const XmlElement* element = element_named_in(complaint, document)) {
+    document.fail_at(*element, "urdfdom refuses the file: {}; correct this element", complaint);
   }
-  document.fail("urdfdom refuses the file: {}; correct it", said);
+  document.fail("urdfdom refuses the file: {}; correct it", complaint);
 }
 
 }  // namespace heft::urdf
