@@ -94,11 +94,13 @@ TEST(ModelFile, WithoutKinematicsAsksForTheUrdf) {
               AllOf(HasSubstr("old.json"), HasSubstr("--urdf")));
 }
 
-TEST(ModelFile, RefusesKinematicsThatAreNone) {
+TEST(ModelFile, RefusesImpossibleKinematics) {
   EXPECT_THAT(message_after("\"revolute\"", "\"helical\""),
               AllOf(HasSubstr("/kinematics/joints/0/type"), HasSubstr("helical"), HasSubstr("prismatic")));
   EXPECT_THAT(message_after("\"axis\": [\n     0.0", "\"axis\": [\n     0.5"),
               AllOf(HasSubstr("/kinematics/joints/0/axis"), HasSubstr("unit vector")));
+  EXPECT_THAT(message_after("\"rotation\": [\n     1.0", "\"rotation\": [\n     0.5"),
+              AllOf(HasSubstr("/kinematics/joints/0/rotation"), HasSubstr("not a rotation")));
   EXPECT_THAT(message_after("\"rotation\": [\n    1.0", "\"rotation\": [\n    \"one\""),
               AllOf(HasSubstr("/kinematics/tip/rotation/0"), HasSubstr("a number")));
 }
@@ -161,6 +163,14 @@ TEST(ModelFile, ReadsBackWhatItWrote) {
   EXPECT_EQ((*read.standard_deviations)[4], (*written.standard_deviations)[4]);
   EXPECT_EQ(read.provenance.logs, written.provenance.logs);
   EXPECT_EQ(to_json(read), to_json(written));
+}
+
+TEST(ModelFile, NamesTheRowOfACovarianceThatHasAnotherLength) {
+  EXPECT_THAT(
+      message_after("\"covariance\": [\n  [", "\"covariance\": [\n  [\n   1.0,"),
+      AllOf(HasSubstr("arm.json: /covariance/0: found 29 entries"), HasSubstr("28 numbers, 14 a joint")));
+  EXPECT_THAT(message_after("\"covariance\": [\n  [", "\"covariance\": [\n  [], ["),
+              AllOf(HasSubstr("arm.json: /covariance: found 29 entries"), HasSubstr("28 rows")));
 }
 
 TEST(ModelFile, KeepsFieldsItDoesNotKnow) {
