@@ -1,4 +1,4 @@
-#include "heft/data/log_part.hpp"
+#include "log_part.hpp"
 
 #include <algorithm>
 

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "heft/data/log_part.hpp"
+#include "log_part.hpp"
 #include "heft/host/error.hpp"
 #include "log_file.hpp"
 #include "log_fingerprint.hpp"

@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "data/log_part.hpp"
 #include "heft/data/log.hpp"
-#include "heft/data/log_part.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/measured_data.hpp"

@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "heft/data/log_part.hpp"
+#include "data/log_part.hpp"
 #include "heft/identify/judgement.hpp"
 #include "heft/payload/judgement.hpp"
 #include "heft/payload/recursive_fit.hpp"
