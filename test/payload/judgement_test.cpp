@@ -1,0 +1,154 @@
+// A load is what it says, or contradicts itself.
+#include "heft/payload/judgement.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heft/model/model_file.hpp"
+#include "heft/payload/payload_run.hpp"
+#include "heft/payload/recursive_fit.hpp"
+#include "support/arms.hpp"
+#include "support/synthetic_log.hpp"
+
+namespace heft::payload {
+namespace {
+
+using Eigen::VectorXd;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using Rank = host::Verdict;
+
+/// A run that found this body, every parameter known to a hundredth of the body's size.
+PayloadRun found_body(const InertialParameters<double>& body, double share = 0.01) {
+  PayloadRun run;
+  run.parameters = Eigen::Map<const VectorXd>(body.data(), 10);
+  const VectorXd size{{1, 0.1, 0.1, 0.1, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01}};
+  run.covariance = (share * size).cwiseAbs2().asDiagonal();
+  run.interval_factor = 2.0;
+  const auto part = [&](int from, int count) {
+    Estimated estimated;
+    estimated.value = run.parameters.segment(from, count);
+    estimated.std = run.covariance.diagonal().segment(from, count).cwiseSqrt();
+    estimated.half_width = run.interval_factor * estimated.std;
+    estimated.identifiable.assign(static_cast<std::size_t>(count), true);
+    return estimated;
+  };
+  run.mass = part(0, 1);
+  run.first_moment = part(1, 3);
+  run.inertia = part(4, 6);
+  run.mass_visible = true;
+  run.converged_at = 5.0;
+  return run;
+}
+
+const InertialParameters<double> kBody =
+    test::body(2.0, {0.05, 0.1, -0.05}, {0.02, 0.001, 0.015, 0, 0, 0.02});
+
+TEST(Load, ThatABodyCanHaveIsGood) {
+  EXPECT_THAT(contradiction(found_body(kBody)), IsEmpty());
+  EXPECT_EQ(judge(found_body(kBody)).verdict, Rank::kGood);
+}
+
+TEST(Load, BelowZeroBeyondItsIntervalAsksWhetherTheLogsAreInterchanged) {
+  InertialParameters<double> taken = kBody;
+  for (double& p : taken) p = -p;
+  const PayloadRun run = found_body(taken);
+  EXPECT_THAT(contradiction(run), AllOf(HasSubstr("-2 kg"), HasSubstr("interchanged")));
+  EXPECT_FALSE(judge(run).usable());
+}
+
+TEST(Load, BelowZeroWithinItsIntervalIsNoContradiction) {
+  PayloadRun run = found_body({});
+  run.mass.value[0] = -0.01;
+  run.mass.half_width[0] = 0.02;
+  EXPECT_THAT(contradiction(run), IsEmpty());
+  run.mass.value[0] = -0.03;
+  EXPECT_THAT(contradiction(run), HasSubstr("mass is negative"));
+}
+
+TEST(Load, WithAnInertiaThatNoBodyHasIsAContradictionBeyondItsIntervalsOnly) {
+  // Ixx about the flange of a mass 0.11 m off its x axis is at least m (cy² + cz²) = 0.025; here it is 0.
+  InertialParameters<double> impossible = kBody;
+  impossible[4] = 0.0;
+  EXPECT_THAT(contradiction(found_body(impossible)), HasSubstr("mass, centre of mass and inertia are "
+                                                               "physically impossible"));
+  EXPECT_THAT(contradiction(found_body(impossible, 0.5)), IsEmpty());
+  // A point, whose pseudo-inertia is singular, is a body within any interval.
+  EXPECT_THAT(contradiction(found_body(test::body(2.0, {0.05, 0.1, -0.05}, {0, 0, 0, 0, 0, 0}))), IsEmpty());
+}
+
+TEST(Load, ThatOneJointFeelsDifferentlyIsDoubtfulOrAContradiction) {
+  PayloadRun run = found_body(kBody);
+  run.torque_scale.value = Eigen::Vector3d(1.0, 1.3, 1.02);
+  run.torque_scale.std = run.torque_scale.half_width = Eigen::Vector3d(0.05, 0.05, 0.01);
+  run.torque_scale.identifiable = {true, true, true};
+  EXPECT_EQ(judge(run).verdict, Rank::kDoubtful);
+  EXPECT_THAT(judge(run).reasons,
+              ::testing::ElementsAre(AllOf(HasSubstr("joint 2 1.30"), Not(HasSubstr("joint 3")))));
+  run.torque_scale.half_width[1] = 0.4;
+  EXPECT_EQ(judge(run).verdict, Rank::kGood);
+  run.torque_scale.value[1] = -1.0;
+  EXPECT_THAT(contradiction(run), AllOf(HasSubstr("joint 2"), HasSubstr("sign")));
+  run.torque_scale.identifiable[1] = false;
+  EXPECT_THAT(contradiction(run), IsEmpty());
+}
+
+/// A load weighed on logs whose torque of one joint was multiplied by a factor, in both.
+PayloadRun weighed(int joint, double factor, bool loaded = true) {
+  const model::Robot arm = test::six_joint_arm();
+  const InertialParameters<double> load =
+      test::body(1.5, {0.04, 0.11, -0.05}, {0.01, 0.001, 0.008, -0.002, 0.0005, 0.012});
+  test::SyntheticSettings settings;
+  settings.noise = 0.01;
+  data::Log bare = test::synthetic_log(arm, settings);
+  settings.noise_seed = 2;
+  data::Log carrying = test::synthetic_log(loaded ? test::carrying(arm, load) : arm, settings);
+  bare.tau.col(joint) *= factor;
+  carrying.tau.col(joint) *= factor;
+  const RecursiveFit fit = fit_recursively(arm, {bare});
+  model::Robot fitted = arm;
+  model::apply(fit.model, fitted);
+  PayloadRunOptions options;
+  options.residual = fit.residual;
+  options.model_covariance = fit.model.covariance;
+  return run_payload(fitted, carrying, options);
+}
+
+TEST(TorqueScale, IsOneWhereTheJointsAgree) {
+  const PayloadRun run = weighed(2, 1.0);
+  int known = 0;
+  for (Eigen::Index j = 0; j < 6; ++j) {
+    if (!run.torque_scale.identifiable[static_cast<std::size_t>(j)]) continue;
+    ++known;
+    // 95 % intervals of six joints: twice the half-width holds for all of them.
+    EXPECT_NEAR(run.torque_scale.value[j], 1.0, 2.0 * run.torque_scale.half_width[j]) << "joint " << j + 1;
+  }
+  EXPECT_GE(known, 3);
+  EXPECT_EQ(judge(run).verdict, Rank::kGood) << ::testing::PrintToString(judge(run).reasons);
+}
+
+TEST(TorqueScale, NamesTheJointWithAnotherTorqueConstant) {
+  const PayloadRun run = weighed(2, 1.3);
+  ASSERT_TRUE(run.torque_scale.identifiable[2]);
+  // Against the others, which the load found is a compromise with.
+  double others = 0.0;
+  int count = 0;
+  for (const int j : {1, 3}) {
+    if (!run.torque_scale.identifiable[static_cast<std::size_t>(j)]) continue;
+    others += run.torque_scale.value[j], ++count;
+  }
+  ASSERT_GT(count, 0);
+  EXPECT_NEAR(run.torque_scale.value[2] / (others / count), 1.3, 0.15);
+  EXPECT_EQ(judge(run).verdict, Rank::kDoubtful);
+  EXPECT_THAT(judge(run).reasons, ::testing::Contains(HasSubstr("joint 3")));
+}
+
+TEST(TorqueScale, SaysNothingWhereThereIsNoLoad) {
+  const PayloadRun run = weighed(2, 1.0, false);
+  EXPECT_THAT(contradiction(run), IsEmpty());
+  EXPECT_THAT(run.torque_scale.identifiable, ::testing::Each(false));
+}
+
+}  // namespace
+}  // namespace heft::payload
