@@ -5,9 +5,51 @@
 
 #include <fmt/format.h>
 
+#include "heft/host/numbers.hpp"
+
 namespace heft::identify {
 
 using Eigen::Index;
+
+namespace {
+
+/// Place of a regression column among the 14 n parameters of a model file; -1: not one of them.
+int place_of(const regression::Column& column, int num_joints) {
+  const auto in_block = [&](int block) { return (kParametersPerLink + block) * num_joints + column.joint; };
+  switch (column.kind) {
+    case regression::ColumnKind::kLink: return kParametersPerLink * column.joint + column.entry;
+    case regression::ColumnKind::kRotorInertia: return in_block(0);
+    case regression::ColumnKind::kCoulomb: return in_block(1);
+    case regression::ColumnKind::kViscous: return in_block(2);
+    case regression::ColumnKind::kOffset: return in_block(3);
+    case regression::ColumnKind::kCouplingInertia:
+    case regression::ColumnKind::kCouplingCoulomb:
+    case regression::ColumnKind::kCouplingViscous: return -1;
+  }
+  return -1;
+}
+
+/// Of the parameters that are base parameters by themselves; NaN for all others: what is felt only together with other
+/// parameters, or was not determined, has no spread of its own that the logs could show.
+Eigen::VectorXd standard_deviations_of(const Fit& fit) {
+  const int n = fit.columns->num_joints();
+  Eigen::VectorXd deviations = Eigen::VectorXd::Constant(14 * Eigen::Index{n}, kNaN);
+  for (int i = 0; i < fit.base.count(); ++i) {
+    const bool alone = (fit.base.regrouping.row(i).array() != 0.0).count() == 1;
+    const int place = place_of((*fit.columns)[fit.base.kept[static_cast<std::size_t>(i)]], n);
+    if (alone && place >= 0 && fit.determined[static_cast<std::size_t>(i)]) deviations[place] = fit.std[i];
+  }
+  return deviations;
+}
+
+}  // namespace
+
+model::ModelFile Fit::model_file() const {
+  model::ModelFile file = model::make_model(robot);
+  file.provenance.method = to_string(method);
+  file.standard_deviations = standard_deviations_of(*this);
+  return file;
+}
 
 model::FitRecord fit_record(const Fit& fit, const std::string& torque_at, const validate::Score* training) {
   model::FitRecord record;

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "heft/identify/fit_record.hpp"
-#include "heft/identify/judgement.hpp"
+#include "judgement.hpp"
 
 namespace heft::identify {
 namespace {

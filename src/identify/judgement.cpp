@@ -1,13 +1,15 @@
-#include "heft/identify/judgement.hpp"
-#include "heft/model/physical_links.hpp"
-#include "heft/validate/judgement.hpp"
+#include "judgement.hpp"
 
 #include <algorithm>
+
+#include "heft/validate/judgement.hpp"
 
 namespace heft::identify {
 
 using host::Judgement;
 using Rank = host::Verdict;
+
+namespace {
 
 validate::ModelFacts facts_of(const Fit& fit, const model::MassMatrixCheck& mass) {
   // Friction of 0 comes out a little negative as often as not; it is impossible beyond its interval only, and where it
@@ -23,6 +25,8 @@ validate::ModelFacts facts_of(const Fit& fit, const model::MassMatrixCheck& mass
           fit.physically_consistent || possible,
           fit.method == Method::kPhysical ? 0.0 : fit.physical_cost_ratio, mass};
 }
+
+}  // namespace
 
 Judgement judge(const Fit& fit, const model::MassMatrixCheck& mass,
                 const std::vector<validate::Score>& held_out, const std::vector<validate::Score>& training) {

@@ -1,12 +1,13 @@
-#include "heft/identify/robust.hpp"
+#include "robust.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
-#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "scaled_svd.hpp"
 
 namespace heft::identify {
 namespace {
@@ -102,144 +103,171 @@ class RowStore {
 /// Least squares in columns of norm 1; directions below rounding stay at `start`.
 Eigen::VectorXd solve_from(const regression::TriangularFactor& data, const Eigen::VectorXd& start) {
   const Eigen::MatrixXd R = data.R();
-  Eigen::VectorXd scale = R.colwise().norm();
-  scale = (scale.array() > 0.0).select(scale, 1.0);
-  const Svd svd = svd_of(R * scale.cwiseInverse().asDiagonal());
+  const auto [scale, svd] = scaled_svd(R);
   const Eigen::Index rank = (svd.values.array() > 1e-10 * svd.values[0]).count();
   const Eigen::VectorXd along = svd.U.leftCols(rank).transpose() * (data.z() - R * start);
   return start + (svd.V.leftCols(rank) * along.cwiseQuotient(svd.values.head(rank))).cwiseQuotient(scale);
 }
 
-/// What one look at all rows gives.
-struct Look {
-  regression::BlockFactors factors;
-  Eigen::VectorXd scale;         ///< n, of the residuals of the β looked at
-  Eigen::VectorXd downweighted;  ///< n
-  Eigen::VectorXd slope_ratio;   ///< n: k = mean ψ' / mean ω
+/// Rows, their estimate and its scales while the weights change.
+class Reweighting {
+ public:
+  Reweighting(const ObservationPass& pass, const Eigen::VectorXd& start_beta,
+              const Eigen::VectorXd& start_noise, const RobustOptions& options)
+      : options_(options),
+        start_noise_(start_noise),
+        store_(pass, options.row_memory),
+        beta_(start_beta),
+        has_rows_(Eigen::VectorXd::Zero(start_noise.size())),
+        torque_(has_rows_) {
+    find_first_scale();
+  }
+
+  /// Solves with new weights, `limit` times at most. @return whether they converge
+  bool iterate(Loss loss, int limit);
+  /// The estimate with rows whose jackknife is that of the M-estimate.
+  RobustFit result(Loss loss);
+
+ private:
+  /// What one look at all rows gives.
+  struct Look {
+    regression::BlockFactors factors;
+    Eigen::VectorXd scale;         ///< n, of the residuals of the β looked at
+    Eigen::VectorXd downweighted;  ///< n
+    Eigen::VectorXd slope_ratio;   ///< n: k = mean ψ' / mean ω
+  };
+
+  Eigen::Index num_joints() const { return start_noise_.size(); }
+  void check(const regression::ObservationRows& rows) const;
+  void find_first_scale();
+  Look look(Loss loss, const Eigen::VectorXd& slope_ratio);
+  std::vector<SizeHistogram> histograms_about(const Eigen::VectorXd& sizes) const;
+  Eigen::VectorXd scales_of(const std::vector<SizeHistogram>& histograms) const;
+
+  const RobustOptions& options_;
+  const Eigen::VectorXd& start_noise_;
+  RowStore store_;
+  Eigen::VectorXd beta_;
+  Eigen::VectorXd scale_;     ///< n
+  Eigen::VectorXd has_rows_;  ///< n: how many
+  Eigen::VectorXd torque_;    ///< n: largest of the rows
+  int iterations_{0};
 };
+
+void Reweighting::check(const regression::ObservationRows& rows) const {
+  if (rows.W.cols() == beta_.size() && rows.joint >= 0 && rows.joint < num_joints()) return;
+  throw DataError(
+      fmt::format("robust fit: rows of joint {} with {} columns; expected at most {} joints and {} "
+                  "columns, as the start has",
+                  rows.joint + 1, rows.W.cols(), num_joints(), beta_.size()));
+}
+
+std::vector<SizeHistogram> Reweighting::histograms_about(const Eigen::VectorXd& sizes) const {
+  std::vector<SizeHistogram> histograms;
+  for (const double size : sizes) histograms.emplace_back(size);
+  return histograms;
+}
+
+/// A residual of nothing but rounding must not make a scale of 0.
+Eigen::VectorXd Reweighting::scales_of(const std::vector<SizeHistogram>& histograms) const {
+  Eigen::VectorXd scale(num_joints());
+  for (Eigen::Index j = 0; j < num_joints(); ++j) {
+    const double median = histograms[static_cast<std::size_t>(j)].median();
+    scale[j] = has_rows_[j] > 0.0 ? std::max({1.4826 * median, 1e-12 * torque_[j], 1e-300}) : start_noise_[j];
+  }
+  return scale;
+}
+
+void Reweighting::find_first_scale() {
+  std::vector<SizeHistogram> histograms = histograms_about(start_noise_);
+  store_.for_each([&](const regression::ObservationRows& rows) {
+    check(rows);
+    has_rows_[rows.joint] += static_cast<double>(rows.tau.size());
+    if (rows.tau.size() > 0)
+      torque_[rows.joint] = std::max(torque_[rows.joint], rows.tau.cwiseAbs().maxCoeff());
+    const Eigen::VectorXd r = rows.tau - rows.W * beta_;
+    for (const double e : r) histograms[static_cast<std::size_t>(rows.joint)].add(std::abs(e));
+  });
+  scale_ = scales_of(histograms);
+}
+
+/// Reweighted rows around β. With the ratios k of a look before, rows are stored so that the jackknife of their
+/// factors is that of the M-estimate (robust.md); with ones, as weighted least squares has them.
+Reweighting::Look Reweighting::look(Loss loss, const Eigen::VectorXd& slope_ratio) {
+  const Eigen::Index n = num_joints();
+  Look out{regression::BlockFactors(static_cast<int>(n), static_cast<int>(beta_.size()), options_.block,
+                                    options_.max_blocks),
+           {},
+           Eigen::VectorXd::Zero(n),
+           Eigen::VectorXd::Ones(n)};
+  std::vector<SizeHistogram> histograms = histograms_about(scale_);
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(n), slopes = Eigen::VectorXd::Zero(n);
+  store_.for_each([&](const regression::ObservationRows& rows) {
+    const int j = rows.joint;
+    const double k = slope_ratio[j];
+    const Eigen::VectorXd model = rows.W * beta_;
+    Eigen::VectorXd root(rows.tau.size()), target(rows.tau.size());
+    for (Eigen::Index i = 0; i < rows.tau.size(); ++i) {
+      const double r = rows.tau[i] - model[i];
+      const Weight w = weight_of(loss, r / scale_[j], options_);
+      histograms[static_cast<std::size_t>(j)].add(std::abs(r));
+      out.downweighted[j] += w.weight < 0.5 ? 1.0 : 0.0;
+      weights[j] += w.weight;
+      slopes[j] += w.slope;
+      root[i] = std::sqrt(w.weight * k);
+      target[i] = root[i] * (model[i] + r / k);
+    }
+    out.factors.add(rows.log, j, rows.time, root.asDiagonal() * rows.W, target);
+  });
+  out.scale = scales_of(histograms);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    if (has_rows_[j] > 0.0) out.downweighted[j] /= has_rows_[j];
+    // Below a tenth the weights have thrown out nearly all rows, and the first order says nothing.
+    if (weights[j] > 0.0) out.slope_ratio[j] = std::clamp(slopes[j] / weights[j], 0.1, 1.0);
+  }
+  return out;
+}
+
+/// Huber moves the scales along; Tukey keeps those that Huber left, as MM-estimates do: a median that moves
+/// with the weights can make the weights go round in circles.
+bool Reweighting::iterate(Loss loss, int limit) {
+  const Eigen::VectorXd ones = Eigen::VectorXd::Ones(num_joints());
+  for (int i = 0; i < limit; ++i) {
+    const Look now = look(loss, ones);
+    const regression::TriangularFactor data = now.factors.weighted(scale_.cwiseAbs2().cwiseInverse());
+    const Eigen::VectorXd next = options_.solve ? options_.solve(data) : solve_from(data, beta_);
+    const double moved =
+        (data.R() * (next - beta_)).norm() / std::sqrt(std::max(1.0, static_cast<double>(data.rows())));
+    const double scale_moved = (now.scale - scale_).cwiseQuotient(scale_).cwiseAbs().maxCoeff();
+    beta_ = next;
+    ++iterations_;
+    if (loss == Loss::kHuber) scale_ = now.scale;
+    if (moved < options_.tolerance && (loss == Loss::kTukey || scale_moved < 10.0 * options_.tolerance))
+      return true;
+  }
+  return limit == 0;
+}
+
+RobustFit Reweighting::result(Loss loss) {
+  // The ratio first, then the rows with it, both around the last β.
+  const Look ratio = look(loss, Eigen::VectorXd::Ones(num_joints()));
+  Look last = look(loss, ratio.slope_ratio);
+  return {beta_, last.scale, std::move(last.factors), last.downweighted, iterations_, false};
+}
 
 }  // namespace
 
 RobustFit fit_robust(const ObservationPass& pass, const Eigen::VectorXd& start_beta,
                      const Eigen::VectorXd& start_noise, const RobustOptions& options) {
-  const auto n = start_noise.size();
-  const auto b = start_beta.size();
-  RowStore store(pass, options.row_memory);
-  const auto check = [&](const regression::ObservationRows& rows) {
-    if (rows.W.cols() != b || rows.joint < 0 || rows.joint >= n) {
-      throw DataError(
-          fmt::format("robust fit: rows of joint {} with {} columns; expected at most {} joints and {} "
-                      "columns, as the start has",
-                      rows.joint + 1, rows.W.cols(), n, b));
-    }
-  };
-
-  // Scales from β; a residual of nothing but rounding must not make a scale of 0.
-  Eigen::VectorXd torque = Eigen::VectorXd::Zero(n);
-  const auto scales_of = [&](const std::vector<SizeHistogram>& histograms, const Eigen::VectorXd& has_rows) {
-    Eigen::VectorXd scale(n);
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const double median = histograms[static_cast<std::size_t>(j)].median();
-      scale[j] = has_rows[j] > 0.0 ? std::max({1.4826 * median, 1e-12 * torque[j], 1e-300}) : start_noise[j];
-    }
-    return scale;
-  };
-  const auto histograms_for = [&](const Eigen::VectorXd& about) {
-    std::vector<SizeHistogram> histograms;
-    for (Eigen::Index j = 0; j < n; ++j) histograms.emplace_back(about[j]);
-    return histograms;
-  };
-
-  Eigen::VectorXd has_rows = Eigen::VectorXd::Zero(n);
-  const auto first_scale = [&](const Eigen::VectorXd& beta) {
-    std::vector<SizeHistogram> histograms = histograms_for(start_noise);
-    store.for_each([&](const regression::ObservationRows& rows) {
-      check(rows);
-      has_rows[rows.joint] += static_cast<double>(rows.tau.size());
-      if (rows.tau.size() > 0)
-        torque[rows.joint] = std::max(torque[rows.joint], rows.tau.cwiseAbs().maxCoeff());
-      const Eigen::VectorXd r = rows.tau - rows.W * beta;
-      for (const double e : r) histograms[static_cast<std::size_t>(rows.joint)].add(std::abs(e));
-    });
-    return scales_of(histograms, has_rows);
-  };
-
-  // Reweighted rows around β with given scales; with `slope`, stored so that the jackknife of the factors is
-  // that of the M-estimate (robust.md).
-  const auto look = [&](Loss loss, const Eigen::VectorXd& beta, const Eigen::VectorXd& scale,
-                        const Eigen::VectorXd* slope) {
-    Look out{
-        regression::BlockFactors(static_cast<int>(n), static_cast<int>(b), options.block, options.max_blocks),
-        {},
-        Eigen::VectorXd::Zero(n),
-        Eigen::VectorXd::Ones(n)};
-    std::vector<SizeHistogram> histograms = histograms_for(scale);
-    Eigen::VectorXd weights = Eigen::VectorXd::Zero(n), slopes = Eigen::VectorXd::Zero(n);
-    store.for_each([&](const regression::ObservationRows& rows) {
-      const int j = rows.joint;
-      const double k = slope == nullptr ? 1.0 : (*slope)[j];
-      const Eigen::VectorXd model = rows.W * beta;
-      Eigen::VectorXd root(rows.tau.size()), target(rows.tau.size());
-      for (Eigen::Index i = 0; i < rows.tau.size(); ++i) {
-        const double r = rows.tau[i] - model[i];
-        const Weight w = weight_of(loss, r / scale[j], options);
-        histograms[static_cast<std::size_t>(j)].add(std::abs(r));
-        out.downweighted[j] += w.weight < 0.5 ? 1.0 : 0.0;
-        weights[j] += w.weight;
-        slopes[j] += w.slope;
-        root[i] = std::sqrt(w.weight * k);
-        target[i] = root[i] * (model[i] + r / k);
-      }
-      out.factors.add(rows.log, j, rows.time, root.asDiagonal() * rows.W, target);
-    });
-    out.scale = scales_of(histograms, has_rows);
-    for (Eigen::Index j = 0; j < n; ++j) {
-      if (has_rows[j] > 0.0) out.downweighted[j] /= has_rows[j];
-      // Below a tenth the weights have thrown out nearly all rows, and the first order says nothing.
-      if (weights[j] > 0.0) out.slope_ratio[j] = std::clamp(slopes[j] / weights[j], 0.1, 1.0);
-    }
-    return out;
-  };
-
-  RobustFit fit{start_beta,
-                start_noise,
-                regression::BlockFactors(static_cast<int>(n), static_cast<int>(b), options.block),
-                {},
-                0,
-                false};
-  Eigen::VectorXd scale = first_scale(start_beta);
-  // Huber moves the scales along; Tukey keeps those that Huber left, as MM-estimates do: a median that moves
-  // with the weights can make the weights go round in circles.
-  const auto iterate = [&](Loss loss, int limit) {
-    for (int i = 0; i < limit; ++i) {
-      const Look now = look(loss, fit.beta, scale, nullptr);
-      const Eigen::VectorXd weights = scale.cwiseAbs2().cwiseInverse();
-      const regression::TriangularFactor data = now.factors.weighted(weights);
-      const Eigen::VectorXd next = options.solve ? options.solve(data) : solve_from(data, fit.beta);
-      const double moved =
-          (data.R() * (next - fit.beta)).norm() / std::sqrt(std::max(1.0, static_cast<double>(data.rows())));
-      const double scale_moved = (now.scale - scale).cwiseQuotient(scale).cwiseAbs().maxCoeff();
-      fit.beta = next;
-      ++fit.iterations;
-      if (loss == Loss::kHuber) scale = now.scale;
-      if (moved < options.tolerance && (loss == Loss::kTukey || scale_moved < 10.0 * options.tolerance))
-        return true;
-    }
-    return limit == 0;
-  };
-  fit.converged = iterate(Loss::kHuber, options.max_huber);
+  Reweighting reweighting(pass, start_beta, start_noise, options);
+  bool converged = reweighting.iterate(Loss::kHuber, options.max_huber);
   Loss loss = Loss::kHuber;
   if (options.max_tukey > 0) {
     loss = Loss::kTukey;
-    fit.converged = iterate(Loss::kTukey, options.max_tukey);
+    converged = reweighting.iterate(loss, options.max_tukey);
   }
-
-  // The factors that go out: the ratio first, then the rows with it, both around the last β.
-  const Look ratio = look(loss, fit.beta, scale, nullptr);
-  Look last = look(loss, fit.beta, scale, &ratio.slope_ratio);
-  fit.factors = std::move(last.factors);
-  fit.noise_std = last.scale;
-  fit.downweighted_share = last.downweighted;
+  RobustFit fit = reweighting.result(loss);
+  fit.converged = converged;
   return fit;
 }
 

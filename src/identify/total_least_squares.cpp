@@ -1,5 +1,6 @@
-#include "heft/identify/total_least_squares.hpp"
+#include "total_least_squares.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -11,28 +12,42 @@
 #include "heft/statistics/jackknife.hpp"
 
 namespace heft::identify {
-TotalLeastSquaresFit total_least_squares(const regression::TriangularFactor& data,
-                                         const TotalLeastSquaresOptions& options) {
-  const Eigen::Index b = data.columns();
-  const bool given = options.column_noise.size() > 0;
-  if ((given && options.column_noise.size() != b) ||
+namespace {
+
+/// Places of the columns with and without error.
+struct ColumnSplit {
+  std::vector<Eigen::Index> exact, noisy;
+};
+
+/// @throws DataError when the options do not fit b columns
+ColumnSplit split_columns(Eigen::Index b, const TotalLeastSquaresOptions& options) {
+  if ((options.column_noise.size() > 0 && options.column_noise.size() != b) ||
       (!options.exact.empty() && static_cast<Eigen::Index>(options.exact.size()) != b)) {
     throw DataError(fmt::format(
         "total least squares: {} noise levels and {} exact flags; expected none or {}, one a column",
         options.column_noise.size(), options.exact.size(), b));
   }
-  std::vector<Eigen::Index> exact, noisy;
+  ColumnSplit split;
   for (Eigen::Index i = 0; i < b; ++i) {
-    (!options.exact.empty() && options.exact[static_cast<std::size_t>(i)] ? exact : noisy).push_back(i);
+    const bool exact = !options.exact.empty() && options.exact[static_cast<std::size_t>(i)];
+    (exact ? split.exact : split.noisy).push_back(i);
   }
-  const auto e = static_cast<Eigen::Index>(exact.size());
-  const auto k = static_cast<Eigen::Index>(noisy.size());
+  return split;
+}
 
-  // What each column is divided by so that all errors are alike: with relative noise, its rms.
-  const double rows = std::max(1.0, static_cast<double>(data.rows()));
-  const auto noise_of = [&](Eigen::Index column, double stated) {
+double number_of_rows(const regression::TriangularFactor& data) {
+  return std::max(1.0, static_cast<double>(data.rows()));
+}
+
+/// k + 1: what each noisy column, and last the torque, is divided by so that all errors are alike: the noise stated,
+/// else the rms over the rows.
+Eigen::VectorXd noise_scales(const regression::TriangularFactor& data,
+                             const TotalLeastSquaresOptions& options,
+                             const std::vector<Eigen::Index>& noisy) {
+  const bool given = options.column_noise.size() > 0;
+  const auto scale_of = [&](Eigen::Index column, double stated) {
     if (!given) {
-      const double rms = data.full().col(column).norm() / std::sqrt(rows);
+      const double rms = data.full().col(column).norm() / std::sqrt(number_of_rows(data));
       return rms > 0.0 ? rms : 1.0;
     }
     if (!(stated > 0.0) || !std::isfinite(stated)) {
@@ -43,39 +58,63 @@ TotalLeastSquaresFit total_least_squares(const regression::TriangularFactor& dat
     }
     return stated;
   };
+  const auto k = static_cast<Eigen::Index>(noisy.size());
   Eigen::VectorXd scale(k + 1);
   for (Eigen::Index i = 0; i < k; ++i) {
-    scale[i] = noise_of(noisy[static_cast<std::size_t>(i)],
-                        given ? options.column_noise[noisy[static_cast<std::size_t>(i)]] : 0.0);
+    const Eigen::Index column = noisy[static_cast<std::size_t>(i)];
+    scale[i] = scale_of(column, given ? options.column_noise[column] : 0.0);
   }
-  scale[k] = noise_of(b, options.torque_noise);
+  scale[k] = scale_of(data.columns(), options.torque_noise);
+  return scale;
+}
 
-  // [exact noisy y] = Q [R11 R12 r1; 0 R22 r2].
-  Eigen::MatrixXd ordered(b + 1, b + 1);
-  for (Eigen::Index i = 0; i < e; ++i) ordered.col(i) = data.full().col(exact[static_cast<std::size_t>(i)]);
-  for (Eigen::Index i = 0; i < k; ++i)
-    ordered.col(e + i) = data.full().col(noisy[static_cast<std::size_t>(i)]);
-  ordered.col(b) = data.full().col(b);
-  const Eigen::MatrixXd R = triangle_of(ordered);
+/// R of [exact noisy y] = Q [R11 R12 r1; 0 R22 r2].
+Eigen::MatrixXd ordered_triangle(const regression::TriangularFactor& data, const ColumnSplit& split) {
+  Eigen::MatrixXd ordered(data.columns() + 1, data.columns() + 1);
+  Eigen::Index place = 0;
+  for (const Eigen::Index column : split.exact) ordered.col(place++) = data.full().col(column);
+  for (const Eigen::Index column : split.noisy) ordered.col(place++) = data.full().col(column);
+  ordered.col(place) = data.full().col(data.columns());
+  return triangle_of(ordered);
+}
+
+/// Compares the noisy columns alone with the noise, which is the smallest singular value of C.
+/// @param C  scaled noisy columns and torque; fit.singular_values are its
+/// @return how many directions rise above the noise
+Eigen::Index separate(const Eigen::MatrixXd& C, double min_separation, TotalLeastSquaresFit& fit) {
+  const Eigen::Index k = C.cols() - 1;
+  fit.separation = std::numeric_limits<double>::infinity();
+  if (k == 0) return 0;
+  const double smallest = fit.singular_values[k];
+  const Eigen::VectorXd alone = singular_values(C.topLeftCorner(k, k));
+  // Below rounding everything is noise, also where there is none.
+  const double rounding = 1e-12 * fit.singular_values[0];
+  if (smallest > rounding) fit.separation = alone[k - 1] / smallest;
+  if (alone[k - 1] <= rounding) fit.separation = 1.0;
+  const Eigen::Index kept = (alone.array() > std::max(min_separation * smallest, rounding)).count();
+  fit.left_out = static_cast<int>(k - kept);
+  fit.separated = fit.left_out == 0;
+  return kept;
+}
+
+}  // namespace
+
+TotalLeastSquaresFit total_least_squares(const regression::TriangularFactor& data,
+                                         const TotalLeastSquaresOptions& options) {
+  const Eigen::Index b = data.columns();
+  const ColumnSplit split = split_columns(b, options);
+  const auto e = static_cast<Eigen::Index>(split.exact.size());
+  const auto k = static_cast<Eigen::Index>(split.noisy.size());
+  const Eigen::VectorXd scale = noise_scales(data, options, split.noisy);
+  const Eigen::MatrixXd R = ordered_triangle(data, split);
   const Eigen::MatrixXd C = R.bottomRightCorner(k + 1, k + 1) * scale.cwiseInverse().asDiagonal();
 
   TotalLeastSquaresFit fit;
   const Svd svd = svd_of(C);
   fit.singular_values = svd.values;
-  const double smallest = fit.singular_values[k];
-  fit.noise = smallest / std::sqrt(std::max(1.0, rows - static_cast<double>(b)));
-  Eigen::Index kept = k;
-  fit.separation = std::numeric_limits<double>::infinity();
-  if (k > 0) {
-    const Eigen::VectorXd alone = singular_values(C.topLeftCorner(k, k));
-    // Below rounding everything is noise, also where there is none.
-    const double rounding = 1e-12 * fit.singular_values[0];
-    if (smallest > rounding) fit.separation = alone[k - 1] / smallest;
-    kept = (alone.array() > std::max(options.min_separation * smallest, rounding)).count();
-    if (alone[k - 1] <= rounding) fit.separation = 1.0;
-  }
-  fit.left_out = static_cast<int>(k - kept);
-  fit.separated = fit.left_out == 0;
+  fit.noise =
+      fit.singular_values[k] / std::sqrt(std::max(1.0, number_of_rows(data) - static_cast<double>(b)));
+  const Eigen::Index kept = separate(C, options.min_separation, fit);
 
   // [x; −1] ∈ span of the right vectors that belong to the smallest singular values; of these the shortest.
   const Eigen::MatrixXd V = svd.V.rightCols(k + 1 - kept);
@@ -87,11 +126,10 @@ TotalLeastSquaresFit total_least_squares(const regression::TriangularFactor& dat
   x = x.cwiseQuotient(scale.head(k)) * scale[k];
 
   fit.beta.resize(b);
-  for (Eigen::Index i = 0; i < k; ++i) fit.beta[noisy[static_cast<std::size_t>(i)]] = x[i];
+  fit.beta(split.noisy) = x;
   if (e > 0) {
     const Eigen::VectorXd right = R.col(b).head(e) - R.block(0, e, e, k) * x;
-    const Eigen::VectorXd exact_beta = least_squares(R.topLeftCorner(e, e), right);
-    for (Eigen::Index i = 0; i < e; ++i) fit.beta[exact[static_cast<std::size_t>(i)]] = exact_beta[i];
+    fit.beta(split.exact) = least_squares(R.topLeftCorner(e, e), right);
   }
   return fit;
 }

@@ -9,7 +9,6 @@
 
 #include "deflection.hpp"
 #include "heft/data/motion_stream.hpp"
-#include "heft/identify/instrumental.hpp"
 #include "motion_table.hpp"
 #include "problem.hpp"
 #include "residual_structure.hpp"

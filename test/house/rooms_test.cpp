@@ -55,11 +55,7 @@ const std::map<std::string, Rooms>& table() {
 /// Public headers that only their own room and its tests include, and why they are public all the same.
 const std::map<std::string, std::string>& kept_public() {
   static const std::map<std::string, std::string> headers = {
-      {"identify/judgement.hpp", "judges a fit() that was called by itself"},
-      {"payload/judgement.hpp", "the limits of a verdict, which the README names"},
-      {"identify/instrumental.hpp", "a method of fit() that can be called by itself"},
-      {"identify/robust.hpp", "a method of fit() that can be called by itself"},
-      {"identify/total_least_squares.hpp", "a method of fit() that can be called by itself"}};
+      {"payload/judgement.hpp", "the limits of a verdict, which the README names"}};
   return headers;
 }
 

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "heft/data/log.hpp"
 #include "data/log_part.hpp"
+#include "heft/data/log.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/identify/fit.hpp"
 #include "heft/model/physical_links.hpp"
@@ -45,7 +45,7 @@ TEST(MeasuredIdentification, OfAUr10eMeetsTheErrorOfPlainLeastSquaresOnARunNotSe
   const Fit fit = identify::fit(robot, {&streams[0], &streams[1], &streams[2]}, options);
   const data::Log log = read(data_path(folder + "exc-14h-50s.csv"));
   const data::MotionStream whole(log, streaming);
-  // What the drives hold at rest before and after the motion is their friction's choice: judged is the motion.
+  // At rest, friction takes up any torque: only the motion is judged.
   const data::MotionStream moving(
       data::part_of(log, whole.summary().moving_from - 0.5, whole.summary().moving_to + 0.5), streaming);
   validate::ScoreOptions scoring;

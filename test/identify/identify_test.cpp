@@ -55,7 +55,7 @@ TEST(Identify, GivesAModelFileWithSpreadsRecordAndLogs) {
   const model::ModelFile file = found.model_file();
   ASSERT_TRUE(file.standard_deviations.has_value());
   ASSERT_EQ(file.standard_deviations->size(), 14 * robot.num_joints());
-  // A base parameter that stands alone has its own spread; what is felt together with others has none.
+  // A base parameter with a column of its own has its own spread; what is felt together with others has none.
   int alone = 0, grouped = 0;
   for (int i = 0; i < found.fit.base.count(); ++i) {
     const regression::Column& column = (*found.fit.columns)[found.fit.base.kept[static_cast<std::size_t>(i)]];

@@ -13,9 +13,10 @@
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
-#include "heft/identify/instrumental.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "identify/bias_test.hpp"
+#include "identify/instrumental.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
 

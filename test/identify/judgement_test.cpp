@@ -1,5 +1,5 @@
 // A fitted model is good when unseen logs say so.
-#include "heft/identify/judgement.hpp"
+#include "identify/judgement.hpp"
 
 #include <string>
 #include <utility>

@@ -1,4 +1,4 @@
-/// Fits whose links could exist, against solutions found by other means.
+// Fits with physically possible links against solutions found by other means.
 #include <cmath>
 #include <limits>
 #include <random>
@@ -7,8 +7,8 @@
 #include <Eigen/Dense>
 
 #include "heft/host/error.hpp"
-#include "heft/identify/physical.hpp"
 #include "heft/model/physical_links.hpp"
+#include "identify/physical.hpp"
 
 namespace heft::identify {
 namespace {

@@ -8,9 +8,9 @@
 #include <Eigen/Cholesky>
 
 #include "heft/host/error.hpp"
-#include "heft/identify/robust.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "identify/robust.hpp"
 
 namespace heft::identify {
 namespace {

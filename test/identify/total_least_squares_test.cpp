@@ -7,7 +7,7 @@
 #include <Eigen/Cholesky>
 
 #include "heft/host/error.hpp"
-#include "heft/identify/total_least_squares.hpp"
+#include "identify/total_least_squares.hpp"
 
 namespace heft::identify {
 namespace {

@@ -12,13 +12,11 @@
 #include <Eigen/Core>
 
 #include "heft/data/motion_stream.hpp"
-#include "heft/identify/physical.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/regression/base_parameters.hpp"
 #include "heft/regression/observations.hpp"
 #include "heft/regression/regression_columns.hpp"
-#include "heft/regression/triangular_factor.hpp"
 
 namespace heft::identify {
 
@@ -28,7 +26,7 @@ enum class Method {
   kIrls,     ///< weighted, and outliers count less (Huber, then Tukey)
   kIv,       ///< instrumental variables
   kTls,      ///< total least squares: errors in the motion as well as in the torque
-  kPhysical  ///< weighted, links that could exist
+  kPhysical  ///< weighted, with physically possible links
 };
 const char* to_string(Method method);  ///< "ols", "wls", ...
 
@@ -61,8 +59,8 @@ struct BiasTest {
   int degrees_of_freedom{0};
   double p_value{1.0};
   bool biased{false};  ///< p below 0.01 and the difference matters for the predicted torque
-  double torque_difference{
-      0.0};             ///< rms of what the two estimates predict differently, in parts of the residual
+  /// rms of what the two estimates predict differently, in parts of the residual.
+  double torque_difference{0.0};
   std::string verdict;  ///< in words
 };
 
@@ -90,12 +88,15 @@ struct Fit {
   long samples{0};                 ///< rows of all logs
 
   /// Link parameters and actuation that reproduce β. With kPhysical, or where a physical set explains the data
-  /// as well, links that could exist; else those nearest to the robot's own.
+  /// as well, physically possible links; else those nearest to the robot's own.
   model::Robot robot;
   bool physically_consistent{false};  ///< see model::is_physically_consistent
   /// Squared error of the best physical fit over that of the free one; 1: physics costs nothing.
   double physical_cost_ratio{1.0};
-  std::vector<int> repaired_prior, at_boundary;  ///< links, see PhysicalFit
+  /// Links (from 1) whose inertia in the robot is physically impossible; the nearest possible one was the prior.
+  std::vector<int> repaired_prior;
+  /// Links (from 1) at the edge of what is physically possible, the one that costs most first.
+  std::vector<int> at_boundary;
 
   std::optional<BiasTest> bias;
   /// What the logs do not determine and the motion that would, one line each; empty: nothing.

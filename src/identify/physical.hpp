@@ -1,15 +1,15 @@
 /// @file
-/// Fits whose links could exist: positive mass, a body that has that inertia, friction that takes energy.
+/// Fits whose links are physically possible: positive mass, an inertia that a body can have, friction that takes energy.
 /// Derivation: src/identify/physical.md
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "heft/regression/base_parameters.hpp"
+#include "heft/regression/regression_columns.hpp"
 #include "heft/regression/triangular_factor.hpp"
 
 namespace heft::identify {
@@ -42,8 +42,7 @@ struct PhysicalFit {
   /// By how much the squared error of any other physical set (of no larger trace) can be below
   /// limit_squared_error: from the dual problem, whatever the solver did.
   double gap{0.0};
-  /// Links whose prior had to be moved before it could be used, from 1 ("the URDF's inertia of link 1 is none
-  /// that a body can have").
+  /// Links (from 1) whose prior is physically impossible; the nearest possible one was used.
   std::vector<int> repaired_prior;
   /// Links (from 1) whose prior was more than tenfold too light; its size was taken from the data instead.
   std::vector<int> rescaled_prior;
@@ -55,7 +54,7 @@ struct PhysicalFit {
   std::string summary;  ///< the solver's brief report
 };
 
-/// Least squares over links that could exist: pseudo-inertias positive definite by construction (kept as their
+/// Least squares over physically possible links: pseudo-inertias positive definite by construction (kept as their
 /// Cholesky factors [1]), rotor inertia, Coulomb and viscous friction not negative, offsets free.
 ///
 /// minimise ‖R₁ G x − z‖² + ρ² + μ d(x), d the Bregman divergence of −log det from the prior, Σ tr(P₀⁻¹ P) −
@@ -68,8 +67,9 @@ struct PhysicalFit {
 ///     IEEE T-RO 36 (2020).
 ///
 /// @param data   rows in base parameters (b columns), already weighted by the noise of each joint
-/// @param prior  p: the URDF's values. A link that cannot exist is moved to where it can; one without mass is
-///               taken as a rod from its joint to the next with the middle one of the other links' masses.
+/// @param prior  p: the URDF's values. A physically impossible link is moved to the nearest possible one; one
+///               without mass is taken as a rod from its joint to the next with the median of the other links'
+///               masses.
 ///               Friction or rotor inertia of 0 counts as unknown.
 /// @throws ModelError when sizes differ or a number is not finite.
 /// Cost: below 0.1 s for seven joints.

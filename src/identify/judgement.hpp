@@ -7,7 +7,7 @@
 #include "heft/host/verdict.hpp"
 #include "heft/identify/fit.hpp"
 #include "heft/model/physical_links.hpp"
-#include "heft/validate/judgement.hpp"
+#include "heft/validate/score.hpp"
 
 namespace heft::identify {
 
@@ -17,6 +17,5 @@ namespace heft::identify {
 host::Judgement judge(const Fit& fit, const model::MassMatrixCheck& mass,
                       const std::vector<validate::Score>& held_out,
                       const std::vector<validate::Score>& training = {});
-validate::ModelFacts facts_of(const Fit& fit, const model::MassMatrixCheck& mass);
 
 }  // namespace heft::identify

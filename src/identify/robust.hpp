@@ -24,7 +24,7 @@ struct RobustOptions {
   double tukey{4.685};  ///< from here on Tukey's weight is 0
   int max_huber{30};    ///< iterations with Huber's weights, which lead to one minimum from any start
   int max_tukey{30};    ///< iterations with Tukey's weights from there; 0: stay with Huber
-  /// The iterations rest when the torque that the step moves is below this share of the scale (root mean
+  /// The iterations end when the torque that the step moves is below this share of the scale (root mean
   /// square over the rows), and with Huber's weights no scale changes by more than ten times this share.
   double tolerance{1e-3};
   double block{0.5};  ///< length of the blocks of the factors at first [s]
@@ -51,7 +51,7 @@ struct RobustFit {
   bool converged{false};
 };
 
-/// Iteratively reweighted least squares: Huber's weights until they rest, then Tukey's biweight from there.
+/// Iteratively reweighted least squares: Huber's weights until they converge, then Tukey's biweight from there.
 ///
 ///   u = r / s_j,  Huber  w = min(1, c/|u|),  Tukey  w = (1 − (u/c)²)² inside |u| < c, 0 outside;
 ///   s_j = 1.4826 · median |r| of joint j, computed again in every iteration of Huber's, kept with Tukey's.

@@ -1,0 +1,82 @@
+#include "instrument_sums.hpp"
+
+#include <cmath>
+#include <iterator>
+
+#include <fmt/format.h>
+
+#include "heft/host/error.hpp"
+
+namespace heft::identify {
+
+InstrumentSums::InstrumentSums(int joints, int columns, double block, int max_blocks)
+    : plain_(joints, columns, block, max_blocks), length_(block) {}
+
+void InstrumentSums::merge() {
+  length_ *= 2.0;
+  std::map<std::pair<int, long>, std::vector<Moments>> merged;
+  for (auto& [key, joints] : blocks_) {
+    const long half = key.second >= 0 ? key.second / 2 : (key.second - 1) / 2;
+    const auto [place, fresh] = merged.try_emplace({key.first, half}, joints);
+    if (fresh) continue;
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      place->second[j].A += joints[j].A;
+      place->second[j].r += joints[j].r;
+    }
+  }
+  blocks_ = std::move(merged);
+}
+
+void InstrumentSums::add(int log, int joint, const Eigen::Ref<const Eigen::VectorXd>& time,
+                         const Eigen::Ref<const Eigen::MatrixXd>& Z,
+                         const Eigen::Ref<const Eigen::MatrixXd>& W,
+                         const Eigen::Ref<const Eigen::VectorXd>& y) {
+  const Eigen::Index b = num_columns();
+  if (Z.cols() != b || W.cols() != b || Z.rows() != W.rows() || y.size() != W.rows() || joint < 0 ||
+      joint >= num_joints()) {
+    throw DataError(fmt::format(
+        "instruments: {} × {} rows of joint {} for a regressor of {} × {}; expected {} columns in both",
+        Z.rows(), Z.cols(), joint + 1, W.rows(), W.cols(), b));
+  }
+  plain_.add(log, joint, time, W, y);
+  // The plain blocks lead: ours are merged when theirs were.
+  while (length_ < plain_.block_length()) merge();
+  for (Eigen::Index first = 0; first < time.size();) {
+    const long index = static_cast<long>(std::floor(time[first] / length_));
+    Eigen::Index end = first;
+    while (end < time.size() && static_cast<long>(std::floor(time[end] / length_)) == index) ++end;
+    std::vector<Moments>& joints =
+        blocks_
+            .try_emplace({log, index},
+                         std::vector<Moments>(static_cast<std::size_t>(num_joints()),
+                                              Moments{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)}))
+            .first->second;
+    Moments& moments = joints[static_cast<std::size_t>(joint)];
+    const auto rows = Z.middleRows(first, end - first);
+    moments.A.noalias() += rows.transpose() * W.middleRows(first, end - first);
+    moments.r.noalias() += rows.transpose() * y.segment(first, end - first);
+    first = end;
+  }
+}
+
+InstrumentSums::Moments InstrumentSums::weighted(int block, const Eigen::VectorXd& weights) const {
+  const std::vector<Moments>& joints = std::next(blocks_.begin(), block)->second;
+  Moments sum{Eigen::MatrixXd::Zero(num_columns(), num_columns()), Eigen::VectorXd::Zero(num_columns())};
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    sum.A += weights[static_cast<Eigen::Index>(j)] * joints[j].A;
+    sum.r += weights[static_cast<Eigen::Index>(j)] * joints[j].r;
+  }
+  return sum;
+}
+
+InstrumentSums::Moments InstrumentSums::weighted(const Eigen::VectorXd& weights) const {
+  Moments sum{Eigen::MatrixXd::Zero(num_columns(), num_columns()), Eigen::VectorXd::Zero(num_columns())};
+  for (int b = 0; b < num_blocks(); ++b) {
+    const Moments block = weighted(b, weights);
+    sum.A += block.A;
+    sum.r += block.r;
+  }
+  return sum;
+}
+
+}  // namespace heft::identify

@@ -1,0 +1,50 @@
+/// @file
+/// What an instrumental variable fit keeps of the rows.
+#pragma once
+
+#include <map>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heft/regression/triangular_factor.hpp"
+
+namespace heft::identify {
+
+/// Sums of an instrumental variable fit by block of time and joint, and of the plain rows. Memory
+/// is bounded as in BlockFactors.
+class InstrumentSums {
+ public:
+  InstrumentSums(int joints, int columns, double block, int max_blocks = 96);
+
+  /// Adds rows of one joint: time ascending, Z and W m × b, y m.
+  void add(int log, int joint, const Eigen::Ref<const Eigen::VectorXd>& time,
+           const Eigen::Ref<const Eigen::MatrixXd>& Z, const Eigen::Ref<const Eigen::MatrixXd>& W,
+           const Eigen::Ref<const Eigen::VectorXd>& y);
+
+  int num_joints() const { return plain_.num_joints(); }
+  int num_columns() const { return plain_.num_columns(); }
+  /// The same rows as for plain least squares; blocks of equal number are the same stretch of time.
+  const regression::BlockFactors& plain() const { return plain_; }
+  int num_blocks() const { return static_cast<int>(blocks_.size()); }
+
+  /// Zᵀ W (b × b) and Zᵀ y (b).
+  struct Moments {
+    Eigen::MatrixXd A;
+    Eigen::VectorXd r;
+  };
+  /// Σ_j w_j of one block.
+  Moments weighted(int block, const Eigen::VectorXd& weights) const;
+  /// Σ_j w_j of all.
+  Moments weighted(const Eigen::VectorXd& weights) const;
+
+ private:
+  void merge();
+
+  regression::BlockFactors plain_;
+  double length_;
+  std::map<std::pair<int, long>, std::vector<Moments>> blocks_;  ///< by log and number, per joint
+};
+
+}  // namespace heft::identify

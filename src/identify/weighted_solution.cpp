@@ -1,0 +1,99 @@
+#include "weighted_solution.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "heft/host/decompositions.hpp"
+#include "heft/regression/block_groups.hpp"
+#include "heft/statistics/jackknife.hpp"
+#include "scaled_svd.hpp"
+
+namespace heft::identify {
+
+Solution solve(const regression::TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from) {
+  const auto [scale, svd] = scaled_svd(data.R());
+  const double largest = svd.values[0];
+  const double smallest = svd.values[svd.values.size() - 1];
+  Solution s;
+  s.scale = scale;
+  s.condition = smallest > 0.0 ? largest / smallest : std::numeric_limits<double>::infinity();
+  if (ridge_from > 0.0 && s.condition > ridge_from) s.ridge = std::pow(largest / ridge_from, 2);
+  // In y = S β: z − R β₀ = U Σ Vᵀ (y − y₀).
+  const Eigen::VectorXd right_side = svd.U.transpose() * (data.z() - data.R() * prior);
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(svd.values.size());
+  Eigen::VectorXd share = step;
+  for (Eigen::Index i = 0; i < step.size(); ++i) {
+    const double sigma = svd.values[i];
+    if (sigma <= 1e-13 * largest) continue;
+    step[i] = sigma * right_side[i] / (sigma * sigma + s.ridge);
+    share[i] = sigma * sigma / (sigma * sigma + s.ridge);
+  }
+  s.resolution = svd.V.cwiseAbs2() * share;
+  s.beta = prior + (svd.V * step).cwiseQuotient(s.scale);
+  return s;
+}
+
+Eigen::VectorXd noise_of(const regression::BlockFactors& factors, const Eigen::VectorXd& beta) {
+  Eigen::VectorXd noise(factors.num_joints());
+  double all_rows = 0.0;
+  std::vector<regression::TriangularFactor> joints;
+  for (int j = 0; j < factors.num_joints(); ++j) {
+    joints.push_back(factors.joint(j));
+    all_rows += static_cast<double>(joints.back().rows());
+  }
+  for (int j = 0; j < factors.num_joints(); ++j) {
+    const regression::TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
+    const auto rows = static_cast<double>(joint.rows());
+    const double freedom =
+        std::max(1.0, rows * (1.0 - static_cast<double>(beta.size()) / std::max(all_rows, 1.0)));
+    noise[j] = rows > 0.0 ? std::sqrt(joint.squared_error(beta) / freedom) : 0.0;
+  }
+  return noise;
+}
+
+Eigen::VectorXd weights_of(const Eigen::VectorXd& noise) {
+  const double floor = std::max(1e-9 * noise.maxCoeff(), 1e-12);
+  return noise.cwiseMax(floor).cwiseAbs2().cwiseInverse();
+}
+
+Spread spread_of(const regression::BlockFactors& factors, const Eigen::VectorXd& weights,
+                 const Solution& solution, double length, double edge_factor) {
+  struct Group {
+    Eigen::MatrixXd A;
+    Eigen::VectorXd g;
+  };
+  // All in columns of norm 1: A = Σ w RᵀR, g = Σ w Rᵀ(z − R β).
+  const auto b = solution.beta.size();
+  const Eigen::VectorXd inverse = solution.scale.cwiseInverse();
+  Eigen::MatrixXd A = solution.ridge * Eigen::MatrixXd::Identity(b, b);
+  std::vector<Group> groups;
+  for (const std::vector<int>& members : regression::groups_of(factors, length)) {
+    Group& group = groups.emplace_back(Group{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)});
+    for (const int k : members) {
+      for (int j = 0; j < factors.num_joints(); ++j) {
+        const regression::TriangularFactor& factor = factors.factor(k, j);
+        if (factor.rows() == 0) continue;
+        const Eigen::MatrixXd R = factor.R() * inverse.asDiagonal();
+        group.A.noalias() += weights[j] * (R.transpose() * R);
+        group.g.noalias() += weights[j] * (R.transpose() * (factor.z() - factor.R() * solution.beta));
+      }
+    }
+  }
+  for (const Group& group : groups) A += group.A;
+  Eigen::MatrixXd changes(b, static_cast<Eigen::Index>(groups.size()));
+  Spread out;
+  for (const Group& group : groups) {
+    if (group.A.trace() <= 0.0) continue;
+    // Without this block: (A − A_b) d = −g_b, since the whole gradient vanishes at the estimate.
+    const Eigen::VectorXd d = solve_symmetric(A - group.A, -group.g);
+    if (d.allFinite()) changes.col(out.blocks++) = d;
+  }
+  out.covariance = inverse.asDiagonal() *
+                   statistics::jackknife_covariance(changes.leftCols(out.blocks), edge_factor) *
+                   inverse.asDiagonal();
+  return out;
+}
+
+}  // namespace heft::identify
