@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/Geometry>
 
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"

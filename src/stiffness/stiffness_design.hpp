@@ -1,5 +1,6 @@
 /// @file
-/// The regression behind fit_stiffness: compliances and whatever else moved the instrument, linear in both.
+/// The regression behind fit_stiffness: compliances and whatever else moved the instrument, linear in both; its solution;
+/// what it predicts for poses left out.
 #pragma once
 
 #include <string>
@@ -16,6 +17,9 @@ std::vector<std::vector<int>> groups_of(const StiffnessOptions& options, int n);
 
 /// Whether a reading is of a rotation.
 bool is_rotation(const LoadedPose& pose, Eigen::Index reading);
+
+/// Whether two have the same pose and the same load, to rounding.
+bool same_load(const LoadedPose& a, const LoadedPose& b);
 
 /// y = B x, m readings.
 struct Design {
