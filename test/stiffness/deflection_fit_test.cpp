@@ -13,7 +13,7 @@
 #include "heft/stiffness/deflection_fit.hpp"
 #include "heft/stiffness/dexterity.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
-#include "support/thesis_ur5.hpp"
+#include "support/ur5_dh_table.hpp"
 
 namespace heft::stiffness {
 namespace {
@@ -22,7 +22,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using test::thesis_ur5;
+using test::ur5_of_dh_table;
 
 constexpr double kLength = 0.4;  // [m]
 
@@ -105,7 +105,7 @@ std::vector<VectorXd> chosen_poses(const model::Kinematics& arm, int count, std:
 }
 
 TEST(Stiffness, IsRecoveredToOnePercentWithTrackerNoiseInGoodPoses) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   for (unsigned seed = 1; seed <= 10; ++seed) {
     std::mt19937 random(seed);
@@ -121,7 +121,7 @@ TEST(Stiffness, IsRecoveredToOnePercentWithTrackerNoiseInGoodPoses) {
 }
 
 TEST(Stiffness, IsExactWithoutNoiseWhenTheLoadActsAtThePoseItHasMade) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(3);
   const VectorXd k = random_stiffness(random);
@@ -138,7 +138,7 @@ TEST(Stiffness, IsExactWithoutNoiseWhenTheLoadActsAtThePoseItHasMade) {
 }
 
 TEST(Stiffness, PartialReadingsDetermineTheSameStiffness) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(4);
   const VectorXd k = random_stiffness(random);
@@ -155,7 +155,7 @@ TEST(Stiffness, PartialReadingsDetermineTheSameStiffness) {
 }
 
 TEST(Stiffness, IntervalsCoverNinetyFivePercent) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(5);
   const VectorXd k = random_stiffness(random);
@@ -189,7 +189,7 @@ TEST(Stiffness, IntervalsCoverNinetyFivePercent) {
 }
 
 TEST(Stiffness, NearSingularPosesSpoilTheDirectMethodAndHardlyTheFit) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(6);
   const VectorXd k = random_stiffness(random);
@@ -222,7 +222,7 @@ TEST(Stiffness, NearSingularPosesSpoilTheDirectMethodAndHardlyTheFit) {
 }
 
 TEST(Stiffness, GroupsShareOneCompliance) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(7);
   const VectorXd k = (VectorXd(6) << 9e3, 9e3, 9e3, 4e3, 4e3, 4e3).finished();
@@ -235,7 +235,7 @@ TEST(Stiffness, GroupsShareOneCompliance) {
 }
 
 TEST(Stiffness, RepeatsCountOnceAndTellTheirScatter) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(8);
   const VectorXd k = random_stiffness(random);
@@ -254,7 +254,7 @@ TEST(Stiffness, RepeatsCountOnceAndTellTheirScatter) {
 }
 
 TEST(Stiffness, TheDirectMethodGivesTheSameWhereItsDeflectionsAreWhole) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(9);
   const VectorXd k = random_stiffness(random);
@@ -277,7 +277,7 @@ TEST(Stiffness, TheDirectMethodGivesTheSameWhereItsDeflectionsAreWhole) {
 }
 
 TEST(Stiffness, SaysWhatIsMissing) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(10);
   const auto rows =
@@ -307,7 +307,7 @@ TEST(Stiffness, SaysWhatIsMissing) {
 }
 
 TEST(Stiffness, PointsBesideTheTipMoveWithItsRotation) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(13);
   const VectorXd k = random_stiffness(random);
@@ -331,7 +331,7 @@ TEST(Stiffness, PointsBesideTheTipMoveWithItsRotation) {
 }
 
 TEST(Stiffness, TheMeanOfRepeatsHasItsOwnDeviation) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(14);
   auto rows = measure(arm, random_poses(arm, 1, 0.2, random), random_stiffness(random), 0, 0, random);
@@ -342,7 +342,7 @@ TEST(Stiffness, TheMeanOfRepeatsHasItsOwnDeviation) {
 }
 
 TEST(StiffnessEffects, AnOffsetOfTheSensorIsFoundAndTakenOut) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(11);
   const VectorXd k = random_stiffness(random);
@@ -359,7 +359,7 @@ TEST(StiffnessEffects, AnOffsetOfTheSensorIsFoundAndTakenOut) {
 }
 
 TEST(StiffnessEffects, AWireThatPullsAskewIsFound) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   std::mt19937 random(12);
   const VectorXd k = random_stiffness(random);
@@ -379,7 +379,7 @@ TEST(StiffnessEffects, AWireThatPullsAskewIsFound) {
 }
 
 TEST(StiffnessEffects, SixReadingsAreNoProofByThemselves) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   int alarms = 0, gains = 0;
   for (unsigned seed = 200; seed < 240; ++seed) {
@@ -399,7 +399,7 @@ TEST(StiffnessEffects, SixReadingsAreNoProofByThemselves) {
 }
 
 TEST(StiffnessEffects, NothingIsFoundWhereNothingIs) {
-  const model::Robot robot = thesis_ur5();
+  const model::Robot robot = ur5_of_dh_table();
   const model::Kinematics arm(robot);
   int alarms = 0;
   for (unsigned seed = 100; seed < 140; ++seed) {

@@ -15,14 +15,14 @@
 
 #include "heft/host/error.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "support/thesis_ur5.hpp"
+#include "support/ur5_dh_table.hpp"
 
 namespace heft::stiffness {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using test::thesis_ur5;
+using test::ur5_of_dh_table;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kTurn = 2.0 * std::numbers::pi;
@@ -103,7 +103,7 @@ TEST(CharacteristicLength, OfTheSixJointArmDesignedToBeIsotropicIsItsLinkLength)
 }
 
 TEST(CharacteristicLength, OfAPoseIsTheLeastOverAllLengths) {
-  const model::Kinematics arm(thesis_ur5());
+  const model::Kinematics arm(ur5_of_dh_table());
   const MatrixXd J = arm.jacobian(vector({0.0, 2.0, 1.5, 0.8, 0.8, 0.8}));
   const double L = least_condition_length(J);
   const double least = frobenius_condition(normalised_jacobian(J, L));
@@ -139,7 +139,7 @@ TEST(Reach, OfAPrismaticJointEndsAtItsLimitAndNeedsOne) {
 }
 
 TEST(Reach, OfTheThesissUr5IsMoreThanItsPoseGives) {
-  const model::Kinematics arm(thesis_ur5());
+  const model::Kinematics arm(ur5_of_dh_table());
   // The thesis's pose and its 1019.2 mm: d1 - a2 - a3 + d5 up, d4 + d6 aside.
   const VectorXd pose = kDegree * vector({0, -90, 0, -90, 0, 0});
   const double stated = arm.tip(pose).position.norm();
@@ -165,7 +165,7 @@ TEST(Reach, OfTheThesissUr5IsMoreThanItsPoseGives) {
 
 /// The map of the thesis's table 4 over joints 2 and 3, a point a degree.
 DexterityMap thesis_map(double length) {
-  return dexterity_map(model::Kinematics(thesis_ur5()), kDegree * vector({0, 0, 0, 45, 45, 45}),
+  return dexterity_map(model::Kinematics(ur5_of_dh_table()), kDegree * vector({0, 0, 0, 45, 45, 45}),
                        {1, 0.0, kTurn, 180}, {2, 0.0, kTurn, 180}, length);
 }
 
@@ -188,7 +188,7 @@ TEST(DexterityMap, OfTheThesisComesOutWithLengthsInMillimetresOverAFewTenthsOfTh
   }
   EXPECT_NEAR(found[0].second_low / kDegree, 86.0, 4.0);
   EXPECT_NEAR(found[0].second_high / kDegree, 168.0, 4.0);
-  const MatrixXd J = model::Kinematics(thesis_ur5()).jacobian(found[0].q);
+  const MatrixXd J = model::Kinematics(ur5_of_dh_table()).jacobian(found[0].q);
   EXPECT_NEAR(dexterity(J, 0.8488e-3), found[0].best, 1e-12);
   // "Four areas": a lower threshold shows the other two.
   EXPECT_EQ(zones(map, 0.0025).size(), 4U);
@@ -251,7 +251,7 @@ TEST(Zones, AreFoundAndJoinedAcrossAWholeTurn) {
 }
 
 TEST(DexterityMap, RefusesWhatIsNoMap) {
-  const model::Kinematics arm(thesis_ur5());
+  const model::Kinematics arm(ur5_of_dh_table());
   const VectorXd q = VectorXd::Zero(6);
   EXPECT_THROW(dexterity_map(arm, q, {6, 0, 1, 5}, {2, 0, 1, 5}, 0.2), InputError);
   EXPECT_THROW(dexterity_map(arm, q, {2, 0, 1, 5}, {2, 0, 1, 5}, 0.2), InputError);
@@ -262,7 +262,7 @@ TEST(DexterityMap, RefusesWhatIsNoMap) {
 }
 
 TEST(ComplianceRows, TimesCompliancesAreTheDisplacement) {
-  const model::Kinematics arm(thesis_ur5());
+  const model::Kinematics arm(ur5_of_dh_table());
   const MatrixXd J = arm.jacobian(vector({0.3, -1.2, 1.4, -0.7, 1.1, 0.2}));
   const Eigen::Matrix<double, 6, 1> wrench = vector({10, -20, -30, 1, 2, -3});
   const VectorXd x = vector({5e-5, 6e-5, 7e-5, 2e-4, 2.5e-4, 3e-4});
@@ -279,7 +279,7 @@ TEST(ComplianceRows, TimesCompliancesAreTheDisplacement) {
 
 std::vector<PoseCandidate> tracker_candidates(int count, std::uint32_t seed,
                                               const Eigen::Vector3d& hook = {0.15, 0.1, 0.1}) {
-  const model::Kinematics arm(thesis_ur5(), model::tool_beyond_tip(thesis_ur5(), hook));
+  const model::Kinematics arm(ur5_of_dh_table(), model::tool_beyond_tip(ur5_of_dh_table(), hook));
   const Eigen::Matrix<double, 6, 1> weight = vector({0, 0, -50, 0, 0, 0});
   MatrixXd position = MatrixXd::Identity(3, 6) / 2e-5;
   return pose_candidates(

@@ -10,7 +10,7 @@
 
 #include "heft/host/error.hpp"
 #include "support/arms.hpp"
-#include "support/thesis_ur5.hpp"
+#include "support/ur5_dh_table.hpp"
 
 namespace heft::stiffness {
 namespace {
@@ -42,7 +42,7 @@ data::Deflection read_at(const model::Robot& robot, const VectorXd& q, const Vec
 }
 
 TEST(StiffnessFacade, PlannedPosesGiveTheSpringsBackAsAModel) {
-  const model::Robot robot = test::thesis_ur5();
+  const model::Robot robot = test::ur5_of_dh_table();
   PlanOptions wanted;
   wanted.poses = 8;
   wanted.force = Vector3d(30.0, 20.0, -40.0);
@@ -71,7 +71,7 @@ TEST(StiffnessFacade, PlannedPosesGiveTheSpringsBackAsAModel) {
 }
 
 TEST(StiffnessFacade, RefusesSingularPosesUnlessTheyAreKept) {
-  const model::Robot robot = test::thesis_ur5();
+  const model::Robot robot = test::ur5_of_dh_table();
   const Vector6d wrench = (Vector6d() << 10.0, 10.0, -40.0, 1.0, 2.0, 3.0).finished();
   std::vector<data::Deflection> rows{read_at(robot, VectorXd::Zero(6), wrench, "stretched")};
   std::mt19937 random(2);

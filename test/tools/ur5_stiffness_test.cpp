@@ -18,13 +18,13 @@
 #include "heft/urdf/urdf_import.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
-#include "ur5_stiffness_study.hpp"
+#include "ur5_stiffness_setup.hpp"
 
 namespace heft::studies {
 namespace {
 
 const model::Kinematics& arm() {
-  static const model::Kinematics kinematics(make_thesis_ur5());
+  static const model::Kinematics kinematics(ur5_of_dh_table());
   return kinematics;
 }
 const Ur5Measurements& measurements() {

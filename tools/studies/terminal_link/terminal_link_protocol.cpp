@@ -76,6 +76,132 @@ ProtocolPoint judge(ProtocolMethod method, int samples, const Base& estimate, co
   return point;
 }
 
+/// One scenario, one seed: every estimator is fed the same samples.
+class Protocol {
+ public:
+  explicit Protocol(const ProtocolSettings& settings)
+      : settings_(settings),
+        yardstick_(make_yardstick(settings)),
+        random_(static_cast<std::uint64_t>(settings.seed) * 2654435761U + 1U),
+        nominal_actuation_(nominal_arm(settings.seed)),
+        running_{reduced_links(nominal_actuation_)},
+        running_estimate_(layout_parameters<kFirst>(running_, nominal_actuation_)) {
+    (void)joint_model_.configure(
+        fit_joint_model(settings.period, settings.acceleration_noise, settings.seed));
+    (void)delayed_.configure(1, 3);
+  }
+
+  std::vector<ProtocolPoint> run() {
+    for (int j = 0; j < settings_.sample_counts.back(); ++j) {
+      take_sample(j);
+      if (next_ < settings_.sample_counts.size() && j + 1 == settings_.sample_counts[next_]) {
+        judge_all(j + 1, yardstick_.column_rms[next_++]);
+      }
+    }
+    return std::move(points_);
+  }
+
+ private:
+  void take_sample(int j) {
+    const Motion m = at(settings_.exciting, j * settings_.period);
+    Vector epsilon;
+    for (int i = 0; i < kN; ++i) {
+      epsilon[i] = settings_.acceleration_noise * noise_(random_);
+    }
+    const Vector measured = m.qdd + epsilon;
+    const Vector tau = true_torque(m);
+    const Vector u = motor_input(m, tau);
+    const Vector measured_tau = settings_.rotor_inertia ? (tau - kRotor.cwiseProduct(epsilon)).eval() : tau;
+
+    std::array<Rows, 2> rows{};
+    terminal_rows<Arm, kFirst, 2>(terminal_trigonometry<Arm, kFirst>(m.q), m.q, m.qd,
+                                  {measured, joint_model_.update(u)}, 0.0, rows);
+    least_squares_.add(rows[0], rows[0], measured_tau);
+    by_model_.add(rows[0], rows[1], measured_tau);
+    if (!settings_.all_methods) return;
+    const Vector forward = forward_acceleration(m, u);
+    by_desired_.add(rows[0], rows_at(m), measured_tau);
+    by_forward_.add(rows[0], rows_at({m.q, m.qd, forward}), measured_tau);
+    const bool have_delayed = delayed_.ready();
+    const Vector mean = delayed_.update(measured);
+    if (have_delayed) {
+      by_delay_.add(rows[0], rows_at({m.q, m.qd, mean}), measured_tau);
+    }
+    add_literal(rows[0], rows[1], measured_tau);
+    if (j >= 200 && j % 50 == 0) update_running_estimate();
+  }
+
+  /// Forward dynamics with the running estimate, driven by the motor input, which holds no measured acceleration.
+  Vector forward_acceleration(const Motion& m, const Vector& u) const {
+    Vector load = u - kRotor.cwiseProduct(m.qd) / kMotorTimeConstant;
+    for (int i = 0; i < kN; ++i) {
+      JointActuation<double> actuation = nominal_actuation_.actuation[static_cast<std::size_t>(i)];
+      if (i >= kFirst) {
+        actuation.coulomb_friction = running_estimate_[Layout::friction(i - kFirst)];
+        actuation.viscous_friction = running_estimate_[Layout::friction(i - kFirst) + 1];
+      }
+      load[i] -= friction_torque(actuation, m.qd[i], 0.0);
+    }
+    Vector forward = Vector::Zero();
+    if (predicted_acceleration<Arm>(running_, joint_trigonometry<Arm>(m.q), m.q, m.qd, kRotor, load,
+                                    forward) != Status::kOk) {
+      forward.setZero();
+    }
+    return forward;
+  }
+
+  /// (32), (33) as printed: Σ W̃ᵀ (Ŵ Ŵᵀ) W̃.
+  void add_literal(const Rows& row, const Rows& instrument, const Vector& tau) {
+    const auto w = as_matrix<kFirst>(row);
+    const auto z = as_matrix<kFirst>(instrument);
+    const Eigen::Matrix2d weight = z * z.transpose();
+    literal_ += w.transpose() * weight * w;
+    literal_right_ += w.transpose() * weight * tau.tail<2>();
+  }
+
+  /// The arm of the forward dynamics, once its own estimate is well conditioned.
+  void update_running_estimate() {
+    constexpr double kMostAmplification = 60.0;
+    if (!by_forward_.solve() || !(by_forward_.solver.amplification() < kMostAmplification)) return;
+    running_estimate_ = by_forward_.solution();
+    for_inertial<kFirst>([&](std::size_t link, std::size_t entry, int column) {
+      running_.links[link][entry] = running_estimate_[column];
+    });
+  }
+
+  void judge_all(int samples, const Base& column_rms) {
+    const auto take = [&](ProtocolMethod method, System<kFirst>& system) {
+      if (system.solve()) {
+        points_.push_back(judge(method, samples, system.solution(), yardstick_, column_rms));
+        points_.back().amplification = system.solver.amplification();
+      }
+    };
+    take(ProtocolMethod::kLeastSquares, least_squares_);
+    take(ProtocolMethod::kInstrumentModel, by_model_);
+    if (!settings_.all_methods) return;
+    take(ProtocolMethod::kInstrumentDelayed, by_delay_);
+    take(ProtocolMethod::kInstrumentDesired, by_desired_);
+    take(ProtocolMethod::kInstrumentForward, by_forward_);
+    points_.push_back(judge(ProtocolMethod::kLiteralQuasiDiagonal, samples,
+                            solve_symmetric(literal_, literal_right_), yardstick_, column_rms));
+  }
+
+  const ProtocolSettings& settings_;
+  Yardstick yardstick_;
+  std::mt19937_64 random_;
+  std::normal_distribution<double> noise_{0.0, 1.0};
+  JointAccelerationModel<double, kN> joint_model_;
+  DelayedMean<double, kN, 8> delayed_;
+  ArmModel<double, kN> nominal_actuation_;
+  Parameters running_;     ///< arm of the forward dynamics
+  Base running_estimate_;  ///< the same as a vector
+  System<kFirst> least_squares_, by_model_, by_delay_, by_desired_, by_forward_;
+  Eigen::Matrix<double, kBase, kBase> literal_ = Eigen::Matrix<double, kBase, kBase>::Zero();
+  Base literal_right_ = Base::Zero();
+  std::vector<ProtocolPoint> points_;
+  std::size_t next_{0};  ///< of settings.sample_counts
+};
+
 }  // namespace
 
 const char* to_string(ProtocolMethod method) {
@@ -90,109 +216,7 @@ const char* to_string(ProtocolMethod method) {
   return "unknown";
 }
 
-std::vector<ProtocolPoint> run_protocol(const ProtocolSettings& settings) {
-  const Yardstick yardstick = make_yardstick(settings);
-  std::mt19937_64 random(static_cast<std::uint64_t>(settings.seed) * 2654435761U + 1U);
-  std::normal_distribution<double> noise(0.0, 1.0);
-
-  JointAccelerationModel<double, kN> joint_model;
-  (void)joint_model.configure(fit_joint_model(settings.period, settings.acceleration_noise, settings.seed));
-  DelayedMean<double, kN, 8> delayed;
-  (void)delayed.configure(1, 3);
-
-  const ArmModel<double, kN> nominal_actuation = nominal_arm(settings.seed);
-  Parameters running{reduced_links(nominal_actuation)};
-  Base running_estimate = layout_parameters<kFirst>(running, nominal_actuation);
-
-  System<kFirst> least_squares, by_model, by_delay, by_desired, by_forward;
-  Eigen::Matrix<double, kBase, kBase> literal = Eigen::Matrix<double, kBase, kBase>::Zero();
-  Base literal_right = Base::Zero();
-
-  std::vector<ProtocolPoint> points;
-  std::size_t next = 0;
-  for (int j = 0; j < settings.sample_counts.back(); ++j) {
-    const Motion m = at(settings.exciting, j * settings.period);
-    Vector epsilon;
-    for (int i = 0; i < kN; ++i) {
-      epsilon[i] = settings.acceleration_noise * noise(random);
-    }
-    const Vector measured = m.qdd + epsilon;
-    const Vector tau = true_torque(m);
-    const Vector u = motor_input(m, tau);
-    const Vector measured_tau = settings.rotor_inertia ? (tau - kRotor.cwiseProduct(epsilon)).eval() : tau;
-
-    // Forward dynamics with the running estimate, driven by the motor input, which holds no measured acceleration.
-    Vector forward = Vector::Zero();
-    if (settings.all_methods) {
-      Vector load = u - kRotor.cwiseProduct(m.qd) / kMotorTimeConstant;
-      for (int i = 0; i < kN; ++i) {
-        JointActuation<double> actuation = nominal_actuation.actuation[static_cast<std::size_t>(i)];
-        if (i >= kFirst) {
-          actuation.coulomb_friction = running_estimate[Layout::friction(i - kFirst)];
-          actuation.viscous_friction = running_estimate[Layout::friction(i - kFirst) + 1];
-        }
-        load[i] -= friction_torque(actuation, m.qd[i], 0.0);
-      }
-      if (predicted_acceleration<Arm>(running, joint_trigonometry<Arm>(m.q), m.q, m.qd, kRotor, load,
-                                      forward) != Status::kOk) {
-        forward.setZero();
-      }
-    }
-
-    std::array<Rows, 2> rows{};
-    const auto trig = terminal_trigonometry<Arm, kFirst>(m.q);
-    const auto instrument_rows = [&](const Vector& acceleration) {
-      std::array<Rows, 1> z{};
-      terminal_rows<Arm, kFirst, 1>(trig, m.q, m.qd, {acceleration}, 0.0, z);
-      return z[0];
-    };
-    terminal_rows<Arm, kFirst, 2>(trig, m.q, m.qd, {measured, joint_model.update(u)}, 0.0, rows);
-    least_squares.add(rows[0], rows[0], measured_tau);
-    by_model.add(rows[0], rows[1], measured_tau);
-    if (settings.all_methods) {
-      by_desired.add(rows[0], instrument_rows(m.qdd), measured_tau);
-      by_forward.add(rows[0], instrument_rows(forward), measured_tau);
-      const bool have_delayed = delayed.ready();
-      const Vector mean = delayed.update(measured);
-      if (have_delayed) {
-        by_delay.add(rows[0], instrument_rows(mean), measured_tau);
-      }
-      // (32), (33) as printed: Σ W̃ᵀ (Ŵ Ŵᵀ) W̃.
-      const auto w = as_matrix<kFirst>(rows[0]);
-      const auto z = as_matrix<kFirst>(rows[1]);
-      const Eigen::Matrix2d weight = z * z.transpose();
-      literal += w.transpose() * weight * w;
-      literal_right += w.transpose() * weight * measured_tau.tail<2>();
-      if (j >= 200 && j % 50 == 0 && by_forward.solve() && by_forward.solver.amplification() < 60) {
-        running_estimate = by_forward.solution();
-        for_inertial<kFirst>([&](std::size_t link, std::size_t entry, int column) {
-          running.links[link][entry] = running_estimate[column];
-        });
-      }
-    }
-
-    if (next < settings.sample_counts.size() && j + 1 == settings.sample_counts[next]) {
-      const Base& column_rms = yardstick.column_rms[next++];
-      const auto take = [&](ProtocolMethod method, System<kFirst>& system) {
-        if (system.solve()) {
-          points.push_back(judge(method, j + 1, system.solution(), yardstick, column_rms));
-          points.back().amplification = system.solver.amplification();
-        }
-      };
-      take(ProtocolMethod::kLeastSquares, least_squares);
-      take(ProtocolMethod::kInstrumentModel, by_model);
-      if (!settings.all_methods) {
-        continue;
-      }
-      take(ProtocolMethod::kInstrumentDelayed, by_delay);
-      take(ProtocolMethod::kInstrumentDesired, by_desired);
-      take(ProtocolMethod::kInstrumentForward, by_forward);
-      points.push_back(judge(ProtocolMethod::kLiteralQuasiDiagonal, j + 1,
-                             solve_symmetric(literal, literal_right), yardstick, column_rms));
-    }
-  }
-  return points;
-}
+std::vector<ProtocolPoint> run_protocol(const ProtocolSettings& settings) { return Protocol(settings).run(); }
 
 std::vector<double> true_base_parameters() {
   const Base p = base_with_payload();

@@ -27,7 +27,6 @@ enum class ProtocolMethod {
   kInstrumentDesired,     ///< IVM with the trajectory's own acceleration
   kInstrumentForward      ///< IVM with forward dynamics of the running estimate
 };
-inline constexpr int kNumProtocolMethods = 6;
 const char* to_string(ProtocolMethod method);
 
 /// Settings of a run.
@@ -46,7 +45,6 @@ struct ProtocolSettings {
 struct ProtocolPoint {
   ProtocolMethod method{};
   int samples{0};
-  bool passed{true};  ///< IVM: the conditioning check of the estimator let it out
   double amplification{0};
   double error{0};           ///< e of section 10
   double torque_error_5{0};  ///< rms on the validation trajectory, joint 5 [mN m]

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -13,216 +11,19 @@
 #include "heft/page/origin.hpp"
 #include "heft/report/tracking.hpp"
 #include "host/json.hpp"
+#include "terminal_link_claims.hpp"
 #include "terminal_link_closed_loop.hpp"
-#include "terminal_link_study.hpp"
+#include "terminal_link_figures.hpp"
 
 namespace heft::studies {
 namespace {
 
-using page::Hue;
 using page::PlotSpec;
-using page::Series;
-using page::Style;
 using page::Table;
 
 constexpr const char* kPublication =
     "H. Kawasaki, K. Nishimura, Terminal-link parameter estimation and trajectory control of robotic "
     "manipulators, 1984";
-const std::vector<ProtocolMethod> kMethods = {
-    ProtocolMethod::kLeastSquares,      ProtocolMethod::kLiteralQuasiDiagonal,
-    ProtocolMethod::kInstrumentModel,   ProtocolMethod::kInstrumentDelayed,
-    ProtocolMethod::kInstrumentDesired, ProtocolMethod::kInstrumentForward};
-
-const char* scenario_name(bool rotor_inertia) { return rotor_inertia ? "B" : "A"; }
-
-Table claim_table(const std::vector<Claim>& claims) {
-  Table table({"", "claim", "scenario", "stated", "found"});
-  for (const Claim& c : claims)
-    table.add_row({c.holds ? "holds" : "DOES NOT HOLD", c.text, c.scenario, c.expected, c.found});
-  return table;
-}
-
-std::vector<int> samples_of(const Study& study) {
-  std::vector<int> samples;
-  for (const ProtocolPoint& p : study.runs.front().points) {
-    if (samples.empty() || samples.back() != p.samples) samples.push_back(p.samples);
-  }
-  return samples;
-}
-
-/// One base parameter against the number of samples: every seed lies in the band, the line is the mean.
-PlotSpec parameter_plot(const Study& study, bool b, double period, std::size_t parameter, double unit,
-                        const char* unit_name) {
-  PlotSpec spec;
-  spec.title = base_parameter_names()[parameter];
-  spec.x_label = "number of samples";
-  spec.y_label = fmt::format("[{}]", unit_name);
-  spec.log_x = true;
-  spec.width = 460;
-  spec.height = 230;
-  const double truth = unit * true_base_parameters()[parameter];
-  double lowest = truth, highest = truth;
-  struct Curve {
-    Series mean, range;
-    std::vector<double> smallest, largest;
-  };
-  std::vector<Curve> curves;
-  for (const ProtocolMethod method : {ProtocolMethod::kLeastSquares, ProtocolMethod::kInstrumentModel}) {
-    const bool lsm = method == ProtocolMethod::kLeastSquares;
-    Curve curve;
-    curve.mean = {lsm ? "LSM, mean" : "IVM with (35), mean", {}, {}, {}, Style::kLine,
-                  lsm ? Hue::kVermillion : Hue::kBlue};
-    curve.range = {lsm ? "LSM, all seeds" : "IVM, all seeds", {}, {}, {}, Style::kBand,
-                   lsm ? Hue::kVermillion : Hue::kBlue};
-    for (const int n : samples_of(study)) {
-      const Spread s = spread(values_of(study.runs, b, period, method, n, [&](const ProtocolPoint& p) {
-        return unit * p.base_parameters[parameter];
-      }));
-      curve.mean.x.push_back(n);
-      curve.mean.y.push_back(s.mean);
-      curve.smallest.push_back(s.smallest);
-      curve.largest.push_back(s.largest);
-      curve.range.x.push_back(n);
-      curve.range.y.push_back(s.smallest);
-      curve.range.y_high.push_back(s.largest);
-      // Early estimates would flatten everything else.
-      if (n * period >= (period < 0.003 ? 2.9 : 4.9)) {
-        lowest = std::min(lowest, s.smallest);
-        highest = std::max(highest, s.largest);
-      }
-    }
-    curves.push_back(std::move(curve));
-  }
-  const double margin = 0.25 * std::max(highest - lowest, 1e-6 + 0.02 * std::abs(truth));
-  spec.y_range = std::pair<double, double>(lowest - margin, highest + margin);
-  for (Curve& c : curves) {
-    for (auto* values : {&c.range.y, &c.range.y_high}) {
-      for (double& v : *values) v = std::clamp(v, spec.y_range->first, spec.y_range->second);
-    }
-    // The mean begins where all seeds are on the drawing; before, single wild values decide it.
-    for (std::size_t k = 0; k < c.mean.y.size(); ++k) {
-      if (c.smallest[k] < spec.y_range->first || c.largest[k] > spec.y_range->second) {
-        c.mean.y[k] = std::numeric_limits<double>::quiet_NaN();
-      }
-    }
-    spec.series.push_back(std::move(c.range));
-  }
-  for (Curve& c : curves) spec.series.push_back(std::move(c.mean));
-  spec.marks = {{page::Mark::Direction::kHorizontal, truth, "true"}};
-  return spec;
-}
-
-/// e against the number of samples, every method.
-PlotSpec error_plot(const Study& study, bool b, double period) {
-  PlotSpec spec;
-  spec.title = fmt::format("Error e against the number of samples, scenario {}, {:.0f} ms", scenario_name(b),
-                           1e3 * period);
-  spec.x_label = "number of samples";
-  spec.y_label = "e (rms over seeds)";
-  spec.log_x = true;
-  spec.log_y = true;
-  spec.y_range = std::pair<double, double>(0.002, 2.0);
-  const std::map<ProtocolMethod, Hue> hues = {{ProtocolMethod::kLeastSquares, Hue::kVermillion},
-                                              {ProtocolMethod::kLiteralQuasiDiagonal, Hue::kOrange},
-                                              {ProtocolMethod::kInstrumentModel, Hue::kBlue},
-                                              {ProtocolMethod::kInstrumentDelayed, Hue::kGreen},
-                                              {ProtocolMethod::kInstrumentDesired, Hue::kPurple},
-                                              {ProtocolMethod::kInstrumentForward, Hue::kSky}};
-  for (const ProtocolMethod method : kMethods) {
-    Series s{to_string(method),
-             {},
-             {},
-             {},
-             method == ProtocolMethod::kInstrumentModel ? Style::kLine : Style::kDashed,
-             hues.at(method)};
-    if (method == ProtocolMethod::kLeastSquares) s.style = Style::kLine;
-    for (const int n : samples_of(study)) {
-      const std::vector<double> e =
-          values_of(study.runs, b, period, method, n, [](const ProtocolPoint& p) { return p.error; });
-      if (e.empty()) continue;
-      const double rms = spread(e).rms;
-      s.x.push_back(n);
-      s.y.push_back(rms > 2.0 ? std::numeric_limits<double>::quiet_NaN() : rms);
-    }
-    spec.series.push_back(std::move(s));
-  }
-  return spec;
-}
-
-Table instrument_table(const Study& study) {
-  Table table({"estimator", "A, 5 ms, 2000", "A, 5 ms, 20000", "A, 1 ms, 20000", "B, 5 ms, 2000",
-               "B, 5 ms, 20000", "B, 1 ms, 20000"});
-  for (const ProtocolMethod method : kMethods) {
-    std::vector<std::string> row{to_string(method)};
-    for (const bool b : {false, true}) {
-      for (const auto& [period, n] :
-           {std::pair{0.005, 2000}, std::pair{0.005, 20000}, std::pair{0.001, 20000}}) {
-        row.push_back(fmt::format(
-            "{:.4f}", spread(values_of(study.runs, b, period, method, n, [](const ProtocolPoint& p) {
-                        return p.error;
-                      })).rms));
-      }
-    }
-    table.add_row(row);
-  }
-  return table;
-}
-
-Table base_table(const Study& study) {
-  Table table({"parameter", "true", "nominal (seed 1)", "LSM", "IVM with (35)"});
-  const std::vector<double> truth = true_base_parameters(), nominal = nominal_base_parameters(1);
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    std::vector<std::string> row{base_parameter_names()[i], fixed(1e3 * truth[i], 3),
-                                 fixed(1e3 * nominal[i], 3)};
-    for (const ProtocolMethod method : {ProtocolMethod::kLeastSquares, ProtocolMethod::kInstrumentModel}) {
-      const Spread s = spread(values_of(study.runs, true, 0.005, method, 20000,
-                                        [&](const ProtocolPoint& p) { return 1e3 * p.base_parameters[i]; }));
-      row.push_back(fmt::format("{} ± {:.3f}", fixed(s.mean, 3), s.deviation));
-    }
-    table.add_row(row);
-  }
-  return table;
-}
-
-/// What the production estimator hands out while data come in.
-Table startup_table(const Study& study, bool b, bool fast) {
-  Table table({"samples", "seconds", "prior / LSM / IVM handed out", "e handed out (median)",
-               "e handed out (largest)", "e of IVM unchecked (median)", "e of IVM unchecked (largest)"});
-  const auto& seeds = study.startup[b ? 1 : 0][fast ? 1 : 0];
-  const auto median = [](std::vector<double> v) {
-    std::sort(v.begin(), v.end());
-    return v.empty() ? 0.0 : v[v.size() / 2];
-  };
-  const auto print = [](double v) {
-    return std::isfinite(v) ? page::number(v, 2) : std::string("no solution");
-  };
-  for (std::size_t k = 0; k < seeds.front().size(); ++k) {
-    std::array<int, 3> sources{};
-    std::vector<double> out, raw;
-    for (const auto& points : seeds) {
-      ++sources[static_cast<std::size_t>(points[k].source)];
-      out.push_back(points[k].handed_out);
-      raw.push_back(points[k].unchecked);
-    }
-    const int n = seeds.front()[k].samples;
-    table.add_row({fmt::format("{}", n), fmt::format("{:.1f}", n * (fast ? 0.001 : 0.005)),
-                   fmt::format("{} / {} / {}", sources[0], sources[1], sources[2]), print(median(out)),
-                   print(*std::max_element(out.begin(), out.end())), print(median(raw)),
-                   print(*std::max_element(raw.begin(), raw.end()))});
-  }
-  return table;
-}
-
-Table mass_column_table(const MassColumnCheck& check) {
-  Table table({"parameter", "true", "(39), six rows", "(39') with the mass"});
-  for (std::size_t i = 0; i < check.truth.size(); ++i) {
-    table.add_row({terminal_parameter_names()[i], fixed(check.truth[i], 3),
-                   i < check.without_mass.size() ? fixed(check.without_mass[i], 3) : "–",
-                   fixed(check.with_mass[i], 3)});
-  }
-  return table;
-}
-
 std::vector<double> rms_of(const track::Run& run) {
   std::vector<double> rms;
   for (Eigen::Index j = 0; j < run.error.cols(); ++j) {
@@ -255,35 +56,6 @@ Table encoder_table(const ClosedLoop& loop) {
   return table;
 }
 
-Table points_table(const Study& study) {
-  std::vector<std::string> headers{"scenario",           "period",       "trajectory", "seed",
-                                   "estimator",          "samples",      "e",          "torque_error_5_mNm",
-                                   "torque_error_6_mNm", "amplification"};
-  for (int i = 1; i <= 18; ++i) headers.push_back(fmt::format("x{}", i));
-  Table table(headers);
-  const auto add = [&](const std::vector<ProtocolRun>& runs) {
-    for (const ProtocolRun& run : runs) {
-      for (const ProtocolPoint& p : run.points) {
-        std::vector<std::string> row{scenario_name(run.rotor_inertia),
-                                     fmt::format("{}", run.period),
-                                     fmt::format("{}", run.trajectory),
-                                     fmt::format("{}", run.seed),
-                                     to_string(p.method),
-                                     fmt::format("{}", p.samples),
-                                     fmt::format("{:.6g}", p.error),
-                                     fmt::format("{:.6g}", p.torque_error_5),
-                                     fmt::format("{:.6g}", p.torque_error_6),
-                                     fmt::format("{:.6g}", p.amplification)};
-        for (const double v : p.base_parameters) row.push_back(fmt::format("{:.9g}", v));
-        table.add_row(row);
-      }
-    }
-  };
-  add(study.runs);
-  add(study.other_runs);
-  return table;
-}
-
 nlohmann::ordered_json claims_json(const std::vector<Claim>& claims) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   for (const Claim& c : claims) {
@@ -298,8 +70,6 @@ nlohmann::ordered_json claims_json(const std::vector<Claim>& claims) {
   }
   return json;
 }
-
-;
 
 struct Parameter {
   std::size_t index;
@@ -437,37 +207,37 @@ void add_contradictions(const Study& study, const ClosedLoop& loop, page::Page& 
                   lsm, ivm, find("lsm-constant-5ms", "B"), find("ivm-20000", "B")));
 }
 
-}  // namespace
+/// How many claims hold.
+struct Tally {
+  int held{0}, all{0};
+  std::string sentence() const {
+    return held == all ? fmt::format("All {} claims hold.", all)
+                       : fmt::format("{} of {} claims hold; those that do not are marked.", held, all);
+  }
+};
 
-StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>& progress) {
-  StudyOptions study_options;
-  study_options.seeds = seeds;
-  study_options.progress = progress;
-  const Study study = run_study(study_options);
-  const ClosedLoop loop = run_closed_loop(1);
-
-  int held = 0, all = 0;
+Tally tally_of(const Study& study) {
+  Tally tally;
   for (const auto* list : {&study.table, &study.requirements}) {
     for (const Claim& c : *list) {
-      held += c.holds ? 1 : 0;
-      ++all;
+      tally.held += c.holds ? 1 : 0;
+      ++tally.all;
     }
   }
-  const std::string sentence =
-      held == all ? fmt::format("All {} claims hold.", all)
-                  : fmt::format("{} of {} claims hold; those that do not are marked.", held, all);
+  return tally;
+}
 
-  std::string text = fmt::format("{}\n\n{}\n{}\n", sentence, claim_table(study.table).to_text(2),
-                                 claim_table(study.requirements).to_text(2));
-  text += fmt::format("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
-                      closed_loop_table(loop).to_text(2));
+std::string text_of(const Study& study, const ClosedLoop& loop, const Tally& tally) {
+  return fmt::format("{}\n\n{}\n{}\n", tally.sentence(), claim_table(study.table).to_text(2),
+                     claim_table(study.requirements).to_text(2)) +
+         fmt::format("Closed loop, 250 g at the wrist, rms tracking error [mrad]:\n{}\n",
+                     closed_loop_table(loop).to_text(2));
+}
 
-  StudyReport report{
-      page::new_page("Terminal-link estimation, reproduced", kPublication), text, {}, {}, {}, {}};
-  page::Page& page = report.page;
-  page.verdict(
-      fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.", sentence, seeds),
-      page::tone_of(held == all ? host::Verdict::kGood : host::Verdict::kBad));
+void add_verdict(const Study& study, const ClosedLoop& loop, const Tally& tally, page::Page& page) {
+  page.verdict(fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.",
+                           tally.sentence(), study.options.seeds),
+               page::tone_of(tally.held == tally.all ? host::Verdict::kGood : host::Verdict::kBad));
   const auto e_of = [&](ProtocolMethod m) {
     return spread(
                values_of(study.runs, true, 0.005, m, 20000, [](const ProtocolPoint& p) { return p.error; }))
@@ -482,6 +252,9 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
                "of the tracking error of PD, 250 g at the wrist"},
               {"with the payload's mass", fmt::format("{:.0f} %", 100 * rms_of_all(loop.runs[4]) / pd),
                "carried into every row"}});
+}
+
+void add_claims(const Study& study, page::Page& page) {
   page.heading("The table of claims");
   page.table(claim_table(study.table));
   page.note(
@@ -493,7 +266,9 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
       "that the window holds, and may leave the range; those values are in brackets.");
   page.heading("Further requirements, and figures of the corrected equations");
   page.table(claim_table(study.requirements));
-  add_figures(study, report);
+}
+
+void add_instruments(const Study& study, page::Page& page) {
   page.heading("Instruments");
   page.table(instrument_table(study), "Error e, rms over seeds");
   page.note(
@@ -504,6 +279,9 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
   page.table(base_table(study),
              "The eighteen base parameters, scenario B, 5 ms, 20000 samples; g m², g m, mN m, g m²/s; mean ± "
              "standard deviation over seeds");
+}
+
+void add_startup(const Study& study, page::Page& page) {
   page.heading("Start-up: what the estimator hands out");
   page.paragraph(
       "The production estimator with its default settings. Below about three seconds of this motion the "
@@ -513,28 +291,18 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
       "Duration decides, not the number of samples.");
   page.table(startup_table(study, false, false), "Scenario A, 5 ms");
   page.table(startup_table(study, true, true), "Scenario B, 1 ms");
+}
+
+void add_missing_mass(const Study& study, page::Page& page) {
   page.heading("The mass that is missing in (39)");
   page.table(mass_column_table(study.mass_column),
              "Change of the terminal link from all six rows of the validation trajectory, noise-free");
-  Table rows({"torque error, rms [mN m]", "joint 1", "joint 2", "joint 3", "joint 4"});
-  const auto add_row = [&](const char* name, const std::array<double, 4>& v) {
-    rows.add_row({name, fmt::format("{:.1f}", v[0]), fmt::format("{:.1f}", v[1]), fmt::format("{:.1f}", v[2]),
-                  fmt::format("{:.1f}", v[3])});
-  };
-  add_row("no correction", study.uncorrected_rows.uncorrected);
-  add_row("perfect k = 5 estimate added to the raw coefficients", study.uncorrected_rows.k5);
-  add_row("the same as base values and zeros", study.uncorrected_rows.k5_base_values);
-  add_row("perfect k = 5 estimate in heft's reduced parameters", study.uncorrected_rows.reduced);
-  add_row("payload's mass carried into every row", study.uncorrected_rows.with_mass);
-  page.table(rows, "Residual at joints 1 to 4, validation trajectory");
-  Table ranks({"k", "parameters", "identifiable", "gap of singular values [decades]"});
-  for (const RankCheck& r : study.ranks)
-    ranks.add_row({fmt::format("{}", r.k), fmt::format("{}", r.columns), fmt::format("{}", r.rank),
-                   fmt::format("{:.1f}", r.gap)});
-  page.table(ranks, "Identifiable parameters of rows k to 6");
-  add_closed_loop(loop, report);
-  add_contradictions(study, loop, page);
+  page.table(uncorrected_rows_table(study.uncorrected_rows),
+             "Residual at joints 1 to 4, validation trajectory");
+  page.table(rank_table(study.ranks), "Identifiable parameters of rows k to 6");
+}
 
+void add_files(const Study& study, StudyReport& report) {
   report.csv("table.csv", claim_table(study.table));
   report.csv("requirements.csv", claim_table(study.requirements));
   report.csv("instruments.csv", instrument_table(study));
@@ -542,48 +310,86 @@ StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>
   report.csv("startup_a_5ms.csv", startup_table(study, false, false));
   report.csv("startup_b_1ms.csv", startup_table(study, true, true));
   report.csv("mass_column.csv", mass_column_table(study.mass_column));
-  report.csv("uncorrected_rows.csv", rows);
+  report.csv("uncorrected_rows.csv", uncorrected_rows_table(study.uncorrected_rows));
   report.csv("runs.csv", points_table(study));
+}
 
-  nlohmann::ordered_json json{{"publication", kPublication},
-                              {"seeds", seeds},
-                              {"claims", all},
-                              {"held", held},
-                              {"table", claims_json(study.table)},
-                              {"requirements", claims_json(study.requirements)}};
-  nlohmann::ordered_json instruments = nlohmann::ordered_json::array();
+/// e over the seeds, of every scenario, period, estimator and number of samples.
+nlohmann::ordered_json errors_json(const Study& study) {
+  nlohmann::ordered_json errors = nlohmann::ordered_json::array();
   for (const bool b : {false, true}) {
     for (const double period : study.options.periods) {
-      for (const ProtocolMethod method : kMethods) {
+      for (const ProtocolMethod method : protocol_methods()) {
         for (const int n : samples_of(study)) {
           const Spread s = spread(
               values_of(study.runs, b, period, method, n, [](const ProtocolPoint& p) { return p.error; }));
           if (s.count == 0) continue;
-          instruments.push_back({{"scenario", scenario_name(b)},
-                                 {"period", period},
-                                 {"estimator", to_string(method)},
-                                 {"samples", n},
-                                 {"e_rms", s.rms},
-                                 {"e_mean", s.mean},
-                                 {"e_std", s.deviation}});
+          errors.push_back({{"scenario", scenario_name(b)},
+                            {"period", period},
+                            {"estimator", to_string(method)},
+                            {"samples", n},
+                            {"e_rms", s.rms},
+                            {"e_mean", s.mean},
+                            {"e_std", s.deviation}});
         }
       }
     }
   }
-  json["errors"] = instruments;
+  return errors;
+}
+
+nlohmann::ordered_json closed_loop_json(const ClosedLoop& loop) {
   nlohmann::ordered_json estimates = nlohmann::ordered_json::array();
   for (const EncoderEstimate& e : loop.estimates) {
     estimates.push_back({{"name", e.name}, {"e", host::number_or_null(e.error)}});
   }
-  json["closed_loop"] = {{"payload",
-                          {{"true", loop.payload_true},
-                           {"mass", loop.payload_mass},
-                           {"half_width_95", loop.payload_half_width},
-                           {"com", loop.payload_com},
-                           {"com_true", loop.payload_com_true}}},
-                         {"tracking", as_json(report::json(loop.runs))},
-                         {"estimates", estimates}};
-  report.json = std::move(json);
+  return {{"payload",
+           {{"true", loop.payload_true},
+            {"mass", loop.payload_mass},
+            {"half_width_95", loop.payload_half_width},
+            {"com", loop.payload_com},
+            {"com_true", loop.payload_com_true}}},
+          {"tracking", as_json(report::json(loop.runs))},
+          {"estimates", estimates}};
+}
+
+nlohmann::ordered_json json_of(const Study& study, const ClosedLoop& loop, const Tally& tally) {
+  return {{"publication", kPublication},
+          {"seeds", study.options.seeds},
+          {"claims", tally.all},
+          {"held", tally.held},
+          {"table", claims_json(study.table)},
+          {"requirements", claims_json(study.requirements)},
+          {"errors", errors_json(study)},
+          {"closed_loop", closed_loop_json(loop)}};
+}
+
+}  // namespace
+
+StudyReport reproduce_terminal_link(int seeds, const std::function<void(double)>& progress) {
+  StudyOptions study_options;
+  study_options.seeds = seeds;
+  study_options.progress = progress;
+  const Study study = run_study(study_options);
+  const ClosedLoop loop = run_closed_loop(1);
+  const Tally tally = tally_of(study);
+
+  StudyReport report{page::new_page("Terminal-link estimation, reproduced", kPublication),
+                     text_of(study, loop, tally),
+                     {},
+                     {},
+                     {},
+                     json_of(study, loop, tally)};
+  page::Page& page = report.page;
+  add_verdict(study, loop, tally, page);
+  add_claims(study, page);
+  add_figures(study, report);
+  add_instruments(study, page);
+  add_startup(study, page);
+  add_missing_mass(study, page);
+  add_closed_loop(loop, report);
+  add_contradictions(study, loop, page);
+  add_files(study, report);
   return report;
 }
 

@@ -7,7 +7,7 @@
 
 namespace heft::studies {
 
-inline model::Robot make_thesis_ur5() {
+inline model::Robot ur5_of_dh_table() {
   return model::make_standard_dh_robot("ur5 (table 3)", {{0.0, 0.08916, 1.0, 0.0},
                                                          {-0.425, 0.0, 0.0, 1.0},
                                                          {-0.39225, 0.0, 0.0, 1.0},

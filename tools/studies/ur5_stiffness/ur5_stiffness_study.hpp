@@ -17,7 +17,7 @@
 #include "heft/stiffness/deflection_fit.hpp"
 #include "heft/stiffness/dexterity.hpp"
 #include "heft/stiffness/stiffness_effects.hpp"
-#include "thesis_ur5.hpp"
+#include "ur5_dh_table.hpp"
 
 namespace heft::studies {
 
@@ -191,14 +191,5 @@ std::vector<Fault> find_faults(const model::Kinematics& kinematics, const Ur5Mea
                                const StiffnessStudy& stiffness);
 /// Everything; seconds.
 Ur5Study run_ur5_study(int seeds, const std::function<void(double)>& progress = {});
-
-/// Readings of a whole deflection or of a wire along (1, 1, 0)/√2, in axes of the tool, at poses under the load (135).
-enum class Instrument { kWire, kWireAtCantilever, kWhole };
-std::vector<stiffness::LoadedPose> loaded_with(const model::Kinematics& kinematics,
-                                               const std::vector<Eigen::VectorXd>& poses,
-                                               Instrument instrument, double sigma, double sigma_rotation,
-                                               double length);
-/// Values of all readings from compliances: δd = J diag(x) Jᵀ w (106).
-void set_values(std::vector<stiffness::LoadedPose>& poses, const Eigen::VectorXd& compliance);
 
 }  // namespace heft::studies
