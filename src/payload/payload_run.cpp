@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <random>
 
 #include <fmt/format.h>
@@ -157,50 +158,18 @@ class Run {
 
   /// The recursion over the log.
   void pass(PayloadRun& result, double progress_share) {
-    const double together = residual_.correlated_samples(period_);
-    RecursionSettings config;
-    config.first_row = options_.first_joint - 1;
-    config.noise_std = residual_.std;
-    config.correlated_samples = together;
-    config.gate = options_.gate;
-    config.standstill_speed = options_.standstill_speed;
-    config.estimate_friction = !options_.torque_at_joint;
-    config.friction_prior = 1.0;
-    for (int i = 0; i < n_; ++i) {
-      // Friction may change by as much as there is, or by what the joint's scatter suggests.
-      const auto& drive = dynamics_.robot().joints[static_cast<std::size_t>(i)].actuation;
-      config.friction_prior = std::max({config.friction_prior, std::abs(drive.coulomb_friction),
-                                        std::abs(drive.viscous_friction), 3.0 * residual_.std[i]});
-    }
     const std::unique_ptr<Recursion> recursion = make_recursion(dynamics_, cutoff_, 1.0 / period_);
-    if (recursion->configure(config) != Status::kOk) {
+    if (recursion->configure(recursion_settings()) != Status::kOk) {
       throw Error("payload: the estimator refused its settings; the gate must not be negative");
     }
-    prior_variance_ = Eigen::VectorXd::Constant(parameters_, 0.0);
-    for (int i = 0; i < parameters_; ++i) prior_variance_[i] = recursion->prior_variance(i);
-    jackknife_ =
-        std::make_unique<statistics::BlockJackknife>(Eigen::VectorXd::Zero(parameters_), prior_variance_);
-    scales_ = std::make_unique<TorqueScales>(n_);
-    segments_ = {{log_.time[0], {}}};
-    innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), n_, kNaN);
-    for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest})
-      count->setZero(n_);
-    const Eigen::Index samples = log_.num_samples();
-    result.time = log_.time;
-    result.mass_history = Eigen::VectorXd::Constant(samples, kNaN);
-    result.mass_std_history = Eigen::VectorXd::Constant(samples, kNaN);
-    result.left_out = 0;
-
+    begin_pass(*recursion, result);
     ChangeDetector<model::kMaxJoints> detector;
     Innovation innovation;
     double spread = 1.0;  // robust standard deviation of the mass over the recursion's own
     int last_block = -1;
     double previous = log_.time[0];
-    for (Eigen::Index k = 0; k < samples; ++k) {
-      if (options_.progress && k % 256 == 0) {
-        options_.progress(1.0 - progress_share +
-                          progress_share * static_cast<double>(k) / static_cast<double>(samples));
-      }
+    for (Eigen::Index k = 0; k < log_.num_samples(); ++k) {
+      show_progress(k, progress_share);
       const double time = log_.time[k];
       const double step = time - previous;
       previous = time;
@@ -211,45 +180,15 @@ class Run {
         ++result.left_out;
         continue;
       }
-
-      const int block = static_cast<int>((time - log_.time[0]) / kFineBlock);
-      bool alarm = false;
-      double since = time;
-      for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        if (!is_used(i)) continue;
-        if (!(innovation.variance[i] > 0)) {
-          ++result.rows_at_rest[i];
-          detector.rest(i);
-          continue;
-        }
-        ++(innovation.used[at] ? result.rows_used : result.rows_rejected)[i];
-        if (innovation.used[at]) innovations_(k, i) = innovation.value[i];
-        if (detector.take(i, innovation.value[i] / std::sqrt(innovation.variance[i]), time, step)) {
-          alarm = true;
-          since = std::min(since, detector.since());
-        }
-        if (!innovation.used[at]) continue;
-        const double noise = residual_.std[i] * residual_.std[i] * together;
-        const Eigen::VectorXd w = recursion->row(i);
-        jackknife_->add(block, w, innovation.residual[i], noise);
-        scales_->add(block, i, w.head(10), w.segment(10 + 2 * i, 2), innovation.residual[i]);
-        if (options_.model_covariance) {
-          jackknife_->add_dependence(block, w, recursion->arm_row(i), noise);
-          scales_->add_dependence(i, w.head(10), w.segment(10 + 2 * i, 2), recursion->arm_row(i));
-        }
-      }
+      const int block = block_at(time);
+      const std::optional<double> changed = take_rows(*recursion, innovation, k, step, detector, result);
       if (block != last_block) {
         segments_.back().blocks.push_back(block);
         last_block = block;
         spread = running_spread(recursion->mass_std());
       }
-      if (alarm) {
-        // Blocks in which the old load and the new one may be mixed belong to neither.
-        const int mixed = static_cast<int>((since - log_.time[0]) / kFineBlock);
-        std::erase_if(segments_.back().blocks, [&](int b) { return b >= mixed; });
-        segments_.push_back({since, {}});
-        skip_until_ = block;
+      if (changed) {
+        begin_segment(*changed, block);
         recursion->restart();
         detector.reset();
       }
@@ -259,6 +198,94 @@ class Run {
       const double own = recursion->mass_std();
       if (own < kIdentified * std::sqrt(prior_variance_[0])) result.mass_std_history[k] = spread * own;
     }
+  }
+
+  RecursionSettings recursion_settings() const {
+    RecursionSettings config;
+    config.first_row = options_.first_joint - 1;
+    config.noise_std = residual_.std;
+    config.correlated_samples = residual_.correlated_samples(period_);
+    config.gate = options_.gate;
+    config.standstill_speed = options_.standstill_speed;
+    config.estimate_friction = !options_.torque_at_joint;
+    config.friction_prior = 1.0;
+    for (int i = 0; i < n_; ++i) {
+      // Friction may change by as much as there is, or by what the joint's scatter suggests.
+      const auto& drive = dynamics_.robot().joints[static_cast<std::size_t>(i)].actuation;
+      config.friction_prior = std::max({config.friction_prior, std::abs(drive.coulomb_friction),
+                                        std::abs(drive.viscous_friction), 3.0 * residual_.std[i]});
+    }
+    return config;
+  }
+
+  /// Empties what a pass fills.
+  void begin_pass(const Recursion& recursion, PayloadRun& result) {
+    prior_variance_ = Eigen::VectorXd::Constant(parameters_, 0.0);
+    for (int i = 0; i < parameters_; ++i) prior_variance_[i] = recursion.prior_variance(i);
+    jackknife_ =
+        std::make_unique<statistics::BlockJackknife>(Eigen::VectorXd::Zero(parameters_), prior_variance_);
+    scales_ = std::make_unique<TorqueScales>(n_);
+    segments_ = {{log_.time[0], {}}};
+    innovations_ = Eigen::MatrixXd::Constant(log_.num_samples(), n_, kNaN);
+    for (Eigen::VectorXi* count : {&result.rows_used, &result.rows_rejected, &result.rows_at_rest})
+      count->setZero(n_);
+    result.time = log_.time;
+    result.mass_history = Eigen::VectorXd::Constant(log_.num_samples(), kNaN);
+    result.mass_std_history = result.mass_history;
+    result.left_out = 0;
+  }
+
+  void show_progress(Eigen::Index k, double share) const {
+    if (!options_.progress || k % 256 != 0) return;
+    options_.progress(1.0 - share + share * static_cast<double>(k) / static_cast<double>(log_.num_samples()));
+  }
+
+  int block_at(double time) const { return static_cast<int>((time - log_.time[0]) / kFineBlock); }
+
+  /// Counts the rows of a sample, watches them for another load and adds them to the sums of their block.
+  /// @param step  since the sample before [s]
+  /// @return since when the load is another one [s], where the rows show that
+  std::optional<double> take_rows(const Recursion& recursion, const Innovation& innovation, Eigen::Index k,
+                                  double step, ChangeDetector<model::kMaxJoints>& detector,
+                                  PayloadRun& result) {
+    const double time = log_.time[k];
+    std::optional<double> changed;
+    for (int i = 0; i < n_; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (!is_used(i)) continue;
+      if (!(innovation.variance[i] > 0)) {
+        ++result.rows_at_rest[i];
+        detector.rest(i);
+        continue;
+      }
+      ++(innovation.used[at] ? result.rows_used : result.rows_rejected)[i];
+      if (innovation.used[at]) innovations_(k, i) = innovation.value[i];
+      if (detector.take(i, innovation.value[i] / std::sqrt(innovation.variance[i]), time, step)) {
+        changed = std::min(changed.value_or(time), detector.since());
+      }
+      if (innovation.used[at]) add_row(recursion, i, block_at(time), innovation.residual[i]);
+    }
+    return changed;
+  }
+
+  /// Adds a row to the sums of its block.
+  void add_row(const Recursion& recursion, int i, int block, double residual) {
+    const double noise = residual_.std[i] * residual_.std[i] * residual_.correlated_samples(period_);
+    const Eigen::VectorXd w = recursion.row(i);
+    const Eigen::Vector2d friction = w.segment(10 + 2 * i, 2);
+    jackknife_->add(block, w, residual, noise);
+    scales_->add(block, i, w.head(10), friction, residual);
+    if (!options_.model_covariance) return;
+    jackknife_->add_dependence(block, w, recursion.arm_row(i), noise);
+    scales_->add_dependence(i, w.head(10), friction, recursion.arm_row(i));
+  }
+
+  /// Another load from a time on. Blocks in which the old load and the new one may be mixed belong to neither.
+  void begin_segment(double since, int block) {
+    const int mixed = block_at(since);
+    std::erase_if(segments_.back().blocks, [&](int b) { return b >= mixed; });
+    segments_.push_back({since, {}});
+    skip_until_ = block;
   }
 
   /// How much wider the mass scatters than the recursion believes, from the blocks so far; at least 1.
