@@ -36,8 +36,7 @@ const Claim& claim(const std::string& id, const std::string& scenario) {
 }
 
 double rms_error(const std::vector<ProtocolRun>& runs, bool b, ProtocolMethod method, int samples) {
-  return spread(values_of(runs, b, 0.005, method, samples, [](const ProtocolPoint& p) { return p.error; }))
-      .rms;
+  return errors_of(runs, b, 0.005, method, samples).rms;
 }
 
 TEST(TerminalLinkProtocol, LeastSquaresDoesNotConverge) {

@@ -100,7 +100,7 @@ class TableMaker {
     return values_of(study_.runs, b, period, method, samples, quantity);
   }
   Spread error(bool b, double period, ProtocolMethod method, int samples) const {
-    return spread(values(b, period, method, samples, [](const ProtocolPoint& p) { return p.error; }));
+    return errors_of(study_.runs, b, period, method, samples);
   }
   Spread ivm(bool b, int samples) const { return error(b, kSlow, ProtocolMethod::kInstrumentModel, samples); }
 
@@ -236,7 +236,7 @@ class RequirementMaker {
     for (const bool b : {false, true}) {
       std::vector<double> quiet;
       for (const ProtocolMethod method : {ProtocolMethod::kLeastSquares, ProtocolMethod::kInstrumentModel}) {
-        quiet.push_back(spread(errors(study_.quiet_runs, b, method)).rms);
+        quiet.push_back(errors_of(study_.quiet_runs, b, kSlow, method, 20000).rms);
       }
       add("small-noise", "LSM and IVM agree as σ → 0: e at σ = 0.3 rad/s², rms over seeds", scenario_name(b),
           "both below 4e-4", fmt::format("{:.2e}, {:.2e}", quiet[0], quiet[1]), quiet,
@@ -245,14 +245,10 @@ class RequirementMaker {
   }
 
   void noise_free() {
-    const double exact = spread(errors(study_.noise_free, false, ProtocolMethod::kLeastSquares)).largest;
+    const double exact =
+        errors_of(study_.noise_free, false, kSlow, ProtocolMethod::kLeastSquares, 20000).largest;
     add("noise-free", "LSM without noise is exact", "", "1e-10", fmt::format("{:.1e}", exact), {exact},
         exact < 1e-10);
-  }
-
-  /// e at 5 ms and 20000 samples, of every seed.
-  static std::vector<double> errors(const std::vector<ProtocolRun>& runs, bool b, ProtocolMethod method) {
-    return values_of(runs, b, kSlow, method, 20000, [](const ProtocolPoint& p) { return p.error; });
   }
 
   /// An instrumental estimate that is handed out must not be worse than least squares can be; what the check keeps back is

@@ -151,10 +151,9 @@ PlotSpec error_plot(const Study& study, bool b, double period) {
              hues.at(method)};
     if (method == ProtocolMethod::kLeastSquares) s.style = Style::kLine;
     for (const int n : samples_of(study)) {
-      const std::vector<double> e =
-          values_of(study.runs, b, period, method, n, [](const ProtocolPoint& p) { return p.error; });
-      if (e.empty()) continue;
-      const double rms = spread(e).rms;
+      const Spread e = errors_of(study.runs, b, period, method, n);
+      if (e.count == 0) continue;
+      const double rms = e.rms;
       s.x.push_back(n);
       s.y.push_back(rms > 2.0 ? std::numeric_limits<double>::quiet_NaN() : rms);
     }
@@ -171,10 +170,7 @@ Table instrument_table(const Study& study) {
     for (const bool b : {false, true}) {
       for (const auto& [period, n] :
            {std::pair{0.005, 2000}, std::pair{0.005, 20000}, std::pair{0.001, 20000}}) {
-        row.push_back(fmt::format(
-            "{:.4f}", spread(values_of(study.runs, b, period, method, n, [](const ProtocolPoint& p) {
-                        return p.error;
-                      })).rms));
+        row.push_back(fmt::format("{:.4f}", errors_of(study.runs, b, period, method, n).rms));
       }
     }
     table.add_row(row);

@@ -67,8 +67,7 @@ ProtocolPoint judge(ProtocolMethod method, int samples, const Base& estimate, co
   point.samples = samples;
   const Base p = to_publication(estimate);
   const Base wrong = p - base_with_payload();
-  point.error = column_rms.cwiseProduct(wrong).norm() /
-                column_rms.cwiseProduct(base_with_payload() - base_without_payload()).norm();
+  point.error = relative_error(p, column_rms);
   point.torque_error_5 = 1e3 * rms(yardstick.validation_5 * wrong);
   point.torque_error_6 = 1e3 * rms(yardstick.validation_6 * wrong);
   point.inertia_33 = 1e3 * p[12];
@@ -82,7 +81,7 @@ class Protocol {
   explicit Protocol(const ProtocolSettings& settings)
       : settings_(settings),
         yardstick_(make_yardstick(settings)),
-        random_(static_cast<std::uint64_t>(settings.seed) * 2654435761U + 1U),
+        noise_(settings.seed),
         nominal_actuation_(nominal_arm(settings.seed)),
         running_{reduced_links(nominal_actuation_)},
         running_estimate_(layout_parameters<kFirst>(running_, nominal_actuation_)) {
@@ -104,10 +103,7 @@ class Protocol {
  private:
   void take_sample(int j) {
     const Motion m = at(settings_.exciting, j * settings_.period);
-    Vector epsilon;
-    for (int i = 0; i < kN; ++i) {
-      epsilon[i] = settings_.acceleration_noise * noise_(random_);
-    }
+    const Vector epsilon = noise_(settings_.acceleration_noise);
     const Vector measured = m.qdd + epsilon;
     const Vector tau = true_torque(m);
     const Vector u = motor_input(m, tau);
@@ -188,8 +184,7 @@ class Protocol {
 
   const ProtocolSettings& settings_;
   Yardstick yardstick_;
-  std::mt19937_64 random_;
-  std::normal_distribution<double> noise_{0.0, 1.0};
+  Noise noise_;
   JointAccelerationModel<double, kN> joint_model_;
   DelayedMean<double, kN, 8> delayed_;
   ArmModel<double, kN> nominal_actuation_;

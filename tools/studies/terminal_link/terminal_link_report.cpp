@@ -238,11 +238,7 @@ void add_verdict(const Study& study, const ClosedLoop& loop, const Tally& tally,
   page.verdict(fmt::format("{} {} seeds of noise, scenarios A and B, sampled every 5 ms and 1 ms.",
                            tally.sentence(), study.options.seeds),
                page::tone_of(tally.held == tally.all ? host::Verdict::kGood : host::Verdict::kBad));
-  const auto e_of = [&](ProtocolMethod m) {
-    return spread(
-               values_of(study.runs, true, 0.005, m, 20000, [](const ProtocolPoint& p) { return p.error; }))
-        .rms;
-  };
+  const auto e_of = [&](ProtocolMethod m) { return errors_of(study.runs, true, 0.005, m, 20000).rms; };
   const double pd = rms_of_all(loop.runs[0]);
   page.facts({{"least squares", fmt::format("e = {:.3f}", e_of(ProtocolMethod::kLeastSquares)),
                "scenario B, 20000 samples: biased for good"},
@@ -321,8 +317,7 @@ nlohmann::ordered_json errors_json(const Study& study) {
     for (const double period : study.options.periods) {
       for (const ProtocolMethod method : protocol_methods()) {
         for (const int n : samples_of(study)) {
-          const Spread s = spread(
-              values_of(study.runs, b, period, method, n, [](const ProtocolPoint& p) { return p.error; }));
+          const Spread s = errors_of(study.runs, b, period, method, n);
           if (s.count == 0) continue;
           errors.push_back({{"scenario", scenario_name(b)},
                             {"period", period},

@@ -56,23 +56,6 @@ std::array<double, 4> rms_of_inboard(const std::vector<Vector>& torques) {
   return {squares[0], squares[1], squares[2], squares[3]};
 }
 
-/// Acceleration noise of a run, the same sequence for every use with the same seed.
-class Noise {
- public:
-  explicit Noise(int seed) : random_(static_cast<std::uint64_t>(seed) * 2654435761U + 1U) {}
-  Vector operator()(double sigma) {
-    Vector e;
-    for (int i = 0; i < kN; ++i) {
-      e[i] = sigma * normal_(random_);
-    }
-    return e;
-  }
-
- private:
-  std::mt19937_64 random_;
-  std::normal_distribution<double> normal_{0.0, 1.0};
-};
-
 }  // namespace
 
 const std::vector<std::string>& terminal_parameter_names() {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -25,6 +27,23 @@ using Parameters = ReducedParameters<double, model::KawasakiArm>;
 /// Rotor inertias of scenario B [kg·m²] and the time constant of the motors [s].
 inline const Vector kRotor = (Vector() << 20e-3, 20e-3, 20e-3, 5e-3, 3e-3, 2e-3).finished();
 inline constexpr double kMotorTimeConstant = 0.03;
+
+/// Acceleration noise of a run, the same sequence for every use with the same seed.
+class Noise {
+ public:
+  explicit Noise(int seed) : random_(static_cast<std::uint64_t>(seed) * 2654435761U + 1U) {}
+  Vector operator()(double sigma) {
+    Vector e;
+    for (int i = 0; i < kN; ++i) {
+      e[i] = sigma * normal_(random_);
+    }
+    return e;
+  }
+
+ private:
+  std::mt19937_64 random_;
+  std::normal_distribution<double> normal_{0.0, 1.0};
+};
 
 struct Motion {
   Vector q, qd, qdd;

@@ -54,6 +54,12 @@ std::vector<double> values_of(const std::vector<ProtocolRun>& runs, bool rotor_i
   return values;
 }
 
+Spread errors_of(const std::vector<ProtocolRun>& runs, bool rotor_inertia, double period,
+                 ProtocolMethod method, int samples) {
+  return spread(values_of(runs, rotor_inertia, period, method, samples,
+                          [](const ProtocolPoint& p) { return p.error; }));
+}
+
 bool Study::holds() const {
   const auto good = [](const Claim& c) { return c.holds; };
   return std::all_of(table.begin(), table.end(), good) &&

@@ -72,6 +72,10 @@ std::vector<double> values_of(const std::vector<ProtocolRun>& runs, bool rotor_i
                               ProtocolMethod method, int samples,
                               const std::function<double(const ProtocolPoint&)>& quantity);
 
+/// The error e of all seeds of a scenario, period, method and number of samples.
+Spread errors_of(const std::vector<ProtocolRun>& runs, bool rotor_inertia, double period,
+                 ProtocolMethod method, int samples);
+
 /// A value inside [low, high] once it is rounded to the digits the bounds are printed with.
 bool in_range(double value, double low, double high, int decimals);
 
