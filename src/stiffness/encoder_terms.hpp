@@ -1,5 +1,5 @@
 /// @file
-/// Which terms the deflection of a joint is made of: each is tried beside the others on blocks that were not fitted.
+/// Which terms the deflection of a joint is made of: each is tried together with the others on blocks that were not fitted.
 #pragma once
 
 #include <array>

@@ -99,7 +99,7 @@ const std::vector<Index>& torque_column(const EncoderProblem& problem) {
   return problem.term(DeflectionTerm::kCompliance)->columns;
 }
 
-/// Torque that other terms could not stand for, rms [N·m, N]: what is not its own says nothing of the spring.
+/// Torque that no other term could explain, rms [N·m, N]: what is not its own says nothing of the spring.
 double own_torque(const EncoderProblem& problem, const std::vector<DeflectionTerm>& terms) {
   const std::vector<Index>& column = torque_column(problem);
   const double share =
@@ -168,7 +168,7 @@ double squares_about_means(const EncoderProblem& problem, int num_logs) {
   return total;
 }
 
-/// What speaks for and against a term, beside the terms used or as one of them.
+/// What speaks for and against a term, in addition to the terms used or as one of them.
 /// @param given  terms asked for, or null
 /// @param factor  half-width of an interval of the fit, in standard deviations
 /// @param scale   of errors in weighted rows to those in the deflection

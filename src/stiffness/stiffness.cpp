@@ -21,9 +21,10 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// "pose 3", "poses 1, 5".
-std::string pose_list(const std::vector<std::string>& names) {
-  return fmt::format("{} {}", names.size() == 1 ? "pose" : "poses", fmt::join(names, ", "));
+/// "pose 3 is", "poses 1, 5 are".
+std::string poses_are(const std::vector<std::string>& names) {
+  return fmt::format("{} {} {}", names.size() == 1 ? "pose" : "poses", fmt::join(names, ", "),
+                     names.size() == 1 ? "is" : "are");
 }
 
 void look_at_singular(const std::vector<LoadedPose>& poses, bool keep, std::vector<std::string>* notes) {
@@ -37,19 +38,19 @@ void look_at_singular(const std::vector<LoadedPose>& poses, bool keep, std::vect
     notes->push_back(
         fmt::format("{} close to a singular pose (1/k_F below {:g}): what is read there depends strongly on "
                     "errors of the angles",
-                    pose_list(near), kLeastDexterity));
+                    poses_are(near), kLeastDexterity));
   }
   if (singular.empty()) return;
   if (!keep) {
     throw NotIdentifiableError(
         fmt::format("{} singular: the Jacobian has no inverse there, the tool is rigid in some direction "
                     "whatever the joints do; expected poses with 1/k_F above {:g}; measure at others (--plan "
-                    "N names some), or fit these all the same with --keep-singular",
-                    pose_list(singular), kLeastDexterity));
+                    "N names some), or fit them anyway with --keep-singular",
+                    poses_are(singular), kLeastDexterity));
   }
   if (notes != nullptr)
     notes->push_back(
-        fmt::format("{} singular and kept; the direct method leaves them out", pose_list(singular)));
+        fmt::format("{} singular and kept; the direct method leaves them out", poses_are(singular)));
 }
 
 }  // namespace

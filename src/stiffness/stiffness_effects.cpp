@@ -59,7 +59,7 @@ StiffnessEffect sensor_offset() {
 
 StiffnessEffect tool_bending() {
   return {.id = "tool_bending",
-          .meaning = "what carries load and target turns with the moment on it",
+          .meaning = "the bracket that carries load and target turns with the moment on it",
           .unit = "rad/(N m)",
           .column = [](const Poses& poses) {
             return column_of(poses, [](const LoadedPose& pose, Index r) {

@@ -1,5 +1,5 @@
 // Dexterity, characteristic lengths, reach, maps and the choice of poses: closed forms, arms known to be
-// isotropic, and the UR5 of the thesis that dexterity.hpp cites.
+// isotropic, and the UR5 of the publication that dexterity.hpp cites.
 #include "heft/stiffness/dexterity.hpp"
 
 #include <algorithm>
@@ -138,9 +138,9 @@ TEST(Reach, OfAPrismaticJointEndsAtItsLimitAndNeedsOne) {
   EXPECT_NEAR(maximum_reach(model::Kinematics(robot)).value, std::hypot(0.9, 0.7), 1e-12);
 }
 
-TEST(Reach, OfTheThesissUr5IsMoreThanItsPoseGives) {
+TEST(Reach, OfThePublishedUr5IsMoreThanItsPoseGives) {
   const model::Kinematics arm(ur5_of_dh_table());
-  // The thesis's pose and its 1019.2 mm: d1 - a2 - a3 + d5 up, d4 + d6 aside.
+  // The published pose and its 1019.2 mm: d1 - a2 - a3 + d5 up, d4 + d6 aside.
   const VectorXd pose = kDegree * vector({0, -90, 0, -90, 0, 0});
   const double stated = arm.tip(pose).position.norm();
   EXPECT_NEAR(stated, std::hypot(0.08916 + 0.425 + 0.39225 + 0.09465, 0.10915 + 0.0823), 1e-14);
@@ -163,16 +163,16 @@ TEST(Reach, OfTheThesissUr5IsMoreThanItsPoseGives) {
   EXPECT_NEAR(maximum_reach(model::Kinematics(urdf::load_urdf(HEFT_URDF_DIR "/ur5.urdf"))).value, most, 1e-3);
 }
 
-/// The map of the thesis's table 4 over joints 2 and 3, a point a degree.
-DexterityMap thesis_map(double length) {
+/// The map of table 4 over joints 2 and 3, a point a degree.
+DexterityMap published_map(double length) {
   return dexterity_map(model::Kinematics(ur5_of_dh_table()), kDegree * vector({0, 0, 0, 45, 45, 45}),
                        {1, 0.0, kTurn, 180}, {2, 0.0, kTurn, 180}, length);
 }
 
-TEST(DexterityMap, OfTheThesisComesOutWithLengthsInMillimetresOverAFewTenthsOfThem) {
+TEST(DexterityMap, AsPublishedComesOutWithLengthsInMillimetresOverAFewTenthsOfThem) {
   // J in mm over L = 0.8488 "metre", taken as a number: as J in metres over 0.8488 mm.
-  const DexterityMap map = thesis_map(0.8488e-3);
-  // High values of 0.0035 to 0.005 in the thesis.
+  const DexterityMap map = published_map(0.8488e-3);
+  // High values of 0.0035 to 0.005 in the publication.
   EXPECT_GT(map.dexterity.maxCoeff(), 0.005);
   EXPECT_LT(map.dexterity.maxCoeff(), 0.006);
   const std::vector<DexterityZone> found = zones(map, 0.0035);
@@ -193,14 +193,14 @@ TEST(DexterityMap, OfTheThesisComesOutWithLengthsInMillimetresOverAFewTenthsOfTh
   // "Four areas": a lower threshold shows the other two.
   EXPECT_EQ(zones(map, 0.0025).size(), 4U);
   // In consistent units the values are a hundred times larger and the best zones elsewhere.
-  const DexterityMap metres = thesis_map(0.8488);
+  const DexterityMap metres = published_map(0.8488);
   EXPECT_NEAR(metres.dexterity.maxCoeff(), 0.426, 0.001);
   EXPECT_GT(zones(metres, 0.3)[0].second_low, 180.0 * kDegree);
 }
 
 TEST(DexterityMap, RepeatsAfterHalfATurnOfTheSecondJointAndIsSingularWithTheElbowStraight) {
   // Axes 1 and 2 meet: half a turn about axis 2 maps axis 1 onto itself.
-  const DexterityMap map = thesis_map(0.2);
+  const DexterityMap map = published_map(0.2);
   EXPECT_TRUE(map.first_wraps && map.second_wraps);
   EXPECT_LE((map.dexterity.topRows(90) - map.dexterity.bottomRows(90)).cwiseAbs().maxCoeff(), 1e-10);
   EXPECT_LE(map.dexterity.col(0).maxCoeff(), 1e-10);

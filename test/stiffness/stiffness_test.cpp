@@ -84,13 +84,13 @@ TEST(StiffnessFacade, RefusesSingularPosesUnlessTheyAreKept) {
     (void)from_deflections(robot, rows);
     FAIL() << "a singular pose was taken";
   } catch (const NotIdentifiableError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("pose stretched singular"));
+    EXPECT_THAT(error.what(), HasSubstr("pose stretched is singular"));
   }
   DeflectionOptions keep;
   keep.keep_singular = true;
   std::vector<std::string> notes;
   EXPECT_TRUE(from_deflections(robot, rows, keep, &notes).found_any());
-  EXPECT_THAT(notes, ::testing::Contains(HasSubstr("pose stretched singular and kept")));
+  EXPECT_THAT(notes, ::testing::Contains(HasSubstr("pose stretched is singular and kept")));
 }
 
 constexpr double kSpring = 2e4, kRotor = 3.0;  // [N·m/rad], [kg·m²] on the link's side

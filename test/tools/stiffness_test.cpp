@@ -132,11 +132,11 @@ TEST_F(StiffnessCommand, SagsUnderPayloadAndMakesUpForIt) {
   EXPECT_EQ((command.q - path.q).col(5).cwiseAbs().maxCoeff(), 0.0);
 }
 
-TEST_F(StiffnessCommand, TakesTheThesisDeflectionsAsAnyOther) {
+TEST_F(StiffnessCommand, TakesThePublishedDeflectionsAsAnyOther) {
   const Outcome singular =
       run_heft({"stiffness", "--urdf", "ur5", "--measurements", "ur5-stiffness/tool.csv"});
   EXPECT_EQ(singular.exit_code, 4);
-  EXPECT_THAT(singular.err, HasSubstr("poses 1, 5 singular"));
+  EXPECT_THAT(singular.err, HasSubstr("poses 1, 5 are singular"));
   const Outcome kept = run_heft({"stiffness", "--urdf", "ur5", "--measurements", "ur5-stiffness/tool.csv",
                                  "--keep-singular", "--groups", "1-3,4-6", "--json", "-"});
   ASSERT_EQ(kept.exit_code, 0) << kept.err;

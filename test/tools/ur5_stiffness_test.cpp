@@ -1,4 +1,4 @@
-/// The thesis on the joint stiffness of the UR5 on its own numbers, with fewer draws than `heft reproduce` takes.
+/// UPC-ETSEIB (2017) on the joint stiffness of the UR5 on its own numbers, with fewer draws than `heft reproduce` takes.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -55,7 +55,7 @@ const Fault& fault(const std::string& id) {
   throw std::logic_error("no fault " + id);
 }
 
-TEST(Ur5Stiffness, ReachIsThatOfTheThesisAndNotTheLargest) {
+TEST(Ur5Stiffness, ReachIsThePublishedOneAndNotTheLargest) {
   EXPECT_NEAR(reach().distance, 1.0192, 0.05e-3);
   EXPECT_NEAR(reach().height, 0.08916 + 0.425 + 0.39225 + 0.09465, 1e-12);
   // Upright, the wrist turned so that its last link takes away from the offset of the fourth joint.
@@ -65,7 +65,7 @@ TEST(Ur5Stiffness, ReachIsThatOfTheThesisAndNotTheLargest) {
   EXPECT_NEAR(arm().tip(reach().maximum.q).position.norm(), reach().maximum.value, 1e-12);
 }
 
-TEST(Ur5Stiffness, ZonesFoundCoverThoseOfTheThesis) {
+TEST(Ur5Stiffness, ZonesFoundCoverThePublishedOnes) {
   ASSERT_EQ(dexterity().matches.size(), 2U);
   for (const ZoneMatch& m : dexterity().matches) {
     EXPECT_GT(m.overlap, 0.5) << m.name;

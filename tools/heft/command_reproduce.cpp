@@ -66,9 +66,9 @@ Action set_up_reproduce(CommandLine line) {
       "terminal-link: H. Kawasaki, K. Nishimura, Terminal-link parameter estimation and trajectory control "
       "of robotic manipulators, 1984. Open loop (scenarios A and B, 5 ms and 1 ms), instruments, "
       "identifiability, closed loop. About half a minute on two processors.\n"
-      "ur5-stiffness: the thesis \"Experimental identification of the joints stiffness of the UR5 robot "
-      "arm\" (UPC-ETSEIB, 2017) with its measured deflections: reach, dexterity, joint stiffness by both of "
-      "its methods, which claims fail. Seconds.");
+      "ur5-stiffness: UPC-ETSEIB, Experimental identification of the joints stiffness of the UR5 robot arm, "
+      "2017, from its measured deflections: reach, dexterity, joint stiffness by both of its methods, which "
+      "claims fail. Seconds.");
   return [options] { run(*options); };
 }
 

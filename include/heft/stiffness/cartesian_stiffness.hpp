@@ -1,7 +1,7 @@
 /// @file
 /// Forward use of joint stiffnesses: what the tool gives under load, and how to take it back.
 ///
-/// Source: thesis "Experimental identification of the joints stiffness of the UR5 robot arm" (2017), sections
+/// Source: UPC-ETSEIB (2017), "Experimental identification of the joints stiffness of the UR5 robot arm", sections
 /// 3.1 and 3.2, whose equation numbers are given at the functions. Links are rigid, joints linear springs.
 ///
 /// Throughout, `stiffness` is n: k of each joint [N·m/rad; N/m on a prismatic joint], above zero, infinite

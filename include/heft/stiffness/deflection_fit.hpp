@@ -2,8 +2,8 @@
 /// Stiffness of joints from loads and deflections measured at poses where the arm is at rest.
 ///
 /// Links are rigid, each joint is a spring between drive and link: k_i δθ_i = τ_i with τ = Jᵀ w (64), (65). A wrench w
-/// then moves the tool by δd = J diag(x) Jᵀ w, linear in the compliances x_i = 1/k_i (106), (109). Numbers in brackets:
-/// the thesis "Experimental identification of the joints stiffness of the UR5 robot arm".
+/// then moves the tool by δd = J diag(x) Jᵀ w, linear in the compliances x_i = 1/k_i (106), (109). Numbers in brackets are
+/// equations of UPC-ETSEIB (2017), "Experimental identification of the joints stiffness of the UR5 robot arm".
 #pragma once
 
 #include <string>
@@ -83,9 +83,9 @@ struct PoseInfluence {
   /// Largest change of a compliance when the pose is left out, in its standard deviations; infinite when the others
   /// alone do not determine all compliances.
   double shift{0.0};
-  double left_out{
-      0.0};  ///< rms error of its readings as predicted by the others [m; rotations times the length]
   double residual{0.0};  ///< rms residual in the fit
+  /// Rms error of its readings as predicted by the others [m; rotations times the length].
+  double left_out{0.0};
 };
 
 /// Result of a fit. p compliances, m readings.
@@ -97,8 +97,8 @@ struct StiffnessFit {
   Eigen::VectorXd residual;          ///< m, read minus predicted
   std::vector<PoseInfluence> poses;  ///< by name, in the order of appearance
   double fit_rms{0.0};               ///< of the residual [m; rotations times the length]
-  double left_out_rms{
-      0.0};  ///< of readings predicted from all other poses; infinite where these do not suffice
+  /// Of readings predicted from all other poses; infinite where these do not suffice.
+  double left_out_rms{0.0};
   double repeatability{0.0};  ///< standard deviation of the mean of the repeats, pooled; NaN without repeats
   bool stated_noise{false};   ///< intervals rest on the stated standard deviations, else on the residual
   double condition{0.0};      ///< of the design with columns of unit length
@@ -119,18 +119,18 @@ struct StiffnessFit {
 StiffnessFit fit_stiffness(const model::Kinematics& kinematics, const std::vector<LoadedPose>& poses,
                            const StiffnessOptions& options = {}, double length = 1.0);
 
-/// The thesis's direct method: δθ = J⁻¹ δd (117), k_i = τ_i / δθ_i (120), pose by pose.
+/// Direct method of UPC-ETSEIB (2017): δθ = J⁻¹ δd (117), k_i = τ_i / δθ_i (120), pose by pose.
 struct DirectStiffness {
   std::vector<std::string> poses;  ///< those that could be used
   Eigen::MatrixXd torque;          ///< τ, poses × n
   Eigen::MatrixXd deflection;      ///< δθ, poses × n
   Eigen::MatrixXd stiffness;       ///< k, poses × n; may be negative or infinite, and is shown as it is
-  Eigen::VectorXd mean, low,
-      high;  ///< over the poses with Student's t for 95 %; the interval is NaN for one pose
+  /// Over the poses, with Student's t for 95 %; the interval is NaN for one pose.
+  Eigen::VectorXd mean, low, high;
   std::vector<std::pair<std::string, std::string>> refused;  ///< pose, why
 };
 
-/// @param missing_is_zero  components of δd that were not read count as zero in axes of the tool, as the thesis does;
+/// @param missing_is_zero  components of δd that were not read count as zero in axes of the tool, as in (118);
 ///                         else a pose needs six independent readings
 /// @throws NotIdentifiableError when no pose can be used: singular, or without a whole δd
 DirectStiffness direct_stiffness(const std::vector<LoadedPose>& poses, bool missing_is_zero);

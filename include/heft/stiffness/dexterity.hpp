@@ -1,7 +1,7 @@
 /// @file
 /// How well a pose carries motion and force through the joints, and which poses to measure at.
 ///
-/// Source: thesis "Experimental identification of the joints stiffness of the UR5 robot arm" (2017), sections
+/// Source: UPC-ETSEIB (2017), "Experimental identification of the joints stiffness of the UR5 robot arm", sections
 /// 2.2.3.3 and 3.2.1, whose equation numbers are given at the functions.
 #pragma once
 
@@ -22,16 +22,16 @@ Eigen::MatrixXd normalised_jacobian(const Eigen::MatrixXd& J, double L);
 
 /// Condition number of the Frobenius norm k_F = (1/m) √(tr(M Mᵀ) tr((M Mᵀ)⁻¹)) (94), m the smaller of rows
 /// and columns; with fewer columns than rows Mᵀ M takes the place of M Mᵀ. 1 for an isotropic matrix,
-/// infinite for one that is singular to thirteen digits. (The thesis writes MᵀM throughout, which for a
+/// infinite for one that is singular to thirteen digits. ((94) has MᵀM throughout, which for a
 /// redundant arm is always singular; for six joints both are the same.)
 double frobenius_condition(const Eigen::MatrixXd& M);
 
 /// 1 / k_F of the normalised Jacobian, in [0, 1]; 0 where it is singular.
 double dexterity(const Eigen::MatrixXd& J, double L);
 
-/// The thesis's normalising length R / R̄ (104): reach stated by the maker over maximum reach of the model. A
+/// The normalising length R / R̄ of (104): reach stated by the maker over maximum reach of the model. A
 /// ratio without unit, used there as if it were metres (with lengths of J in millimetres); it is kept to
-/// rebuild that thesis's maps.
+/// rebuild the maps published with it.
 double reach_ratio_length(double stated_reach, double maximum_reach);
 
 /// Root mean square of the distances of the joint axes from the tip point (101) [m], over the revolute
@@ -60,7 +60,7 @@ struct PoseValue {
 /// Largest distance of the tip point from a point of the first axis, over all poses (102) [m], by coordinate
 /// search from many random starts with refinement to 1e-10 of the reach.
 ///
-/// The thesis says that this maximum is global by the convexity of the norm. It is not: the norm is convex in
+/// Section 3.2.1 has this maximum global by the convexity of the norm. It is not: the norm is convex in
 /// the position, not in the joint angles, and its pose is a stationary point that others exceed.
 ///
 /// @param from  the point, in the base frame [m]

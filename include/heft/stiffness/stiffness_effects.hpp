@@ -47,15 +47,15 @@ struct StiffnessTrial {
   double parameter{0.0};     ///< best value; NaN without one
   double fit_rms{0.0};       ///< [m]
   double left_out_rms{0.0};  ///< error on poses left out [m]
-  double p_value{
-      1.0};  ///< that the best of all effects does as well where there is none; by permutation of residuals
+  /// That the best of all effects does as well where there is none; by permutation of residuals.
+  double p_value{1.0};
 };
 
 /// What a closer look at the residual says.
 struct StiffnessDiagnosis {
   StiffnessFit before, after;  ///< `after` is `before` when nothing was accepted
-  double mean_rms{
-      0.0};  ///< error on poses left out when the mean of the other readings predicts: a model should beat it
+  /// Error on poses left out when the mean of the other readings predicts: a model should beat it.
+  double mean_rms{0.0};
   std::vector<ResidualCorrelation> correlations;
   std::vector<StiffnessTrial> trials;  ///< smallest error on poses left out first
   int accepted{-1};                    ///< of `trials`

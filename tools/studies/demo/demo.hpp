@@ -1,5 +1,5 @@
 /// @file
-/// The demo: an arm on a path picks up a load that nobody told it of, finds it and carries on.
+/// The demo: an arm on a path picks up an unknown load, weighs it and carries on.
 #pragma once
 
 #include <functional>

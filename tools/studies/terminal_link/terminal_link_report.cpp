@@ -164,7 +164,7 @@ void add_closed_loop(const ClosedLoop& loop, StudyReport& report) {
       "once position is filtered before it is differentiated: there is then little noise left to be biased "
       "by, and what remains is common to both (reversals, the nonlinearity of the filtered equations). Only "
       "where encoders are differenced twice without a filter do instruments decide, and then an "
-      "acceleration one sample old is none: it shares encoder readings with the present one. It takes three "
+      "acceleration one sample old is no instrument: it shares encoder readings with the present one. It takes three "
       "samples, or the desired acceleration.");
 }
 

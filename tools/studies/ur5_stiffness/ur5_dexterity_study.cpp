@@ -74,15 +74,6 @@ void match_zones(DexterityStudy& study) {
   }
 }
 
-/// Root mean square distance of the axes from the tool over poses [m].
-double sound_length(const model::Kinematics& kinematics, const std::vector<VectorXd>& poses) {
-  double square = 0.0;
-  for (const VectorXd& q : poses) {
-    square += std::pow(stiffness::rms_axis_distance(kinematics.jacobian(q)), 2);
-  }
-  return std::sqrt(square / static_cast<double>(poses.size()));
-}
-
 /// Shares of the map that the text calls low and high, and whether the elbow is singular stretched and folded.
 void look_at_statements(const model::Kinematics& kinematics, DexterityStudy& study) {
   const MatrixXd& D = study.as_printed.dexterity;
@@ -147,7 +138,7 @@ DexterityStudy study_dexterity(const model::Kinematics& kinematics, const Ur5Mea
   study.zones = stiffness::zones(study.as_printed, study.threshold);
   match_zones(study);
   study.in_metres = map_with(kinematics, kPrintedRatio).dexterity.maxCoeff();
-  study.length = sound_length(kinematics, measured);
+  study.length = stiffness::shared_length(stiffness::loaded_poses(kinematics, measurements.tool));
   study.least = stiffness::characteristic_length(kinematics);
   study.sound = map_with(kinematics, study.length);
   look_at_statements(kinematics, study);

@@ -1,6 +1,5 @@
 /// @file
-/// The UR5 as a Denavit-Hartenberg table: table 3 of "Experimental identification of the joints stiffness of the UR5 robot
-/// arm", UPC-ETSEIB, Barcelona, 2017 [m].
+/// The UR5 as a Denavit-Hartenberg table: table 3 of UPC-ETSEIB (2017) [m].
 #pragma once
 
 #include "heft/model/kinematics.hpp"

@@ -31,7 +31,6 @@ std::string parameter_of(const stiffness::StiffnessTrial& t) {
   if (std::isnan(t.parameter)) return "";
   if (t.unit == "rad") return fmt::format("{:.0f}°", t.parameter / kDegree);
   if (t.unit == "m") return fmt::format("{:.3f} mm", 1e3 * t.parameter);
-  if (t.unit == "1") return fmt::format("× {:.1f}", t.parameter);
   return fmt::format("{} {}", number(t.parameter, 2), t.unit);
 }
 

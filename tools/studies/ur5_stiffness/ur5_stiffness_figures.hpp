@@ -1,5 +1,5 @@
 /// @file
-/// Tables and figures of the reproduction of the thesis on the UR5.
+/// Tables and figures of the reproduction of UPC-ETSEIB (2017).
 #pragma once
 
 #include <string>

@@ -81,7 +81,7 @@ Table check_table(const std::vector<Check>& checks) {
 }
 
 Table fault_table(const std::vector<Fault>& faults, const std::string& kind) {
-  Table table({"where", "the thesis", "evidence"});
+  Table table({"where", "published", "evidence"});
   for (const Fault& f : faults) {
     if (f.kind == kind) table.add_row({f.where, f.says, f.found});
   }
@@ -89,7 +89,7 @@ Table fault_table(const std::vector<Fault>& faults, const std::string& kind) {
 }
 
 Table all_faults(const std::vector<Fault>& faults) {
-  Table table({"id", "kind", "where", "the thesis", "evidence", "confirmed"});
+  Table table({"id", "kind", "where", "published", "evidence", "confirmed"});
   for (const Fault& f : faults)
     table.add_row({f.id, f.kind, f.where, f.says, f.found, f.confirmed ? "yes" : "no"});
   return table;
@@ -237,7 +237,7 @@ void add_stiffness(const Ur5Study& study, StudyReport& report) {
   page.plot(figure_41);
   report.figure("figure_41.svg", figure_41);
   page.note(
-      fmt::format("The direct method needs the whole deflection. As in the thesis, the displacement is put "
+      fmt::format("The direct method needs the whole deflection. As published, the displacement is put "
                   "along (1, 1, 0) of the tool, the rotation about z is the difference of the two sets over "
                   "0.5 m, all else is zero. {} of {} values are negative. With one pose and the whole "
                   "deflection read, least squares and the direct method are the same computation; they "
@@ -295,7 +295,7 @@ void add_effects(const Ur5Study& study, StudyReport& report) {
   const SimulationStudy& simulation = study.simulation;
   const StiffnessStudy& s = study.stiffness;
   page::Page& page = report.page;
-  page.heading("What the model leaves");
+  page.heading("What the model leaves unexplained");
   page.paragraph(s.of_tool.verdict);
   page.table(trial_table(s.of_tool, s.unseen_at_tool),
              "Effects tried on the six readings at the tool, each together with the two stiffnesses");
@@ -347,7 +347,7 @@ StudyReport report_of(const Ur5Study& study, const std::vector<Check>& checks) {
   StudyReport report{
       page::new_page(
           "Joint stiffness of the UR5, reproduced",
-          "the thesis \"Experimental identification of the joints stiffness of the UR5 robot arm\", from its "
+          "UPC-ETSEIB, Experimental identification of the joints stiffness of the UR5 robot arm, 2017, from its "
           "own tables"),
       {},
       {},
@@ -358,17 +358,17 @@ StudyReport report_of(const Ur5Study& study, const std::vector<Check>& checks) {
   page.verdict(study.verdict, page::Tone::kNeutral);
   const auto confirmed = static_cast<int>(
       std::count_if(study.faults.begin(), study.faults.end(), [](const Fault& f) { return f.confirmed; }));
-  page.facts({{"joints 1 to 3 [kN m/rad]", kilo(s.two.joints[0].stiffness),
-               fmt::format("95 %: {} to {}", kilo(s.two.joints[0].stiffness_low),
-                           kilo(s.two.joints[0].stiffness_high))},
-              {"joints 4 to 6 [kN m/rad]", kilo(s.two.joints[3].stiffness),
-               fmt::format("95 %: {} to {}", kilo(s.two.joints[3].stiffness_low),
-                           kilo(s.two.joints[3].stiffness_high))},
-              {"left by the fit", millimetres(s.two.fit_rms) + " mm",
-               fmt::format("repeats scatter by {} mm", millimetres(s.two.repeatability))},
-              {"maximum reach [mm]", fmt::format("{:.1f}", 1e3 * study.reach.maximum.value),
-               "the thesis has 1019.2"},
-              {"inconsistencies", fmt::format("{}", confirmed), "each with its evidence below"}});
+  page.facts(
+      {{"joints 1 to 3 [kN m/rad]", kilo(s.two.joints[0].stiffness),
+        fmt::format("95 %: {} to {}", kilo(s.two.joints[0].stiffness_low),
+                    kilo(s.two.joints[0].stiffness_high))},
+       {"joints 4 to 6 [kN m/rad]", kilo(s.two.joints[3].stiffness),
+        fmt::format("95 %: {} to {}", kilo(s.two.joints[3].stiffness_low),
+                    kilo(s.two.joints[3].stiffness_high))},
+       {"left by the fit", millimetres(s.two.fit_rms) + " mm",
+        fmt::format("repeats scatter by {} mm", millimetres(s.two.repeatability))},
+       {"maximum reach [mm]", fmt::format("{:.1f}", 1e3 * study.reach.maximum.value), "published: 1019.2"},
+       {"inconsistencies", fmt::format("{}", confirmed), "each with its evidence below"}});
 
   page.heading("What reproduces and what does not");
   page.table(check_table(checks));

@@ -1,6 +1,6 @@
 /// @file
-/// The reproduction of the thesis on the joint stiffness of the UR5 for people: reach, dexterity, stiffness from the
-/// measured deflections, what does not reproduce.
+/// The reproduction of UPC-ETSEIB (2017) on the joint stiffness of the UR5 for people: reach, dexterity, stiffness from
+/// the measured deflections, what does not reproduce.
 #pragma once
 
 #include <functional>

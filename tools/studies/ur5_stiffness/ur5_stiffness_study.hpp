@@ -1,6 +1,6 @@
 /// @file
-/// The computations behind heft reproduce ur5-stiffness: thesis "Experimental identification of the joints stiffness
-/// of the UR5 robot arm" on its own numbers. Numbers in brackets are its equations.
+/// The computations behind heft reproduce ur5-stiffness: UPC-ETSEIB (2017) on its own numbers. Numbers in brackets are
+/// its equations; full citation: urdf/ur5-stiffness/README.md.
 #pragma once
 
 #include <array>
@@ -42,7 +42,7 @@ Ur5Measurements read_ur5_measurements();
 
 /// How far the arm reaches.
 struct ReachStudy {
-  Eigen::VectorXd pose;               ///< of the thesis
+  Eigen::VectorXd pose;               ///< whose distance is published as the reach
   double distance{0.0}, height{0.0};  ///< of the tip there, from the base's origin [m]
   double slope{0.0};                  ///< largest derivative of the distance there [m/rad]
   double curvature{0.0};         ///< largest second derivative there [m/rad²]: above zero, so no maximum
@@ -75,7 +75,7 @@ struct PoseDexterity {
 
 struct DexterityStudy {
   stiffness::DexterityMap as_printed, sound;
-  double threshold{0.0035};  ///< from where the thesis calls values high
+  double threshold{0.0035};  ///< from where the text calls values high
   std::vector<stiffness::DexterityZone> zones;
   double matching_threshold{0.0};  ///< with which the zones are most like table 5
   std::vector<ZoneMatch> matches;
@@ -156,7 +156,7 @@ struct SimulationStudy {
   int power_draws{0};
 };
 
-/// A claim of the thesis that its own numbers do not support.
+/// A published claim that the published numbers do not support.
 struct Fault {
   std::string id;     ///< short, for machines
   std::string kind;   ///< "result", "data" or "slip"
@@ -164,7 +164,7 @@ struct Fault {
   std::string says;   ///< in our words
   std::string found;  ///< the evidence, with numbers
   std::vector<double> values;
-  bool confirmed{true};  ///< the evidence bears it out
+  bool confirmed{true};  ///< the evidence supports it
 };
 
 struct Ur5Study {

@@ -1,8 +1,8 @@
 /// @file
 /// Pose of the tool, its motion with the joints, and the joint torques of a load on it.
 ///
-/// Sources: B. Siciliano, L. Sciavicco, L. Villani, G. Oriolo, Robotics, as carried over by the thesis
-/// "Experimental identification of the joints stiffness of the UR5 robot arm" (UPC-ETSEIB, 2017), whose equation
+/// Sources: B. Siciliano, L. Sciavicco, L. Villani, G. Oriolo, Robotics (2009), in the form of UPC-ETSEIB (2017),
+/// "Experimental identification of the joints stiffness of the UR5 robot arm", whose equation
 /// numbers are cited; the complementary stiffness after S. Chen and I. Kao (2000).
 #pragma once
 
@@ -221,7 +221,7 @@ Eigen::Matrix<Scalar, N, 1> joint_torque(const GeometricJacobian<Scalar, N>& J,
 /// arm moves under it, K_C = ∂(Jᵀ w)/∂q. Element (i, j) is the change of joint i's torque with q_j.
 ///
 /// A wrench that keeps its direction in the base frame and one that turns with the tool have different K_C:
-/// the thesis above states its wrench in tool axes, its weight hangs in the base frame. In both the force acts at
+/// UPC-ETSEIB (2017) states its wrench in tool axes, its weight hangs in the base frame. In both the force acts at
 /// the tip point and the moment is about it. K_C of a force of constant direction is symmetric, it has a
 /// potential; with a moment, or with a wrench that turns, it is not.
 ///
