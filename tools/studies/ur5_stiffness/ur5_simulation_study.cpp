@@ -82,16 +82,44 @@ bool is_seen(const std::vector<stiffness::LoadedPose>& poses, Index joint) {
   return of_this > 1e-9 * most;
 }
 
-Precision precision_of(const model::Kinematics& kinematics, const std::string& name,
-                       const std::string& instrument, const std::vector<VectorXd>& where, Instrument kind,
-                       double sigma, double sigma_rotation, const VectorXd& truth, double length, int draws) {
+/// Poses and an instrument to be tried.
+struct Case {
+  std::string poses, instrument;
+  std::vector<VectorXd> where;
+  Instrument kind;
+  double sigma, sigma_rotation;  ///< of a reading [m], [rad]
+};
+
+/// Estimates of each joint over the true value, one a draw.
+using Draws = std::array<std::vector<double>, 6>;
+
+/// Fits simulated readings by both methods.
+/// @param options  joints that the readings show
+void add_draw(const model::Kinematics& kinematics, const std::vector<stiffness::LoadedPose>& poses,
+              const stiffness::StiffnessOptions& options, bool whole, const VectorXd& truth, double length,
+              Draws& compliance, Draws& stiffness) {
+  const stiffness::StiffnessFit fit = stiffness::fit_stiffness(kinematics, poses, options, length);
+  for (std::size_t j = 0; j < 6; ++j) {
+    if (fit.joints[j].determined) {
+      compliance[j].push_back(fit.joints[j].compliance / truth[static_cast<Index>(j)]);
+    }
+  }
+  if (!whole) return;
+  const stiffness::DirectStiffness direct = stiffness::direct_stiffness(poses, false);
+  for (std::size_t j = 0; j < 6; ++j) {
+    stiffness[j].push_back(direct.mean[static_cast<Index>(j)] * truth[static_cast<Index>(j)]);
+  }
+}
+
+Precision precision_of(const model::Kinematics& kinematics, const Case& c, const VectorXd& truth,
+                       double length, int draws) {
   std::vector<stiffness::LoadedPose> exact =
-      loaded_with(kinematics, where, kind, sigma, sigma_rotation, length);
+      loaded_with(kinematics, c.where, c.kind, c.sigma, c.sigma_rotation, length);
   set_values(exact, truth);
   Precision precision;
-  precision.poses = name;
-  precision.instrument = instrument;
-  precision.count = static_cast<int>(where.size());
+  precision.poses = c.poses;
+  precision.instrument = c.instrument;
+  precision.count = static_cast<int>(c.where.size());
   precision.least_dexterity = kInfinity;
   for (const stiffness::LoadedPose& pose : exact) {
     precision.least_dexterity = std::min(precision.least_dexterity, pose.dexterity);
@@ -103,22 +131,12 @@ Precision precision_of(const model::Kinematics& kinematics, const std::string& n
     seen.push_back(is_seen(exact, j));
     if (seen.back()) options.groups.push_back({static_cast<int>(j)});
   }
-  std::array<std::vector<double>, 6> compliance, stiffness;
+  Draws compliance, stiffness;
   std::mt19937_64 random(1);
   for (int draw = 0; draw < draws; ++draw) {
     std::vector<stiffness::LoadedPose> poses = exact;
     add_noise(poses, random);
-    const stiffness::StiffnessFit fit = stiffness::fit_stiffness(kinematics, poses, options, length);
-    for (std::size_t j = 0; j < 6; ++j) {
-      if (fit.joints[j].determined) {
-        compliance[j].push_back(fit.joints[j].compliance / truth[static_cast<Index>(j)]);
-      }
-    }
-    if (kind != Instrument::kWhole) continue;
-    const stiffness::DirectStiffness direct = stiffness::direct_stiffness(poses, false);
-    for (std::size_t j = 0; j < 6; ++j) {
-      stiffness[j].push_back(direct.mean[static_cast<Index>(j)] * truth[static_cast<Index>(j)]);
-    }
+    add_draw(kinematics, poses, options, c.kind == Instrument::kWhole, truth, length, compliance, stiffness);
   }
   for (std::size_t j = 0; j < 6; ++j) {
     precision.least_squares[j] = seen[j] ? middle_spread(compliance[j]) : kInfinity;
@@ -249,6 +267,42 @@ double share_named(const model::Kinematics& kinematics, const std::vector<stiffn
   return static_cast<double>(named) / draws;
 }
 
+/// Poses of the tables and others, with the wire, a whole deflection as good as the wire, and a tracker.
+std::vector<Case> cases_of(const model::Kinematics& kinematics, const Ur5Measurements& measurements,
+                           const SimulationStudy& study, double length) {
+  const std::vector<VectorXd> measured = poses_of(measurements.tool);
+  std::vector<VectorXd> at_45 = measured;
+  for (VectorXd& q : at_45) q.tail<3>().setConstant(45 * kDegree);
+  const double wire = study.wire_noise, wire_rotation = wire / 0.5;
+  return {{"six of table 6", "wire", measured, Instrument::kWire, wire, 0.0},
+          {"nine of table 13", "wire", measurements.outside, Instrument::kWire, wire, 0.0},
+          {"six of table 6", "whole", measured, Instrument::kWhole, wire, wire_rotation},
+          {"nine of table 13", "whole", measurements.outside, Instrument::kWhole, wire, wire_rotation},
+          {"six of table 6, wrist at 45°", "whole", at_45, Instrument::kWhole, wire, wire_rotation},
+          {"ten in the zones", "tracker", poses_in_zones(10, 1), Instrument::kWhole, study.tracker_noise,
+           study.tracker_rotation},
+          {"ten with 1/k_F below 0.1", "tracker", poses_between(kinematics, length, 0.01, 0.1, 10, 2),
+           Instrument::kWhole, study.tracker_noise, study.tracker_rotation},
+          {"ten with 1/k_F below 0.02", "tracker", poses_between(kinematics, length, 0.002, 0.02, 10, 3),
+           Instrument::kWhole, study.tracker_noise, study.tracker_rotation}};
+}
+
+/// Nominal readings of the wire in which causes are to be found.
+struct Readings {
+  std::vector<stiffness::LoadedPose> poses;
+  double Power::*share;
+};
+
+std::vector<Readings> readings_of(const model::Kinematics& kinematics, const Ur5Measurements& measurements,
+                                  double wire, double length) {
+  const auto with_wire = [&](const std::vector<VectorXd>& poses) {
+    return loaded_with(kinematics, poses, Instrument::kWire, wire, 0.0, length);
+  };
+  return {{with_wire(poses_of(measurements.tool)), &Power::at_six},
+          {with_wire(poses_in_zones(12, 7)), &Power::at_twelve},
+          {with_wire(poses_in_zones(20, 8)), &Power::at_twenty}};
+}
+
 }  // namespace
 
 SimulationStudy study_simulation(const model::Kinematics& kinematics, const Ur5Measurements& measurements,
@@ -260,44 +314,10 @@ SimulationStudy study_simulation(const model::Kinematics& kinematics, const Ur5M
   study.draws = 15 * seeds;
   study.power_draws = std::max(10, seeds / 2);
   const VectorXd& truth = stiffness.truth;
-  const std::vector<VectorXd> measured = poses_of(measurements.tool);
-  std::vector<VectorXd> at_45 = measured;
-  for (VectorXd& q : at_45) q.tail<3>().setConstant(45 * kDegree);
-
-  const double wire = study.wire_noise, wire_rotation = wire / 0.5;
-  struct Case {
-    std::string poses, instrument;
-    std::vector<VectorXd> where;
-    Instrument kind;
-    double sigma, sigma_rotation;
-  };
-  const std::vector<Case> cases{
-      {"six of table 6", "wire", measured, Instrument::kWire, wire, 0.0},
-      {"nine of table 13", "wire", measurements.outside, Instrument::kWire, wire, 0.0},
-      {"six of table 6", "whole", measured, Instrument::kWhole, wire, wire_rotation},
-      {"nine of table 13", "whole", measurements.outside, Instrument::kWhole, wire, wire_rotation},
-      {"six of table 6, wrist at 45°", "whole", at_45, Instrument::kWhole, wire, wire_rotation},
-      {"ten in the zones", "tracker", poses_in_zones(10, 1), Instrument::kWhole, study.tracker_noise,
-       study.tracker_rotation},
-      {"ten with 1/k_F below 0.1", "tracker", poses_between(kinematics, length, 0.01, 0.1, 10, 2),
-       Instrument::kWhole, study.tracker_noise, study.tracker_rotation},
-      {"ten with 1/k_F below 0.02", "tracker", poses_between(kinematics, length, 0.002, 0.02, 10, 3),
-       Instrument::kWhole, study.tracker_noise, study.tracker_rotation}};
-
+  const std::vector<Case> cases = cases_of(kinematics, measurements, study, length);
+  const std::vector<Readings> readings = readings_of(kinematics, measurements, study.wire_noise, length);
   const std::vector<stiffness::StiffnessEffect> effects =
       stiffness::known_stiffness_effects(kinematics.robot());
-  struct Readings {
-    std::vector<stiffness::LoadedPose> poses;
-    double Power::*share;
-    int draws;
-  };
-  const std::vector<Readings> readings{
-      {loaded_with(kinematics, measured, Instrument::kWire, wire, 0.0, length), &Power::at_six,
-       study.power_draws},
-      {loaded_with(kinematics, poses_in_zones(12, 7), Instrument::kWire, wire, 0.0, length),
-       &Power::at_twelve, study.power_draws},
-      {loaded_with(kinematics, poses_in_zones(20, 8), Instrument::kWire, wire, 0.0, length),
-       &Power::at_twenty, study.power_draws}};
   for (const Cause& cause : causes()) study.powers.push_back({cause.id, cause.size});
 
   study.precisions.resize(cases.size());
@@ -309,12 +329,10 @@ SimulationStudy study_simulation(const model::Kinematics& kinematics, const Ur5M
           const Readings& r = readings[job % readings.size()];
           const std::size_t cause = job / readings.size();
           study.powers[cause].*r.share =
-              share_named(kinematics, r.poses, effects, causes()[cause], truth, length, r.draws);
+              share_named(kinematics, r.poses, effects, causes()[cause], truth, length, study.power_draws);
         } else if (job < powers + cases.size()) {
-          const Case& c = cases[job - powers];
           study.precisions[job - powers] =
-              precision_of(kinematics, c.poses, c.instrument, c.where, c.kind, c.sigma, c.sigma_rotation,
-                           truth, length, study.draws);
+              precision_of(kinematics, cases[job - powers], truth, length, study.draws);
         } else if (job == powers + cases.size()) {
           study.plans = plans_of(kinematics, study, truth, length);
         } else {
