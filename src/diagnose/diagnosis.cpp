@@ -3,6 +3,7 @@
 #include "findings.hpp"
 #include "guards.hpp"
 #include "heft/host/error.hpp"
+#include "heft/model/couplings.hpp"
 #include "search.hpp"
 #include "start.hpp"
 #include "veto.hpp"
@@ -36,6 +37,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
         "no log to judge on: an effect is accepted only if it also lowers the error on a log that the fit has not "
         "seen; give one, or cut one log in two");
   }
+  model::refuse_wrong_couplings(robot, asked.couplings);
   DiagnoseOptions options = asked;
   options.joint_sensor = asked.joint_sensor || logs.torque_at() == data::TorqueAt::kJoint;
   const std::vector<data::Log> train = read_all(logs.train()), validate = read_all(logs.judge());

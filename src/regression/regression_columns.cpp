@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "heft/host/error.hpp"
+#include "heft/model/couplings.hpp"
 
 namespace heft::regression {
 namespace {
@@ -30,14 +30,7 @@ const GearCoupling<double>* find_coupling(const std::vector<GearCoupling<double>
 RegressionColumns::RegressionColumns(const model::Robot& robot, ModelStructure structure)
     : structure_(std::move(structure)), dynamics_(robot) {
   const int n = dynamics_.num_joints();
-  for (const GearCoupling<double>& coupling : structure_.couplings) {
-    const auto exists = [n](int joint) { return joint >= 0 && joint < n; };
-    if (!exists(coupling.driving) || !exists(coupling.driven) || coupling.driving == coupling.driven) {
-      throw ModelError(fmt::format(
-          "gear coupling of joints {} and {}: expected two different joints of 1 to {}, as robot \"{}\" has",
-          coupling.driving + 1, coupling.driven + 1, n, robot.name));
-    }
-  }
+  model::refuse_wrong_couplings(robot, structure_.couplings);
   const auto prismatic = [&robot](int joint) {
     return robot.joints[static_cast<std::size_t>(joint)].joint.type == JointType::kPrismatic;
   };

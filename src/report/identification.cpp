@@ -203,4 +203,10 @@ page::Page page(const Identification& found) {
   return page;
 }
 
+std::string urdf_notes(const std::vector<std::string>& notes) {
+  std::string text = notes.empty() ? "" : "Notes on the URDF:\n";
+  for (const std::string& note : notes) text += fmt::format("  {}\n", note);
+  return text;
+}
+
 }  // namespace heft::report

@@ -184,6 +184,41 @@ TEST_F(DiagnoseCommand, LooksAnewForWhatTheModelHoldsAlready) {
   }
 }
 
+TEST_F(DiagnoseCommand, FindsAMotorThatTurnsWithThePairOfJointsAskedFor) {
+  // A SCARA has no wrist of joints 5 and 6, so that no pair is looked for unasked.
+  truth_.couplings = {{.driving = 0, .driven = 1, .coulomb_friction = 4.0, .viscous_friction = 2.0}};
+  write("a.csv", log(1));
+  write("b.csv", log(2));
+  const Outcome done = diagnose({"--log", path("a.csv"), "--validate", path("b.csv"), "--coupling", "1,2",
+                                 "--json", path("r.json")});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_THAT(done.out, HasSubstr("--coupling 1,2")) << "the line that gives the same result";
+  const auto json = nlohmann::json::parse(host::read_file(path("r.json"), "result"));
+  ASSERT_EQ(json.at("effects").size(), 1U) << json.at("effects");
+  const auto& effect = json.at("effects").at(0);
+  EXPECT_EQ(effect.at("kind"), "wrist_coupling");
+  EXPECT_EQ(effect.at("joint"), 1);
+  EXPECT_EQ(effect.at("driven_joint"), 2);
+  // The noise of 0.15 N·m lets both vary by a few hundredths from log to log.
+  EXPECT_NEAR(effect.at("parameters").at("Fc").get<double>(), 4.0, 0.2);
+  EXPECT_NEAR(effect.at("parameters").at("Fv").get<double>(), 2.0, 0.2);
+}
+
+TEST_F(DiagnoseCommand, RefusesACouplingThatIsNotOneOfTwoJointsOfTheArm) {
+  write("a.csv", log(1, 5.0));
+  write("b.csv", log(2, 5.0));
+  const auto refused = [&](const std::string& coupling, int exit_code) {
+    const Outcome bad =
+        diagnose({"--log", path("a.csv"), "--validate", path("b.csv"), "--coupling", coupling});
+    EXPECT_EQ(bad.exit_code, exit_code) << bad.err;
+    EXPECT_THAT(bad.out, IsEmpty());
+    return bad.err;
+  };
+  EXPECT_THAT(refused("1,5", 3), HasSubstr("joints 1 and 5: expected two different joints of 1 to 4"));
+  EXPECT_THAT(refused("2,2", 3), HasSubstr("joints 2 and 2: expected two different joints of 1 to 4"));
+  EXPECT_THAT(refused("2", 2), HasSubstr("--coupling 2: expected two joints"));
+}
+
 TEST_F(DiagnoseCommand, SaysThatNothingIsMissing) {
   write("a.csv", log(1));
   write("b.csv", log(2));

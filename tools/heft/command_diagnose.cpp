@@ -9,6 +9,7 @@
 
 #include "command.hpp"
 #include "console.hpp"
+#include "coupling_option.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
@@ -25,6 +26,7 @@ struct Options {
   LogOptions log;
   ResultOptions result;
   std::vector<std::string> validate;
+  std::vector<std::string> couplings;
   double cutoff{0.0};
   std::string model;
   bool trace{false};
@@ -52,17 +54,19 @@ std::string command_line(const Options& options) {
   add("--torque-constant", fmt::format("{}", fmt::join(options.log.torque_constant, ",")));
   if (options.log.torque_at != "motor") add("--torque-at", options.log.torque_at);
   if (options.log.band > 0.0) add("--band", fmt::format("{}", options.log.band));
+  for (const std::string& coupling : options.couplings) add("--coupling", coupling);
   if (options.cutoff > 0.0) add("--cutoff", fmt::format("{}", options.cutoff));
   return line;
 }
 
 void run(const Options& options) {
   const Console console{options.result.json, options.model};
+  diagnose::DiagnoseOptions asked;
+  asked.couplings = couplings_of(options.couplings);  // wrong usage comes before bad files
   const model::Robot robot = load_robot(options.robot);
   const data::LogSet logs = open(options, robot);
   const host::Judgement torque = judge_torque(logs, robot, options.log);
 
-  diagnose::DiagnoseOptions asked;
   asked.band = options.log.band;
   asked.cutoff = options.cutoff;
   if (options.trace) asked.trace = [](const std::string& line) { print_to(stderr, line + "\n"); };
@@ -98,6 +102,8 @@ Action set_up_diagnose(CommandLine line) {
                   "low-pass on the positions [Hz] (default: the one that leaves the smallest residual)")
       .type_name("HZ")
       .positive();
+  add_coupling_option(line, options->couplings,
+                      "gear coupling to look for in addition to the model's (default: 5,6 if there is none)");
   line.get_option("--band").description(
       "low-pass of the errors in band [Hz] (default: chosen from the motion); that of the positions is no "
       "lower");

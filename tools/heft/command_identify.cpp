@@ -1,16 +1,12 @@
 /// @file
 /// heft identify: a model from logs, judged on logs it has not seen.
-#include <cmath>
-#include <cstdlib>
 #include <memory>
-#include <sstream>
 #include <string>
 #include <vector>
 
-#include <fmt/format.h>
-
 #include "command.hpp"
 #include "console.hpp"
+#include "coupling_option.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/identify/identify.hpp"
@@ -54,35 +50,6 @@ identify::Instruments instruments_of(const std::string& name) {
   return identify::Instruments::kSimulated;
 }
 
-/// "5,6" or "5,6,0.7": joint 5 also turns the motor of joint 6.
-GearCoupling<double> coupling_of(const std::string& text) {
-  std::vector<double> numbers;
-  std::istringstream parts(text);
-  for (std::string part; std::getline(parts, part, ',');) {
-    char* end = nullptr;
-    const double value = std::strtod(part.c_str(), &end);
-    if (part.empty() || end != part.c_str() + part.size())
-      throw UsageError(fmt::format("--coupling {}: \"{}\" is no number", text, part));
-    if (!std::isfinite(value)) {
-      throw UsageError(fmt::format("--coupling {}: found {}, expected finite numbers: two joints and a ratio",
-                                   text, part));
-    }
-    numbers.push_back(value);
-  }
-  if (numbers.size() < 2 || numbers.size() > 3 || std::floor(numbers[0]) != numbers[0] ||
-      std::floor(numbers[1]) != numbers[1]) {
-    throw UsageError(
-        fmt::format("--coupling {}: expected two joints and at most a ratio, as in 5,6 or 5,6,1.0 (joint 5 "
-                    "also turns the motor of joint 6)",
-                    text));
-  }
-  GearCoupling<double> coupling;
-  coupling.driving = static_cast<int>(numbers[0]) - 1;
-  coupling.driven = static_cast<int>(numbers[1]) - 1;
-  if (numbers.size() == 3) coupling.ratio = numbers[2];
-  return coupling;
-}
-
 regression::ModelStructure structure_of(const Options& options) {
   regression::ModelStructure structure;
   for (const std::string& what : options.without) {
@@ -91,7 +58,7 @@ regression::ModelStructure structure_of(const Options& options) {
     if (what == "viscous") structure.viscous = false;
     if (what == "offset") structure.offset = false;
   }
-  for (const std::string& text : options.couplings) structure.couplings.push_back(coupling_of(text));
+  structure.couplings = couplings_of(options.couplings);
   return structure;
 }
 
@@ -113,8 +80,7 @@ void write_robot(const Options& options, const identify::Identification& found, 
   urdf::UrdfExportReport written;
   urdf::write_urdf(urdf::resolve_robot(options.robot.urdf), found.fit.robot, options.write_urdf, exporting,
                    &written);
-  if (!written.notes.empty()) console.print("Notes on the URDF:\n");
-  for (const std::string& line : written.notes) console.print("  {}\n", line);
+  console.print("{}", report::urdf_notes(written.notes));
   if (!host::is_standard_output(options.write_urdf)) console.print("Robot: {}\n", options.write_urdf);
 }
 
@@ -178,10 +144,7 @@ Action set_up_identify(CommandLine line) {
       .type_name("WHAT,...")
       .delimiter(',')
       .one_of({"rotor", "coulomb", "viscous", "offset"});
-  line.add_option(
-          "--coupling", options->couplings,
-          "known gear coupling: joint I also turns the motor of joint J (ratio: J's turn for one of I)")
-      .type_name("I,J[,RATIO]");
+  add_coupling_option(line, options->couplings, "known gear coupling");
   line.add_option("--ridge", options->ridge,
                   "condition number from which a ridge towards the URDF steadies the fit; 0: never")
       .type_name("NUMBER")

@@ -141,6 +141,7 @@ std::string in_words(const NotExplained& joint, const model::Robot& robot);
 ///               bodies, Coulomb and viscous friction is searched for again, and a note says so.
 /// @param logs   at least one log to train on and one to judge on, with torque; a LogSet holds no sample in both
 /// @throws DataError when there is no log to judge on
+/// @throws ModelError for a coupling that is not one of two different joints of the robot
 /// @throws NotIdentifiableError when the training logs move too little to determine an eighth of the parameters of rigid
 ///         bodies and friction, or the validation logs too little to judge on
 Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& options = {});

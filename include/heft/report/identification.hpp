@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "heft/identify/identify.hpp"
 #include "heft/page/page.hpp"
@@ -17,5 +18,8 @@ std::string full(const identify::Identification& found);
 std::string json(const identify::Identification& found);
 /// Verdict, errors with plots where Options::traces asked for them, parameters, what the logs do not determine.
 page::Page page(const identify::Identification& found);
+
+/// Remarks about a URDF that the model was written into, one a line under a heading; "" without any.
+std::string urdf_notes(const std::vector<std::string>& notes);
 
 }  // namespace heft::report
