@@ -168,6 +168,87 @@ double sigma_of(const Table& table, std::string_view column) {
   return sigma;
 }
 
+/// What was measured in the present row.
+std::vector<DeflectionReading> readings_of(const Table& table) {
+  std::vector<DeflectionReading> readings;
+  const double sigma = sigma_of(table, "sigma"), sigma_r = sigma_of(table, "sigma_r");
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto a = static_cast<std::size_t>(axis);
+    if (const auto value = table.number(kShift[a])) {
+      readings.push_back({false, Vector3d::Unit(axis), *value, sigma});
+    }
+    if (const auto value = table.number(kTurn[a])) {
+      readings.push_back({true, Vector3d::Unit(axis), *value, sigma_r});
+    }
+  }
+  if (const auto value = table.number("d")) {
+    const Vector3d direction = table.vector(kDirection);
+    if (direction.norm() < 1e-9) {
+      table.fail("columns ux, uy, uz: the direction is zero; expected a vector along the wire; correct it");
+    }
+    readings.push_back({false, direction.normalized(), *value, sigma});
+  }
+  if (readings.empty()) {
+    table.fail(
+        "nothing was measured in this row; expected a value in one of dx, dy, dz, rx, ry, rz, d; fill it "
+        "or remove the row");
+  }
+  for (const DeflectionReading& reading : readings) {
+    if (std::abs(reading.value) > kMost) {
+      table.fail(
+          "found a deflection of {:g} {}; expected at most {:g}: a linear stiffness is valid only for "
+          "small deflections; give metres and radians (0.2 mm is 0.0002)",
+          reading.value, reading.rotation ? "rad" : "m", kMost);
+    }
+  }
+  return readings;
+}
+
+/// The present row.
+/// @param number  its pose's name where it states none
+Deflection deflection_of(const Table& table, int num_joints, std::size_t number) {
+  Deflection row;
+  row.where = table.where();
+  row.pose = table.field("pose").empty() ? fmt::format("{}", number) : std::string(table.field("pose"));
+  if (const std::string_view frame = table.field("frame"); !frame.empty() && frame != "base") {
+    if (frame != "tool") {
+      table.fail(
+          "column 'frame': found '{}'; expected base or tool, the axes of load and deflection; correct it",
+          shown(frame));
+    }
+    row.tool_axes = true;
+  }
+  row.q.resize(num_joints);
+  for (int j = 0; j < num_joints; ++j) row.q[j] = table.required(fmt::format("q{}", j + 1));
+  row.force = table.vector(kForce);
+  row.moment = table.vector(kMoment);
+  if (row.force.isZero(0.0) && row.moment.isZero(0.0)) {
+    table.fail(
+        "force and moment are zero; expected the load that made the deflection; without a load a pose says "
+        "nothing about stiffness; remove the row or correct it");
+  }
+  row.point = table.vector(kPoint);
+  row.readings = readings_of(table);
+  return row;
+}
+
+/// Notes which columns are none of ours.
+void note_columns_left_alone(const Table& table, const std::string& path, int num_joints,
+                             std::vector<std::string>& notes) {
+  std::vector<std::string> left;
+  for (const std::string& name : table.names()) {
+    const auto among = [&](const auto& names) {
+      return std::find(names.begin(), names.end(), name) != names.end();
+    };
+    bool known = among(kForce) || among(kMoment) || among(kShift) || among(kTurn) || among(kDirection) ||
+                 among(kPoint) || name == "d" || name == "pose" || name == "frame" || name == "sigma" ||
+                 name == "sigma_r";
+    for (int j = 1; j <= num_joints; ++j) known = known || name == fmt::format("q{}", j);
+    if (!known) left.push_back(name);
+  }
+  if (!left.empty()) notes.push_back(fmt::format("{}: columns left alone: {}", path, fmt::join(left, ", ")));
+}
+
 }  // namespace
 
 std::vector<Deflection> read_deflections(const std::string& path, int num_joints,
@@ -176,79 +257,10 @@ std::vector<Deflection> read_deflections(const std::string& path, int num_joints
   Table table(path, text);
   check_header(table, num_joints, robot_name);
   std::vector<Deflection> rows;
-  while (table.next_row()) {
-    Deflection row;
-    row.where = table.where();
-    row.pose =
-        table.field("pose").empty() ? fmt::format("{}", rows.size() + 1) : std::string(table.field("pose"));
-    if (const std::string_view frame = table.field("frame"); !frame.empty() && frame != "base") {
-      if (frame != "tool") {
-        table.fail(
-            "column 'frame': found '{}'; expected base or tool, the axes of load and deflection; correct it",
-            shown(frame));
-      }
-      row.tool_axes = true;
-    }
-    row.q.resize(num_joints);
-    for (int j = 0; j < num_joints; ++j) row.q[j] = table.required(fmt::format("q{}", j + 1));
-    row.force = table.vector(kForce);
-    row.moment = table.vector(kMoment);
-    if (row.force.isZero(0.0) && row.moment.isZero(0.0)) {
-      table.fail(
-          "force and moment are zero; expected the load that made the deflection; without a load a pose says "
-          "nothing about stiffness; remove the row or correct it");
-    }
-    row.point = table.vector(kPoint);
-    const double sigma = sigma_of(table, "sigma"), sigma_r = sigma_of(table, "sigma_r");
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto a = static_cast<std::size_t>(axis);
-      if (const auto value = table.number(kShift[a])) {
-        row.readings.push_back({false, Vector3d::Unit(axis), *value, sigma});
-      }
-      if (const auto value = table.number(kTurn[a])) {
-        row.readings.push_back({true, Vector3d::Unit(axis), *value, sigma_r});
-      }
-    }
-    if (const auto value = table.number("d")) {
-      const Vector3d direction = table.vector(kDirection);
-      if (direction.norm() < 1e-9) {
-        table.fail("columns ux, uy, uz: the direction is zero; expected a vector along the wire; correct it");
-      }
-      row.readings.push_back({false, direction.normalized(), *value, sigma});
-    }
-    if (row.readings.empty()) {
-      table.fail(
-          "nothing was measured in this row; expected a value in one of dx, dy, dz, rx, ry, rz, d; fill it "
-          "or remove the row");
-    }
-    for (const DeflectionReading& reading : row.readings) {
-      if (std::abs(reading.value) > kMost) {
-        table.fail(
-            "found a deflection of {:g} {}; expected at most {:g}: a linear stiffness is valid only for "
-            "small deflections; give metres and radians (0.2 mm is 0.0002)",
-            reading.value, reading.rotation ? "rad" : "m", kMost);
-      }
-    }
-    rows.push_back(std::move(row));
-  }
+  while (table.next_row()) rows.push_back(deflection_of(table, num_joints, rows.size() + 1));
   if (rows.empty())
     table.fail("the file ends after its header; expected a row for each loaded pose; add them");
-
-  if (notes != nullptr) {
-    std::vector<std::string> left;
-    for (const std::string& name : table.names()) {
-      const auto among = [&](const auto& names) {
-        return std::find(names.begin(), names.end(), name) != names.end();
-      };
-      bool known = among(kForce) || among(kMoment) || among(kShift) || among(kTurn) || among(kDirection) ||
-                   among(kPoint) || name == "d" || name == "pose" || name == "frame" || name == "sigma" ||
-                   name == "sigma_r";
-      for (int j = 1; j <= num_joints; ++j) known = known || name == fmt::format("q{}", j);
-      if (!known) left.push_back(name);
-    }
-    if (!left.empty())
-      notes->push_back(fmt::format("{}: columns left alone: {}", path, fmt::join(left, ", ")));
-  }
+  if (notes != nullptr) note_columns_left_alone(table, path, num_joints, *notes);
   return rows;
 }
 

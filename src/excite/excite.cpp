@@ -10,6 +10,7 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/host/parallel.hpp"
 #include "limit_check.hpp"
 #include "robot_words.hpp"
@@ -134,9 +135,12 @@ void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::op
   }
 }
 
+namespace {
+
 Options::Given given_motion(const std::string& name, const data::Log& log) {
   const double rate = data::median_sample_rate(log.time);
-  const auto stride = std::max<Index>(1, static_cast<Index>(std::floor(rate / 100.0)));
+  constexpr double kRows = 100.0, kRounding = 1.0 + 1e-6;  // a second; of time stamps: 999.9999 Hz are 1 kHz
+  const auto stride = std::max<Index>(1, static_cast<Index>(std::floor(kRounding * rate / kRows)));
   const Index rows = (log.num_samples() + stride - 1) / stride;
   Options::Given given{name, Eigen::MatrixXd(rows, log.q.cols()), {}, {}, static_cast<double>(stride) / rate};
   given.qd = given.qdd = given.q;
@@ -148,17 +152,39 @@ Options::Given given_motion(const std::string& name, const data::Log& log) {
   return given;
 }
 
+/// Columns of the regression that the log to be recorded can have.
+ModelStructure structure_of(const model::Robot& robot, const Options& options) {
+  ModelStructure structure = options.search.structure;
+  if (options.torque_at == data::TorqueAt::kJoint) {
+    structure.coulomb = structure.viscous = false;
+    structure.couplings.clear();
+  } else if (structure.couplings.empty()) {
+    structure.couplings = robot.couplings;
+  }
+  return structure;
+}
+
+}  // namespace
+
+std::vector<Options::Given> given_motions(const data::LogSet& logs, std::vector<std::string>* notes) {
+  std::vector<Options::Given> given;
+  for (const data::LogSource& source : logs.given())
+    given.push_back(given_motion(source.path, data::read_motion(source, true, notes).log));
+  return given;
+}
+
 ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, const Options& options) {
   ExcitingMotion motion;
   motion.robot = with_payload(robot, options.payload);
   ExcitationOptions search = options.search;
   search.sample_rate = options.rate;
+  search.structure = structure_of(robot, options);
   if (search.torque_noise.size() > 0) {
     motion.noise = ExcitingMotion::Noise::kStated;
   } else if (limits.torque.allFinite()) {
-    search.torque_noise = options.noise_share * limits.torque;
+    search.torque_noise = 0.01 * options.noise_percent * limits.torque;
     motion.noise = ExcitingMotion::Noise::kShareOfLimits;
-    motion.noise_share = options.noise_share;
+    motion.noise_percent = options.noise_percent;
   }
   auto designed = std::make_shared<ExcitationDesign>(motion.robot, limits, search);
   // A pose that cannot be held is refused before the search, which takes a while.
@@ -182,16 +208,43 @@ ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, con
   return motion;
 }
 
+ExcitingMotion design(const model::Robot& robot, const LimitsFile& limits, const Options& options) {
+  Options asked = options;
+  if (asked.search.start.size() == 0) asked.search.start = limits.start;
+  if (asked.search.torque_noise.size() == 0) asked.search.torque_noise = limits.torque_noise;
+  return design(robot, limits.limits, asked);
+}
+
+FrictionMotion friction_strokes(const model::Robot& robot, const LimitsFile& limits,
+                                const FrictionOptions& options) {
+  FrictionOptions asked = options;
+  if (asked.pose.size() == 0) asked.pose = limits.start;
+  return friction_strokes(robot, limits.limits, asked);
+}
+
+model::Robot within(model::Robot robot, const MotionLimits& limits) {
+  for (Index j = 0; j < robot.num_joints(); ++j) {
+    model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+    joint.lower = limits.lower[j];
+    joint.upper = limits.upper[j];
+  }
+  return robot;
+}
+
 struct PoseCheck::Impl {
   LimitCheck check;
 };
-PoseCheck::PoseCheck(const model::Robot& robot, const MotionLimits& limits)
-    : impl_(new Impl{LimitCheck(robot, limits)}) {}
+PoseCheck::PoseCheck(const model::Robot& robot, MotionLimits limits) {
+  limits.velocity.setOnes(robot.num_joints());
+  limits.torque.setConstant(robot.num_joints(), kInfinity);
+  impl_.reset(new Impl{LimitCheck(robot, limits)});
+}
 PoseCheck::~PoseCheck() = default;
 PoseCheck::PoseCheck(PoseCheck&&) noexcept = default;
 PoseCheck& PoseCheck::operator=(PoseCheck&&) noexcept = default;
-double PoseCheck::slack(const VectorXd& q, std::string* what) const {
-  return impl_->check.pose_slack(q, what);
+std::string PoseCheck::objection(const VectorXd& q) const {
+  std::string nearest;
+  return impl_->check.pose_slack(q, &nearest) > 0.0 ? std::string() : nearest;
 }
 
 }  // namespace heft::excite

@@ -12,6 +12,11 @@ namespace {
 
 using Eigen::Index;
 
+/// Of the robots that run URScript.
+constexpr int kScriptJoints = 6;
+/// Rows a second that their controllers take: one a cycle of the e-Series [Hz].
+constexpr double kFastestRows = 500.0;
+
 template <typename Row>
 std::string list_of(const Row& row) {
   std::string text = "[";
@@ -36,10 +41,19 @@ double even_step(const data::Log& log) {
 
 }  // namespace
 
+std::string urscript_objection(const model::Robot& robot, double rate) {
+  if (robot.num_joints() != kScriptJoints) {
+    return fmt::format("robot \"{}\" has {} joints; URScript drives six", robot.name, robot.num_joints());
+  }
+  if (rate > kFastestRows) {
+    return fmt::format("--rate {:g} Hz is more than the {:g} Hz of the controller", rate, kFastestRows);
+  }
+  return {};
+}
+
 std::string to_urscript(const data::Log& log, const std::string& name) {
-  constexpr int kJoints = 6;
-  constexpr double kShortestStep = 0.002;  // a cycle of the e-Series [s]
-  if (log.num_joints() != kJoints) {
+  constexpr double kShortestStep = 1.0 / kFastestRows;  // [s]
+  if (log.num_joints() != kScriptJoints) {
     throw ModelError(
         fmt::format("URScript: found a robot of {} joints, expected six; write a ROS trajectory or the CSV",
                     log.num_joints()));

@@ -79,7 +79,7 @@ std::string noise_text(const excite::ExcitingMotion& motion) {
   switch (motion.noise) {
     case Noise::kStated: return "white torque noise as the limits file states it";
     case Noise::kShareOfLimits:
-      return fmt::format("white torque noise of {:g} % of each torque limit", 100.0 * motion.noise_share);
+      return fmt::format("white torque noise of {:g} % of each torque limit", motion.noise_percent);
     case Noise::kOne: break;
   }
   return "white torque noise of 1 N·m (N), for want of torque limits";

@@ -351,13 +351,6 @@ std::string full(const Payload& result) {
 
 std::string json(const Payload& load) { return dumped(to_json(load)); }
 
-std::string json(const std::vector<Payload>& loads) {
-  if (loads.size() == 1) return json(loads.front());
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const Payload& load : loads) list.push_back(to_json(load));
-  return dumped(list);
-}
-
 std::string brief(const UnloadedArm& arm) {
   if (!arm.fit) return fmt::format("Model: {}.", arm.model_file_path);
   std::string names;
@@ -373,7 +366,29 @@ std::string full(const UnloadedArm& arm) {
   return brief(arm) + "\n" + (arm.fit ? residual_table(arm.fit->residual).to_text(2) : "");
 }
 
-page::Page page(const UnloadedArm& arm, const std::vector<Payload>& loads) {
+std::string brief(const payload::Weighing& found) {
+  std::string text;
+  for (const Payload& load : found.loads)
+    text += fmt::format("{}{}: {}", text.empty() ? "" : "\n", load.log, brief(load));
+  return text;
+}
+
+std::string full(const payload::Weighing& found) {
+  std::string text = full(found.arm);
+  for (const Payload& load : found.loads) text += '\n' + full(load);
+  return text;
+}
+
+std::string json(const payload::Weighing& found) {
+  if (found.loads.size() == 1) return json(found.loads.front());
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const Payload& load : found.loads) list.push_back(to_json(load));
+  return dumped(list);
+}
+
+page::Page page(const payload::Weighing& found) {
+  const UnloadedArm& arm = found.arm;
+  const std::vector<Payload>& loads = found.loads;
   std::vector<std::string> logs;
   for (const Payload& load : loads) logs.push_back(load.log);
   page::Page page = page::new_page(fmt::format("{}: the load at the flange", arm.robot.name),

@@ -14,9 +14,20 @@ std::string brief(const stiffness::Stiffness& stiffness) {
   return "stiffnesses as given";
 }
 
-std::vector<std::string> notes(const stiffness::Stiffness& stiffness) {
-  if (stiffness.deflections) return {brief(stiffness), stiffness.deflections->diagnosis.verdict};
-  return {brief(stiffness)};
+model::ModelFile model_file(const stiffness::Stiffness& stiffness) {
+  model::ModelFile file = stiffness.model_file();
+  file.provenance.notes = {brief(stiffness)};
+  if (stiffness.deflections) file.provenance.notes.push_back(stiffness.deflections->diagnosis.verdict);
+  return file;
+}
+
+std::string why_none(const stiffness::Stiffness& stiffness, const std::string& not_written) {
+  if (stiffness.found_any()) return {};
+  return fmt::format(
+      "no joint's stiffness can be determined from these readings{}: expected intervals with two ends; "
+      "measure at more poses, with larger loads, or let joints with gears of one size share a stiffness "
+      "(--groups 1-3,4-6)",
+      not_written.empty() ? "" : ", nothing was written to " + not_written);
 }
 
 std::string full(const StiffnessReport& report) {

@@ -4,7 +4,6 @@
 
 #include "diagnosis_result.hpp"
 #include "effect_words.hpp"
-#include "heft/host/numbers.hpp"
 #include "heft/report/diagnosis.hpp"
 #include "page_lines.hpp"
 #include "stiffness_parts.hpp"
@@ -34,17 +33,13 @@ Table joint_table(const Diagnosis& diagnosis) {
   return table;
 }
 
-}  // namespace
-
-Eigen::VectorXd elastic_joints(const Diagnosis& diagnosis) {
-  Eigen::VectorXd stiffness = Eigen::VectorXd::Constant(diagnosis.after.num_joints(), kInfinity);
-  for (const Finding* finding : elastic_findings(diagnosis)) {
-    for (const auto& [name, value] : finding->parameters) {
-      if (name == "stiffness") stiffness[finding->joint] = value;
-    }
-  }
-  return stiffness;
+host::Judgement judgement_of(const MotorSideReport& report) {
+  host::Judgement judgement = report.diagnosis.judgement();
+  judgement.add(report.torque);
+  return judgement;
 }
+
+}  // namespace
 
 std::string why_none(const Diagnosis& diagnosis) {
   std::vector<std::string> why;
@@ -60,17 +55,16 @@ std::string why_none(const Diagnosis& diagnosis) {
 }
 
 std::string brief(const MotorSideReport& report) {
-  const Eigen::VectorXd stiffness = elastic_joints(report.diagnosis);
   std::vector<std::string> known;
   for (const Finding* finding : elastic_findings(report.diagnosis)) {
-    known.push_back(
-        fmt::format("joint {} {}", finding->joint + 1, stiffness_in_words(stiffness[finding->joint], false)));
+    const double stiffness = report.stiffness.joints[finding->joint];
+    known.push_back(fmt::format("joint {} {}", finding->joint + 1, stiffness_in_words(stiffness, false)));
   }
   return fmt::format("Elastic, as the motor's side shows: {}.", fmt::join(known, ", "));
 }
 
 std::string full(const MotorSideReport& report) {
-  return fmt::format("{}\n{}\n{}\n{}\n", brief(report), verdict_text(report.judgement),
+  return fmt::format("{}\n{}\n{}\n{}\n", brief(report), verdict_text(judgement_of(report)),
                      joint_table(report.diagnosis).to_text(2), brief(report.diagnosis));
 }
 
@@ -81,9 +75,16 @@ nlohmann::ordered_json to_json(const MotorSideReport& report) {
     for (const auto& [name, value] : finding->parameters) entry[name] = value;
     joints.push_back(entry);
   }
-  nlohmann::ordered_json json{{"source", "motor side"}, {"logs", report.sources}, {"joints", joints}};
-  put_verdict(json, report.judgement);
+  nlohmann::ordered_json json{
+      {"source", "motor side"}, {"logs", report.stiffness.sources}, {"joints", joints}};
+  put_verdict(json, judgement_of(report));
   return json;
+}
+
+model::ModelFile model_file(const MotorSideReport& report) {
+  model::ModelFile file = report.stiffness.model_file();
+  file.provenance.notes = {brief(report)};
+  return file;
 }
 
 std::string json(const MotorSideReport& report) { return text_of(to_json(report)); }
@@ -92,9 +93,9 @@ page::Page page(const MotorSideReport& report) {
   const Diagnosis& diagnosis = report.diagnosis;
   page::Page page =
       page::new_page("Joint stiffness from the motor's side",
-                     fmt::format("{}, {}", diagnosis.after.name, file_names_of(report.sources)));
+                     fmt::format("{}, {}", diagnosis.after.name, file_names_of(report.stiffness.sources)));
   for (const data::Log& log : report.logs) add_log_line(page, log_line(log));
-  page.verdict(brief(report), report.judgement);
+  page.verdict(brief(report), judgement_of(report));
   page.table(joint_table(diagnosis), "Elastic joints among the effects of a diagnosis");
   page.paragraph(brief(diagnosis));
   page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, diagnosis.after),

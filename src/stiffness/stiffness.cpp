@@ -53,6 +53,22 @@ void look_at_singular(const std::vector<LoadedPose>& poses, bool keep, std::vect
         fmt::format("{} singular and kept; the direct method leaves them out", poses_are(singular)));
 }
 
+void refuse_wrong_groups(const model::Robot& robot, const std::vector<std::vector<int>>& groups) {
+  const int n = robot.num_joints();
+  const auto refuse = [&](const std::string& why) {
+    throw InputError(
+        fmt::format("--groups: {}; expected joints 1 to {} such as 1-3,4-6 (each joint once)", why, n));
+  };
+  std::vector<bool> taken(static_cast<std::size_t>(n), false);
+  for (const std::vector<int>& group : groups) {
+    for (const int joint : group) {
+      if (joint < 0 || joint >= n) refuse(fmt::format("robot '{}' has no joint {}", robot.name, joint + 1));
+      if (taken[static_cast<std::size_t>(joint)]) refuse(fmt::format("joint {} is in two groups", joint + 1));
+      taken[static_cast<std::size_t>(joint)] = true;
+    }
+  }
+}
+
 }  // namespace
 
 bool Stiffness::found_any() const { return joints.array().isFinite().any(); }
@@ -74,6 +90,7 @@ model::ModelFile Stiffness::model_file() const {
 
 Stiffness from_deflections(const model::Robot& robot, const std::vector<data::Deflection>& deflections,
                            const DeflectionOptions& options, std::vector<std::string>* notes) {
+  refuse_wrong_groups(robot, options.groups);
   const model::Kinematics kinematics(robot);
   DeflectionAnswer answer;
   answer.poses = loaded_poses(kinematics, deflections);
@@ -146,14 +163,27 @@ Stiffness from_encoders(const model::Robot& robot, const data::LogSet& logs, con
         fmt::format("these logs do not determine any stiffness; {}", fmt::join(missing, "; ")));
   }
   result.judgement = judge(*result.encoders, rotors_known);
+  result.judgement.add(options.torque);
   return result;
 }
 
 Stiffness given(const model::Robot& robot, const VectorXd& joints) {
+  if (joints.size() != robot.num_joints()) {
+    throw InputError(
+        fmt::format("--stiffness: found {} values, robot '{}' has {} joints; expected one a joint (inf for a "
+                    "rigid one)",
+                    joints.size(), robot.name, robot.num_joints()));
+  }
   Stiffness result;
   result.robot = robot;
   result.joints = joints;
   return result;
+}
+
+Stiffness given(const model::Robot& robot) {
+  VectorXd joints = VectorXd::Constant(robot.num_joints(), kInfinity);
+  for (const Elasticity<double>& spring : robot.elasticities) joints[spring.joint] = spring.stiffness;
+  return given(robot, joints);
 }
 
 Vector6d wrench_of(const Vector3d& force, const Vector3d& point, const model::ToolPlacement& tip) {

@@ -15,7 +15,9 @@ namespace heft::payload {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 data::Log log_of(const model::Robot& robot, const std::string& name, std::uint32_t seed) {
   test::SyntheticSettings settings;
@@ -59,6 +61,38 @@ TEST_F(PayloadFacade, WeighsALoadFromLogsInMemory) {
   EXPECT_NEAR(load.run.mass.value[0], 0.8, 2.0 * load.run.mass.half_width[0]);
   ASSERT_TRUE(load.after.has_value());
   EXPECT_LT(load.after->rmse.norm(), 0.5 * load.before.rmse.norm());
+}
+
+TEST_F(PayloadFacade, WeighsEachLogAndSpreadsDoubtsAboutTheTorqueOfTheUnloadedArm) {
+  const data::LogSet logs = set({empty_}, {zero_, carrying_, log_of(loaded_, "again", 4)});
+  Options options;
+  options.torque.resize(4);
+  options.torque[1].add(host::Verdict::kDoubtful, "zero: of zero");
+  options.torque[2].add(host::Verdict::kDoubtful, "carrying: of its own");
+  const Weighing found = weigh(arm_, logs, 1, options);
+  ASSERT_EQ(found.loads.size(), 2U);
+  EXPECT_EQ(found.loads[0].log, "carrying");
+  EXPECT_EQ(found.loads[1].log, "again");
+  EXPECT_EQ(found.loads[0].run.parameters, estimate(found.arm, logs.judge()[1]).run.parameters);
+  EXPECT_THAT(found.loads[0].judgement.reasons,
+              AllOf(Contains("zero: of zero"), Contains("carrying: of its own")));
+  EXPECT_THAT(found.loads[1].judgement.reasons,
+              AllOf(Contains("zero: of zero"), Not(Contains("carrying: of its own"))));
+  EXPECT_TRUE(found.unanswered().empty());
+  EXPECT_FALSE(found.contradicted());
+}
+
+TEST_F(PayloadFacade, RefusesRowsThatTheArmDoesNotHaveBeforeItFits) {
+  const data::LogSet logs = set({empty_}, {carrying_});
+  Options options;
+  options.first_joint = arm_.num_joints() + 1;
+  options.progress = [](const std::string& what, double) { FAIL() << "began with " << what; };
+  try {
+    weigh(arm_, logs, 0, options);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("expected 1 to "));
+  }
 }
 
 TEST_F(PayloadFacade, TheModelFileHoldsTheResidualThatTheEstimateNeeds) {

@@ -59,7 +59,7 @@ TEST(PayloadReport, JsonHasTheDocumentedFields) {
 }
 
 TEST(PayloadReport, SeveralLoadsAreAList) {
-  EXPECT_EQ(nlohmann::json::parse(report::json({example(), example()})).size(), 2U);
+  EXPECT_EQ(nlohmann::json::parse(report::json(payload::Weighing{{}, {example(), example()}})).size(), 2U);
 }
 
 TEST(PayloadReport, TextGivesTheIntervalAndWhatIsNotKnown) {
@@ -73,7 +73,7 @@ TEST(PayloadReport, TextGivesTheIntervalAndWhatIsNotKnown) {
 
 TEST(PayloadReport, PageShowsMassAndTorqueError) {
   EXPECT_THAT(
-      report::page(payload::UnloadedArm{}, {example()}).html(),
+      report::page(payload::Weighing{{}, {example()}}).html(),
       AllOf(HasSubstr("Mass of the load"), HasSubstr("Torque error per joint"), HasSubstr("95 % interval")));
 }
 

@@ -189,8 +189,8 @@ TEST_F(DiagnoseCommand, FindsAMotorThatTurnsWithThePairOfJointsAskedFor) {
   truth_.couplings = {{.driving = 0, .driven = 1, .coulomb_friction = 4.0, .viscous_friction = 2.0}};
   write("a.csv", log(1));
   write("b.csv", log(2));
-  const Outcome done = diagnose({"--log", path("a.csv"), "--validate", path("b.csv"), "--coupling", "1,2",
-                                 "--json", path("r.json")});
+  const Outcome done = diagnose(
+      {"--log", path("a.csv"), "--validate", path("b.csv"), "--coupling", "1,2", "--json", path("r.json")});
   ASSERT_EQ(done.exit_code, 0) << done.err;
   EXPECT_THAT(done.out, HasSubstr("--coupling 1,2")) << "the line that gives the same result";
   const auto json = nlohmann::json::parse(host::read_file(path("r.json"), "result"));

@@ -63,44 +63,52 @@ excite::Payload payload_of(const std::vector<double>& values) {
   return payload;
 }
 
-data::Log read_motion(const std::string& path, double band, const model::Robot& robot) {
+/// The motion of logs already taken.
+std::vector<excite::Options::Given> given_of(const Options& options, const model::Robot& robot) {
+  if (options.given.empty()) return {};
   data::LogFiles files;
-  files.judge = {path};
+  files.judge = options.given;
   files.robot = robot.name;
-  files.cutoff = band;
+  files.cutoff = options.band;
   files.torque = false;
   files.min_samples = 10;
   std::vector<std::string> notes;
-  data::Log log = data::read_motion(open_logs(robot, files).judge().front(), true, &notes).log;
+  std::vector<excite::Options::Given> given = excite::given_motions(open_logs(robot, files), &notes);
   for (const std::string& text : notes) note(text);
-  return log;
+  return given;
 }
 
-/// The design's options as the command line and the limits file state them.
-excite::Options design_options(const Options& options, const model::Robot& robot,
-                               const excite::LimitsFile& file) {
+excite::Options design_options(const Options& options, const model::Robot& robot) {
   excite::Options design;
   design.search = options.design;
   design.search.cost =
       options.cost == "condition" ? excite::ExcitationCost::kCondition : excite::ExcitationCost::kDOptimal;
   design.search.weights =
       options.rows == "unit" ? excite::RowWeights::kUnit : excite::RowWeights::kTorqueLimit;
-  const bool friction = options.torque_at == "motor";
-  design.search.structure = {options.rotor_inertia, friction, friction, options.offset, {}};
-  if (friction) design.search.structure.couplings = robot.couplings;
+  design.search.structure.rotor_inertia = options.rotor_inertia;
+  design.search.structure.offset = options.offset;
   design.search.payload_only = options.payload_only;
-  design.search.start = options.start.empty() ? file.start : vector_of(options.start);
-  design.search.torque_noise = file.torque_noise;
-  design.noise_share = 0.01 * options.noise_percent;
+  design.search.start = vector_of(options.start);
+  design.torque_at = options.torque_at == "joint" ? TorqueAt::kJoint : TorqueAt::kMotor;
+  design.noise_percent = options.noise_percent;
   design.compare = options.compare;
   design.payload = payload_of(options.payload);
   if (!options.from.empty()) design.from = vector_of(options.from);
   design.rate = options.rate;
   design.rehearse = !options.no_rehearsal;
-  for (const std::string& path : options.given) {
-    design.given.push_back(excite::given_motion(path, read_motion(path, options.band, robot)));
-  }
+  design.given = given_of(options, robot);
   return design;
+}
+
+excite::FrictionOptions friction_options(const Options& options) {
+  excite::FrictionOptions friction = options.friction;
+  friction.pose = vector_of(options.start);
+  friction.payload = payload_of(options.payload);
+  if (!options.from.empty()) friction.from = vector_of(options.from);
+  friction.rate = options.rate;
+  friction.rehearse = !options.no_rehearsal;
+  friction.seed = options.design.seed;
+  return friction;
 }
 
 /// All files of a motion; one that cannot be written does not keep the others from it.
@@ -120,16 +128,8 @@ void finish_files(const Console& console, const Options& options, const excite::
        }});
 }
 
-void run_friction(const Options& options, const Console& console, const model::Robot& robot,
-                  const excite::LimitsFile& file) {
-  excite::FrictionOptions friction = options.friction;
-  friction.pose = options.start.empty() ? file.start : vector_of(options.start);
-  friction.payload = payload_of(options.payload);
-  if (!options.from.empty()) friction.from = vector_of(options.from);
-  friction.rate = options.rate;
-  friction.rehearse = !options.no_rehearsal;
-  friction.seed = options.design.seed;
-  const excite::FrictionMotion motion = excite::friction_strokes(robot, file.limits, friction);
+template <typename Motion>
+void print_and_write(const Console& console, const Options& options, const Motion& motion) {
   console.print("{}", report::full(motion));
   finish_files(console, options, motion, report::json(motion), report::page(motion));
 }
@@ -137,25 +137,23 @@ void run_friction(const Options& options, const Console& console, const model::R
 void run(const Options& options) {
   const Console console{options.output, options.urscript, options.ros, options.result.json};
   const model::Robot robot = load_robot(options.robot);
-  if (!options.urscript.empty() && robot.num_joints() != 6) {
-    throw UsageError(fmt::format("--write-urscript: robot \"{}\" has {} joints; URScript drives six",
-                                 robot.name, robot.num_joints()));
+  if (!options.urscript.empty()) {
+    const std::string objection = excite::urscript_objection(robot, options.rate);
+    if (!objection.empty()) throw UsageError("--write-urscript: " + objection);
   }
-  if (!options.urscript.empty() && options.rate > 500.0) {
-    throw UsageError(fmt::format("--write-urscript: --rate {:g} Hz is more than the 500 Hz of the controller",
-                                 options.rate));
+  const excite::LimitsFile limits = load_limits(options.robot, robot, options.safety, options.speed_given);
+  if (options.purpose == "friction") {
+    return print_and_write(console, options,
+                           excite::friction_strokes(robot, limits, friction_options(options)));
   }
-  const excite::LimitsFile file = load_limits(options.robot, robot, options.safety, options.speed_given);
-  if (options.purpose == "friction") return run_friction(options, console, robot, file);
-  excite::Options design = design_options(options, robot, file);
+  excite::Options asked = design_options(options, robot);
   excite::ExcitingMotion motion;
   {
     Progress progress("designing");
-    design.progress = [&](double done) { progress.update(done); };
-    motion = excite::design(robot, file.limits, design);
+    asked.progress = [&](double done) { progress.update(done); };
+    motion = excite::design(robot, limits, asked);
   }
-  console.print("{}", report::full(motion));
-  finish_files(console, options, motion, report::json(motion), report::page(motion));
+  print_and_write(console, options, motion);
 }
 
 /// What is below the table of options.
@@ -189,127 +187,154 @@ constexpr const char* kFooter =
     "Example: heft excite --urdf ur10e --for friction --from 0,-1.57,1.57,0,0,0 -o strokes.csv "
     "--write-urscript strokes.script";
 
-}  // namespace
-
-Action set_up_excite(CommandLine line) {
-  auto options = std::make_shared<Options>();
-  excite::ExcitationOptions& design = options->design;
-  add_robot_options(line, options->robot);
-  add_safety_options(line, options->safety);
-  line.add_option("--for", options->purpose,
+void add_motion_options(CommandLine line, Options& options) {
+  line.add_option("--for", options.purpose,
                   "parameters (a Fourier motion that reveals them) or friction (strokes at constant speed, "
                   "both ways, at several speeds, joint by joint)")
       .type_name("WHAT")
       .one_of({"parameters", "friction"})
       .capture_default_str();
-  line.add_option("--duration", design.duration, "length of the motion [s]")
+  line.add_option("--duration", options.design.duration, "length of the motion [s]")
       .type_name("S")
       .positive()
       .capture_default_str();
-  line.add_option("--period", design.period, "period of the first harmonic [s] (default: the duration)")
+  line.add_option("--period", options.design.period,
+                  "period of the first harmonic [s] (default: the duration)")
       .type_name("S")
       .positive();
-  line.add_option("--harmonics", design.harmonics, "harmonics a joint")
+  line.add_option("--harmonics", options.design.harmonics, "harmonics a joint")
       .type_name("N")
       .between(1, 40)
       .capture_default_str();
-  line.add_option("--cost", options->cost,
+}
+
+/// What is asked of the motion, and for which fit.
+void add_fit_options(CommandLine line, Options& options) {
+  line.add_option("--cost", options.cost,
                   "d-optimal (smallest standard deviations) or condition (smallest condition number)")
       .type_name("COST")
       .one_of({"d-optimal", "condition"})
       .capture_default_str();
-  line.add_option("--rows", options->rows,
+  line.add_option("--rows", options.rows,
                   "weight of a joint's rows: torque-limit (1 over its torque noise) or unit")
       .type_name("WEIGHT")
       .one_of({"torque-limit", "unit"})
       .capture_default_str();
   line.add_option(
-          "--torque-at", options->torque_at,
+          "--torque-at", options.torque_at,
           "where torque will be measured: motor (with friction columns) or joint (a sensor behind the gear: "
           "rigid bodies only)")
       .type_name("WHERE")
       .one_of({"motor", "joint"})
       .capture_default_str();
-  line.add_flag("--rotor-inertia", options->rotor_inertia, "for a fit that includes rotor inertias");
-  line.add_flag("--offset", options->offset, "for a fit that includes torque offsets");
-  line.add_flag("--payload-only", options->payload_only,
+  line.add_flag("--rotor-inertia", options.rotor_inertia, "for a fit that includes rotor inertias");
+  line.add_flag("--offset", options.offset, "for a fit that includes torque offsets");
+  line.add_flag("--payload-only", options.payload_only,
                 "for a fit of the last link's ten parameters only, the arm being known");
-  line.add_option("--given", options->given,
+  line.add_option("--given", options.given,
                   "log already recorded; the motion is designed to complement it; may be given several times")
       .type_name("LOG.csv")
       .names_file(FileUse::kMeasurements);
-  line.add_option("--band", options->band, "low-pass for derived motion of given logs [Hz] (default: chosen)")
+  line.add_option("--band", options.band, "low-pass for derived motion of given logs [Hz] (default: chosen)")
       .type_name("HZ")
       .positive();
+}
+
+void add_arm_options(CommandLine line, Options& options) {
   line.add_option(
-          "--start", options->start,
+          "--start", options.start,
           "position at both ends (default: free); with --for friction the pose around which joints move")
       .type_name("Q,Q,...")
       .delimiter(',');
-  line.add_option("--from", options->from,
+  line.add_option("--from", options.from,
                   "present pose of the arm: a safe way from there to the motion and back is added")
       .type_name("Q,Q,...")
       .delimiter(',');
-  line.add_option("--payload", options->payload,
+  line.add_option("--payload", options.payload,
                   "load on the flange, included in every torque [kg; m in the tip frame]")
       .type_name("MASS[,X,Y,Z]")
       .delimiter(',');
-  line.add_option("--speeds", options->friction.speeds, "--for friction: number of speeds of each joint")
+  line.add_option("--speeds", options.friction.speeds, "--for friction: number of speeds of each joint")
       .type_name("N")
       .between(1, 50)
       .capture_default_str();
-  line.add_option("--stroke", options->friction.longest_stroke,
+  line.add_option("--stroke", options.friction.longest_stroke,
                   "--for friction: longest time at constant speed [s]")
       .type_name("S")
       .positive()
       .capture_default_str();
-  line.add_flag("--no-rehearsal", options->no_rehearsal,
+  line.add_flag("--no-rehearsal", options.no_rehearsal,
                 "leave out the run on the simulated arm (the verdict is then doubtful)");
-  line.add_option("--noise", options->noise_percent, "torque noise [% of the torque limit]")
+  line.add_option("--noise", options.noise_percent, "torque noise [% of the torque limit]")
       .type_name("PERCENT")
       .positive()
       .capture_default_str();
-  line.add_option("--rate", options->rate, "rows a second of the output [Hz]")
+}
+
+void add_search_options(CommandLine line, Options& options) {
+  line.add_option("--rate", options.rate, "rows a second of the output [Hz]")
       .type_name("HZ")
       .positive()
       .capture_default_str();
-  line.add_option("--starts", design.starts, "random motions to search from")
+  line.add_option("--starts", options.design.starts, "random motions to search from")
       .type_name("N")
       .between(1, 10000)
       .capture_default_str();
-  line.add_option("--seed", design.seed, "seed of the random motions").type_name("N").capture_default_str();
-  line.add_option("--threads", design.threads,
+  line.add_option("--seed", options.design.seed, "seed of the random motions")
+      .type_name("N")
+      .capture_default_str();
+  line.add_option("--threads", options.design.threads,
                   "threads (default: one a processor; the result does not depend on it)")
       .type_name("N")
       .between(1, 256);
-  line.add_option("--compare", options->compare, "random motions inside the same limits to compare with")
+  line.add_option("--compare", options.compare, "random motions inside the same limits to compare with")
       .type_name("N")
       .between(0, 100000)
       .capture_default_str();
-  line.add_option("--write-urscript", options->urscript,
+}
+
+void add_file_options(CommandLine line, Options& options) {
+  line.add_option("--write-urscript", options.urscript,
                   "the motion as a program of Universal Robots' controllers, a servoj each row")
       .type_name("FILE.script")
       .names_file(FileUse::kOutput);
-  line.add_option("--write-ros", options->ros,
+  line.add_option("--write-ros", options.ros,
                   "the motion as a ROS 2 trajectory_msgs/msg/JointTrajectory (YAML)")
       .type_name("FILE.yaml")
       .names_file(FileUse::kOutput);
-  add_output_option(line, options->output,
+  add_output_option(line, options.output,
                     "motion (CSV): time, q*, qd*, qdd*, tau* (predicted torque); - is standard output");
+}
+
+void refuse_options_of_the_other_purpose(const Options& options, const CommandLine& line) {
+  const bool friction = options.purpose == "friction";
+  const auto only_for = [&](bool mine, const char* purpose, std::initializer_list<const char*> names) {
+    for (const char* name : names) {
+      if (!mine && line.count(name) > 0)
+        throw UsageError(fmt::format("{} is for --for {} only; leave one of them out", name, purpose));
+    }
+  };
+  only_for(friction, "friction", {"--speeds", "--stroke"});
+  only_for(!friction, "parameters",
+           {"--duration", "--period", "--harmonics", "--cost", "--rows", "--rotor-inertia", "--offset",
+            "--payload-only", "--given", "--noise", "--starts", "--compare"});
+}
+
+}  // namespace
+
+Action set_up_excite(CommandLine line) {
+  auto options = std::make_shared<Options>();
+  add_robot_options(line, options->robot);
+  add_safety_options(line, options->safety);
+  add_motion_options(line, *options);
+  add_fit_options(line, *options);
+  add_arm_options(line, *options);
+  add_search_options(line, *options);
+  add_file_options(line, *options);
   add_result_options(line, options->result);
   line.parse_complete_callback([options, line] {
     options->speed_given = line.count("--tool-speed") > 0;
-    const bool friction = options->purpose == "friction";
-    const auto only_for = [&](bool mine, const char* purpose, std::initializer_list<const char*> names) {
-      for (const char* name : names) {
-        if (!mine && line.count(name) > 0)
-          throw UsageError(fmt::format("{} is for --for {} only; leave one of them out", name, purpose));
-      }
-    };
-    only_for(friction, "friction", {"--speeds", "--stroke"});
-    only_for(!friction, "parameters",
-             {"--duration", "--period", "--harmonics", "--cost", "--rows", "--rotor-inertia", "--offset",
-              "--payload-only", "--given", "--noise", "--starts", "--compare"});
+    refuse_options_of_the_other_purpose(*options, line);
   });
   line.footer(kFooter);
   return [options] { run(*options); };

@@ -1,12 +1,9 @@
 /// @file
 /// heft payload: the load at the flange, estimated sample by sample over a log.
-#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "command.hpp"
 #include "console.hpp"
@@ -48,7 +45,6 @@ class Steps {
     what_ = what;
     progress_->update(done);
   }
-  void end() { progress_.reset(), what_.clear(); }
 
  private:
   std::string what_;
@@ -58,53 +54,29 @@ class Steps {
 void run(const Options& options) {
   const Console console{options.output, options.result.json};
   const model::Robot robot = load_robot(options.robot);
-  if (options.rows > robot.num_joints()) {
-    throw InputError(fmt::format("--rows {}: robot \"{}\" has {} joints; expected 1 to {}", options.rows,
-                                 robot.name, robot.num_joints(), robot.num_joints()));
-  }
   const data::LogSet logs = open(options, robot);
-  const std::size_t zeros = options.zeros.size();
-  const auto torque_of = [&](const data::LogSource& source) {
-    return judge_torque(data::stream(source), robot, options.log, options.log.measured_at());
-  };
-  host::Judgement unloaded;  // doubts about the torque of the logs without load
-  for (const data::LogSource& source : logs.train()) unloaded.add(torque_of(source));
-  for (std::size_t k = 0; k < zeros; ++k) unloaded.add(torque_of(logs.judge()[k]));
-
-  Steps steps;
   payload::Options how;
   how.first_joint = options.rows;
   how.cutoff = options.log.band;
   how.torque_at = logs.torque_at();
   how.true_mass = options.true_mass;
-  how.progress = [&](const std::string& what, double done) { steps.update(what, done); };
-  const payload::UnloadedArm arm =
-      options.baselines.empty()
-          ? payload::arm_from_file(robot, model::read_model(options.robot.model), logs, zeros, how)
-          : payload::fit_unloaded(robot, logs, zeros, how);
-  std::vector<payload::Payload> loads;
-  for (std::size_t k = zeros; k < logs.judge().size(); ++k) {
-    const host::Judgement torque = torque_of(logs.judge()[k]);
-    loads.push_back(payload::estimate(arm, logs.judge()[k], how));
-    loads.back().judgement.add(torque);
-    loads.back().judgement.add(unloaded);
+  for (const data::LogSource& log : logs.given())
+    how.torque.push_back(judge_torque(data::stream(log), robot, options.log, logs.torque_at()));
+  payload::Weighing found;
+  {
+    Steps steps;
+    how.progress = [&](const std::string& what, double done) { steps.update(what, done); };
+    const std::size_t zeros = options.zeros.size();
+    found = options.baselines.empty()
+                ? payload::weigh(robot, model::read_model(options.robot.model), logs, zeros, how)
+                : payload::weigh(robot, logs, zeros, how);
   }
-  steps.end();
-
-  std::string text = report::full(arm), unanswered;
-  bool contradicted = false;
-  for (const std::string& line : arm.notes) note(line);
-  for (const payload::Payload& load : loads) {
-    for (const std::string& line : load.log_notes) note(line);
-    text += '\n' + report::full(load);
-    if (unanswered.empty()) unanswered = load.unanswered();
-    contradicted = contradicted || !load.contradiction.empty();
-  }
-  console.print("{}", text);
+  for (const std::string& text : found.notes()) note(text);
+  console.print("{}", report::full(found));
   // A model that contradicts a log of the arm must not be used.
-  finish(console, contradicted ? std::string() : options.output, options.result, report::json(loads),
-         report::page(arm, loads), [&] { model::write_model(options.output, arm.model_file()); });
-  if (!unanswered.empty()) throw NotIdentifiableError(unanswered);
+  finish(console, found.contradicted() ? "" : options.output, options.result, report::json(found),
+         report::page(found), [&] { model::write_model(options.output, found.model_file()); });
+  if (!found.unanswered().empty()) throw NotIdentifiableError(found.unanswered());
 }
 
 }  // namespace

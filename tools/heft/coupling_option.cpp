@@ -16,7 +16,7 @@ std::vector<double> numbers_of(const std::string& text) {
     char* end = nullptr;
     const double value = std::strtod(part.c_str(), &end);
     if (part.empty() || end != part.c_str() + part.size())
-      throw UsageError(fmt::format("--coupling {}: \"{}\" is no number", text, part));
+      throw UsageError(fmt::format("--coupling {}: \"{}\" is not a number", text, part));
     if (!std::isfinite(value)) {
       throw UsageError(fmt::format("--coupling {}: found {}, expected finite numbers: two joints and a ratio",
                                    text, part));

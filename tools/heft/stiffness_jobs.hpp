@@ -12,8 +12,8 @@ namespace heft::tools {
 
 /// What hangs on the tool, for planning and for sag.
 struct PayloadOptions {
-  double mass{0.0};         ///< [kg]
-  std::vector<double> com;  ///< in the tool frame [m]; empty: at the tip
+  double mass{0.0};                        ///< [kg]
+  std::vector<double> com{0.0, 0.0, 0.0};  ///< in the tool frame [m]
 };
 
 struct StiffnessCommandOptions {

@@ -7,6 +7,7 @@
 #include "heft/data/log_set.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
+#include "heft/stiffness/stiffness.hpp"
 #include "stiffness_forward.hpp"
 #include "stiffness_jobs.hpp"
 
@@ -19,15 +20,15 @@ void from_link_encoders(const StiffnessCommandOptions& options, const model::Rob
   stiffness::EncoderOptions asked;
   asked.rotor_inertia = options.rotor_inertia;
   asked.cutoff = options.log.band;
+  asked.torque = torque;
   report::StiffnessReport answer;
+  answer.logs = std::move(read);
   {
     Progress progress("fitting deflections");
     progress.update(0.0);
     answer.stiffness = stiffness::from_encoders(robot, logs, asked);
   }
-  answer.stiffness.judgement.add(torque);
-  answer.logs = std::move(read);
-  finish_stiffness(options, std::move(answer), {});
+  finish_stiffness(options, robot, std::move(answer));
 }
 
 /// What the motor's side alone shows is the elasticity among the effects of a diagnosis.
@@ -35,27 +36,21 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
                      const data::LogSet& opened, std::vector<data::Log> logs, const host::Judgement& torque) {
   const Console console{options.result.json, options.model};
   report::MotorSideReport answer;
+  answer.torque = torque;
+  answer.logs = std::move(logs);
   {
     Progress progress("looking for elastic joints");
     diagnose::DiagnoseOptions asked;
     asked.band = options.log.band;
-    asked.joint_sensor = options.log.torque_at == "joint";
     asked.progress = [&](const std::string& what, double done) { progress.update(done, what); };
     answer.diagnosis = diagnose::diagnose(robot, opened, asked);
   }
-  stiffness::Stiffness found =
-      stiffness::given(answer.diagnosis.after, report::elastic_joints(answer.diagnosis));
-  found.sources = answer.sources = options.log.logs;
-  if (!found.found_any()) throw NotIdentifiableError(report::why_none(answer.diagnosis));
-  answer.judgement = answer.diagnosis.judgement();
-  answer.judgement.add(torque);
-  answer.logs = std::move(logs);
+  answer.stiffness = stiffness::given(answer.diagnosis.after);
+  answer.stiffness.sources = options.log.logs;
+  if (!answer.stiffness.found_any()) throw NotIdentifiableError(report::why_none(answer.diagnosis));
   console.print("{}", report::full(answer));
-  finish(console, options.model, options.result, report::json(answer), report::page(answer), [&] {
-    model::ModelFile file = found.model_file();
-    file.provenance.notes = {report::brief(answer)};
-    model::write_model(options.model, file);
-  });
+  finish(console, options.model, options.result, report::json(answer), report::page(answer),
+         [&] { model::write_model(options.model, report::model_file(answer)); });
 }
 
 /// @param torque  gets what the torque is suspected of

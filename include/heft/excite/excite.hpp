@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "heft/data/log.hpp"
+#include "heft/data/log_set.hpp"
 #include "heft/excite/excitation_design.hpp"
 #include "heft/excite/motion.hpp"
 #include "heft/excite/motion_limits.hpp"
@@ -30,13 +31,16 @@ model::Robot with_payload(model::Robot robot, const Payload& payload);
 
 /// Purpose of a motion, and the pose of the arm before it. Limits are separate: limits_of, read_limits.
 struct Options {
+  /// Its structure gets the robot's gear couplings where it names none.
   ExcitationOptions search;
+  /// Where torque will be measured. A sensor behind the gears sees neither friction nor couplings: no columns for them.
+  data::TorqueAt torque_at{data::TorqueAt::kMotor};
   Payload payload;                      ///< carried along; counts in every torque
   std::optional<Eigen::VectorXd> from;  ///< the arm is here before and after, n [rad, m]
   double rate{100.0};                   ///< rows a second of the log [Hz]
   bool rehearse{true};                  ///< run on the simulated arm and check the result
-  /// Torque noise where `search` states none: this share of each torque limit, where there are limits.
-  double noise_share{0.01};
+  /// Torque noise where `search` states none: this part of each torque limit, where there are limits [%].
+  double noise_percent{1.0};
   int compare{0};  ///< random motions inside the same limits to compare with
   /// Motion of logs already taken: q, q̇, q̈ (m × n) and the time that a row represents [s].
   struct Given {
@@ -48,9 +52,11 @@ struct Options {
   std::function<void(double)> progress{};  ///< called with 0..1, from the calling thread
 };
 
-/// The motion of a log, with at most 100 rows a second: neighbouring rows of a faster log move alike.
-/// @param log  with velocity and acceleration
-Options::Given given_motion(const std::string& name, const data::Log& log);
+/// The motion of each log of a set. A log of 200 Hz and faster is thinned to 100 to 200 rows a second: neighbouring rows of it
+/// move alike.
+/// @param notes  gets what is worth telling; may be null
+std::vector<Options::Given> given_motions(const data::LogSet& logs,
+                                          std::vector<std::string>* notes = nullptr);
 
 /// A stretch of a motion.
 struct Phase {
@@ -93,7 +99,7 @@ struct ExcitingMotion : Motion {
   std::shared_ptr<const ExcitationDesign> design;
   Excitation excitation;
   Noise noise{Noise::kOne};
-  double noise_share{0.0};         ///< of each torque limit, for Noise::kShareOfLimits
+  double noise_percent{0.0};       ///< of each torque limit, for Noise::kShareOfLimits
   std::vector<std::string> given;  ///< names of the logs that the motion complements
   std::optional<RandomMotions> random;
 };
@@ -102,6 +108,8 @@ struct ExcitingMotion : Motion {
 /// @throws ModelError as ExcitationDesign; NotIdentifiableError when no safe motion is found, the rehearsal passes a limit
 ///         (both name it), or the motion leaves parameters undetermined.
 ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, const Options& options = {});
+/// The same within the limits of a file, whose start and torque noise hold where `options.search` states none.
+ExcitingMotion design(const model::Robot& robot, const LimitsFile& limits, const Options& options = {});
 
 /// Strokes at constant speed both ways, joint by joint, for friction over speed.
 struct FrictionOptions {
@@ -133,24 +141,33 @@ struct FrictionMotion : Motion {
 /// @throws as design
 FrictionMotion friction_strokes(const model::Robot& robot, const MotionLimits& limits,
                                 const FrictionOptions& options = {});
+/// The same within the limits of a file, whose start is the pose where `options` states none.
+FrictionMotion friction_strokes(const model::Robot& robot, const LimitsFile& limits,
+                                const FrictionOptions& options = {});
 
 /// A program for a Universal Robots controller that runs the motion: one servoj a row. It does not move to the first
 /// row by itself, since it does not know a safe way there: it stops with a message unless the arm is there.
 /// @throws ModelError for a robot without six joints, rows that are not evenly spaced, or less than 2 ms apart
 std::string to_urscript(const data::Log& log, const std::string& name = "heft_motion");
+/// Why to_urscript() will refuse a motion, to be known before one is designed: "" when it will not.
+/// @param rate  rows a second of the motion [Hz]
+std::string urscript_objection(const model::Robot& robot, double rate);
 /// A ROS 2 trajectory_msgs/msg/JointTrajectory in YAML, as `ros2 topic pub` and `ros2 action send_goal` take it.
 std::string to_ros_trajectory(const data::Log& log, const model::Robot& robot);
+
+/// The robot with the limits' ranges of the joints in place of its own.
+model::Robot within(model::Robot robot, const MotionLimits& limits);
 
 /// Poses that the arm may take: inside the limits less their margin, clear of itself, floor, box and obstacles.
 class PoseCheck {
  public:
-  PoseCheck(const model::Robot& robot, const MotionLimits& limits);
+  /// @param limits  those of speed and torque do not matter: poses are held, not run through
+  PoseCheck(const model::Robot& robot, MotionLimits limits);
   ~PoseCheck();
   PoseCheck(PoseCheck&&) noexcept;
   PoseCheck& operator=(PoseCheck&&) noexcept;
-  /// Above 0 where the pose may be taken: the smallest slack, a share of a joint's range or of the clearance.
-  /// @param what  gets the nearest limit, in words; may be null
-  double slack(const Eigen::VectorXd& q, std::string* what = nullptr) const;
+  /// The limit that a pose misses by most, in words; "" where it may be taken.
+  std::string objection(const Eigen::VectorXd& q) const;
 
  private:
   struct Impl;

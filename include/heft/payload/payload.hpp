@@ -32,6 +32,9 @@ struct Options {
   double cutoff{0.0};  ///< of the causal low-pass [Hz]; 0: chosen from the motion
   data::TorqueAt torque_at{data::TorqueAt::kMotor};
   double true_mass{0.0};  ///< of the load where it is known, to judge the estimate by [kg]; 0: it is not
+  /// For weigh(): what is known against the torque of each of LogSet::given() before (heft/plausibility); goes into the
+  /// judgement of its load, that of a log without load into all of them. May be empty.
+  std::vector<host::Judgement> torque{};
   /// Called with what is being done and its share done, 0..1; may be empty.
   std::function<void(const std::string& what, double done)> progress{};
 };
@@ -113,5 +116,31 @@ struct Payload {
 /// gear couplings, effects, elastic joints, delay). The sign of friction has one width in all of it.
 /// @throws DataError when the log holds samples of a log without load, or lacks torque
 Payload estimate(const UnloadedArm& arm, const data::LogSource& log, const Options& options = {});
+
+/// The loads of several logs, and the arm that they were weighed with.
+struct Weighing {
+  UnloadedArm arm;
+  std::vector<Payload> loads;  ///< one a log
+
+  /// What was done to the logs, and what a user should know of the arm.
+  std::vector<std::string> notes() const;
+  /// Why the first load that is not known is not, or cannot be; empty: all are known.
+  std::string unanswered() const;
+  /// Whether a load cannot be what was found: the model then contradicts a log of its arm and must not be used.
+  bool contradicted() const;
+  /// Whether every load is usable.
+  bool usable() const;
+  /// UnloadedArm::model_file().
+  model::ModelFile model_file() const { return arm.model_file(); }
+};
+
+/// Weighs what each log to judge on carries, but for the first `zeros`, which carry nothing and check the model: with
+/// the arm that fit_unloaded() makes of the training logs.
+/// @throws InputError when the robot does not have Options::first_joint; what fit_unloaded() and estimate() throw
+Weighing weigh(const model::Robot& robot, const data::LogSet& logs, std::size_t zeros = 0,
+               const Options& options = {});
+/// The same with the arm of a model file, see arm_from_file().
+Weighing weigh(const model::Robot& robot, const model::ModelFile& file, const data::LogSet& logs,
+               std::size_t zeros = 0, const Options& options = {});
 
 }  // namespace heft::payload

@@ -16,14 +16,18 @@ std::string brief(const payload::Payload& load);
 std::string full(const payload::Payload& load);
 /// Fields as tools/README.md names them.
 std::string json(const payload::Payload& load);
-/// An object for one load, a list for several.
-std::string json(const std::vector<payload::Payload>& loads);
 
 /// One sentence: where the model of the arm without load comes from.
 std::string brief(const payload::UnloadedArm& arm);
 /// The same with the model's residual, where it was fitted.
 std::string full(const payload::UnloadedArm& arm);
 
-page::Page page(const payload::UnloadedArm& arm, const std::vector<payload::Payload>& loads);
+/// One sentence a load.
+std::string brief(const payload::Weighing& found);
+/// What `heft payload` prints: the arm, then each load.
+std::string full(const payload::Weighing& found);
+/// An object for one load, a list for several.
+std::string json(const payload::Weighing& found);
+page::Page page(const payload::Weighing& found);
 
 }  // namespace heft::report

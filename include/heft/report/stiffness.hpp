@@ -8,6 +8,7 @@
 #include "heft/data/log.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/verdict.hpp"
+#include "heft/model/model_file.hpp"
 #include "heft/page/page.hpp"
 #include "heft/stiffness/stiffness.hpp"
 
@@ -23,13 +24,16 @@ struct StiffnessReport {
 
 /// One sentence.
 std::string brief(const stiffness::Stiffness& stiffness);
-/// What to write into a model file as notes.
-std::vector<std::string> notes(const stiffness::Stiffness& stiffness);
+/// The stiffness as a model file, with what was found as its notes.
+model::ModelFile model_file(const stiffness::Stiffness& stiffness);
 /// What `heft stiffness` prints.
 std::string full(const StiffnessReport& report);
 /// The fields that `heft stiffness --json` writes.
 std::string json(const StiffnessReport& report);
 page::Page page(const StiffnessReport& report);
+/// Why readings determine no stiffness, and what to measure.
+/// @param not_written  model file that was asked for; may be empty
+std::string why_none(const stiffness::Stiffness& stiffness, const std::string& not_written);
 
 std::string brief(const stiffness::MeasurementPlan& plan);
 std::string full(const stiffness::MeasurementPlan& plan);
@@ -39,18 +43,18 @@ page::Page page(const stiffness::MeasurementPlan& plan);
 /// Elastic joints among the effects of a diagnosis: what encoders and torque of the motor's side alone show.
 struct MotorSideReport {
   diagnose::Diagnosis diagnosis;
-  std::vector<std::string> sources;  ///< paths of the logs fitted to
-  host::Judgement judgement;
-  std::vector<data::Log> logs{};  ///< fitted to, for the page's lines
+  stiffness::Stiffness stiffness;  ///< of the arm with all effects, with the logs fitted to
+  host::Judgement torque;          ///< what is known against the torque of the logs
+  std::vector<data::Log> logs{};   ///< fitted to, for the page's lines
 };
 
-/// n: stiffness of each elastic joint found [N·m/rad, N/m], infinite for the others.
-Eigen::VectorXd elastic_joints(const diagnose::Diagnosis& diagnosis);
 /// Why there is none, and what to record.
 std::string why_none(const diagnose::Diagnosis& diagnosis);
 std::string brief(const MotorSideReport& report);
 std::string full(const MotorSideReport& report);
 std::string json(const MotorSideReport& report);
 page::Page page(const MotorSideReport& report);
+/// The elastic joints as a model file, with the sentence as its note.
+model::ModelFile model_file(const MotorSideReport& report);
 
 }  // namespace heft::report

@@ -12,6 +12,7 @@
 #include <Eigen/Core>
 
 #include "heft/data/deflections.hpp"
+#include "heft/data/log.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
@@ -68,6 +69,8 @@ struct Stiffness {
 
   /// Whether any joint has a stiffness.
   bool found_any() const;
+  /// Whether there is a model: deflections that determine no stiffness give none.
+  bool has_model() const { return !deflections || found_any(); }
   bool usable() const noexcept { return judgement.usable(); }
   /// The robot with these joints as elastic ones. A joint without finite stiffness stays rigid.
   model::ModelFile model_file() const;
@@ -87,7 +90,8 @@ struct DeflectionOptions {
 
 /// Springs from loads and deflections at rest: fit, its closer look at the residual, and the direct method.
 /// @param notes  gets remarks about the poses; may be null
-/// @throws DataError on a pose outside the joint limits; NotIdentifiableError on singular poses, with fewer readings
+/// @throws InputError on groups with a joint that the robot does not have or that is in two of them; DataError on a
+///         pose outside the joint limits; NotIdentifiableError on singular poses, with fewer readings
 ///         than stiffnesses, or when none is determined
 Stiffness from_deflections(const model::Robot& robot, const std::vector<data::Deflection>& deflections,
                            const DeflectionOptions& options = {}, std::vector<std::string>* notes = nullptr);
@@ -97,6 +101,8 @@ struct EncoderOptions {
   /// sensor behind the gear sees none of them.
   std::vector<double> rotor_inertia{};
   double cutoff{0.0};  ///< low-pass of positions and torque [Hz]; 0: from the bandwidth of the motion
+  /// What is known against the torque of the logs before (heft/plausibility); goes into the judgement.
+  host::Judgement torque{};
 };
 
 /// Springs from the motor's and the link's encoder, all training logs together and each for itself.
@@ -108,12 +114,23 @@ Stiffness from_encoders(const model::Robot& robot, const data::LogSet& logs,
 
 /// Known springs, to ask what they mean for the tool.
 /// @param joints  n [N·m/rad, N/m], infinite for a rigid joint
+/// @throws InputError when there is not one a joint
 Stiffness given(const model::Robot& robot, const Eigen::VectorXd& joints);
+/// The springs that a robot has as elastic joints; the others are rigid.
+Stiffness given(const model::Robot& robot);
+
+/// Poses at which to look at the tool: those measured at, twelve at most; for given springs the first of the path, without
+/// a path the middle of the joint ranges; none for springs from encoders.
+std::vector<NamedPose> poses_to_look_at(const Stiffness& stiffness, const Eigen::MatrixXd& path = {});
 
 /// Extremes of the tool's deflection at poses, its sag under a load there and along a path.
 /// @param path  rows × n; empty: none
 ToolUse tool_use(const Stiffness& stiffness, const std::vector<NamedPose>& poses, const SagLoad& load,
                  const Eigen::MatrixXd& path = {});
+
+/// The path with positions that compensate for the sag. Velocities and accelerations, which belonged to the positions as
+/// they were, are left out.
+data::Log compensated(data::Log path, const PathSag& sag);
 
 /// A force at `point` of the tool frame as a wrench about the tip, base axes [N, N·m].
 Vector6d wrench_of(const Eigen::Vector3d& force, const Eigen::Vector3d& point,
