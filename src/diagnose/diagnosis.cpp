@@ -56,6 +56,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   const MatrixXd judged_before = judged.predicted(result.before);
   search.trace("base", judged_before);
 
+  search.check_joints();  // before the search: no effect is sought in a wrong joint
   search.forward();
   search.backward();
   const auto without_each = reject_overfitted(search, judged_before);

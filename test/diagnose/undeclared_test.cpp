@@ -143,6 +143,7 @@ TEST(FlippedJoint, ComesFirstAndNoEffectIsSoughtInIt) {
   EXPECT_TRUE(d.not_explained[0].contradicts);
   EXPECT_GT(d.not_explained[0].error, 2.0 * d.not_explained[0].alone);
   for (const Finding& f : d.findings) EXPECT_NE(f.joint, 1) << said(d);
+  for (const Refusal& r : d.refusals) EXPECT_NE(r.joint, 1) << r.effect.id() << ": " << r.why;
   for (const Unexplained& u : d.unexplained) EXPECT_NE(u.joint, 1) << u.what;
   const host::Judgement judgement = d.judgement();
   EXPECT_FALSE(judgement.usable());
