@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "heft/model/motion_torque.hpp"
+#include "heft/validate/predict.hpp"
 
 namespace heft::diagnose {
 
@@ -57,16 +57,14 @@ JudgedMotion::JudgedMotion(const model::Robot& robot, const std::vector<data::Lo
 
 MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
   const MotionTable& t = *table_;
-  model::MotionTorque torque(robot);
   MatrixXd predicted(t.rows(), t.num_joints);
-  const double width = t.sign_width.maxCoeff();
   for (const auto [begin, count] : runs_of(t)) {
-    const VectorXd time = t.time.segment(begin, count);
-    const MatrixXd q = t.q.middleRows(begin, count), qd = t.qd.middleRows(begin, count),
-                   qdd = t.qdd.middleRows(begin, count);
-    torque.start_from(time, q, qd, qdd, t.tau.middleRows(begin, count), width);
-    predicted.middleRows(begin, count) =
-        torque.torque(time, q, qd, qdd, width, t.displacement.middleRows(begin, count));
+    const auto part = [&, first = begin, rows = count](const MatrixXd& whole) -> MatrixXd {
+      return whole.middleRows(first, rows);
+    };
+    validate::Predictor predictor(robot, 0.0, {.sign_width = t.sign_width.maxCoeff()});
+    predicted.middleRows(begin, count) = predictor.rows({t.time.segment(begin, count), part(t.q), part(t.qd),
+                                                         part(t.qdd), part(t.tau), part(t.displacement)});
   }
   return predicted;
 }

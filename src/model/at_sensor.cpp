@@ -11,4 +11,15 @@ Robot at_sensor(Robot robot) {
   return robot;
 }
 
+Robot as_measured(const Robot& robot, bool behind_gears, const FitRecord* fit,
+                  std::vector<std::string>* notes) {
+  const bool fitted_behind_gears = fit != nullptr && fit->torque_at == "joint";
+  if (behind_gears && !fitted_behind_gears) return at_sensor(robot);
+  if (!behind_gears && fitted_behind_gears && notes != nullptr) {
+    notes->push_back(
+        "the model was fitted to torque behind the gears: rotor inertia and gear friction are not in it");
+  }
+  return robot;
+}
+
 }  // namespace heft::model

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "heft/core/effects/displacement.hpp"
-#include "heft/model/at_sensor.hpp"
 #include "heft/model/motion_torque.hpp"
 
 namespace heft::validate {
@@ -11,7 +10,7 @@ namespace heft::validate {
 using Eigen::Index;
 
 struct Predictor::Impl {
-  /// Rows of a motion in time order.
+  /// Those of a piece that are asked for.
   struct Rows {
     const Eigen::VectorXd& time;
     const Eigen::MatrixXd &q, &qd, &qdd, &tau, &displacement;
@@ -65,9 +64,10 @@ Eigen::MatrixXd Predictor::grid(const data::MotionChunk& piece) {
   return impl_->predict(impl_->on_grid, impl_->grid_started, Impl::grid_of(piece));
 }
 
-Eigen::MatrixXd predict(const model::Robot& robot, const data::MotionChunk& piece,
-                        const PredictOptions& options) {
-  return Predictor(robot, piece.row_time.size() > 0 ? piece.row_time[0] : 0.0, options).rows(piece);
+Eigen::MatrixXd Predictor::rows(const MotionRows& piece) {
+  return impl_->predict(
+      impl_->on_rows, impl_->rows_started,
+      {piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.displacement, 0, piece.time.size()});
 }
 
 namespace {
@@ -92,23 +92,16 @@ Eigen::MatrixXd displacement_as_logged(const model::Robot& robot, const data::Lo
 
 }  // namespace
 
+MotionRows rows_of(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion) {
+  return {log.time, log.q, log.qd, log.qdd, log.tau, displacement_as_logged(robot, log, motion)};
+}
+
 Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion,
                         const PredictOptions& options) {
   if (log.num_samples() == 0) return Eigen::MatrixXd(0, robot.num_joints());
-  model::MotionTorque torque(robot);
-  return torque.torque(log.time.array() - log.time[0], log.q, log.qd, log.qdd, options.sign_width,
-                       displacement_as_logged(robot, log, motion));
-}
-
-model::Robot as_measured(const model::Robot& robot, const model::FitRecord* fit, data::TorqueAt at,
-                         std::vector<std::string>* notes) {
-  const bool fitted_at_joint = fit != nullptr && fit->torque_at == data::to_string(data::TorqueAt::kJoint);
-  if (at == data::TorqueAt::kJoint && !fitted_at_joint) return model::at_sensor(robot);
-  if (at == data::TorqueAt::kMotor && fitted_at_joint && notes != nullptr) {
-    notes->push_back(
-        "the model was fitted to torque behind the gears: rotor inertia and gear friction are not in it");
-  }
-  return robot;
+  MotionRows rows = rows_of(robot, log, motion);
+  rows.tau.resize(0, 0);
+  return Predictor(robot, log.time[0], options).rows(rows);
 }
 
 }  // namespace heft::validate

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "heft/model/at_sensor.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "heft/model/physical_links.hpp"
 
@@ -74,7 +75,7 @@ Validation validate(const model::Robot& robot, const model::FitRecord* fit,
                     const Options& options) {
   Validation result;
   data::refuse_seen(logs, fitted_to, &result.notes);
-  result.robot = as_measured(robot, fit, logs.torque_at(), &result.notes);
+  result.robot = model::as_measured(robot, logs.torque_at() == data::TorqueAt::kJoint, fit, &result.notes);
   result.model = options.model;
   result.urdf = options.urdf;
   if (fit != nullptr) result.fit = *fit;

@@ -13,7 +13,6 @@
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
-#include "heft/model/at_sensor.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "heft/validate/acceptance.hpp"
 #include "support/arms.hpp"
@@ -365,24 +364,6 @@ TEST(Score, PooledIsThatOfAllSamplesTogether) {
   const double mean = all.bias[0];
   EXPECT_NEAR(all.torque_variance[0], squares / 5800.0 - mean * mean, 1e-9);
   EXPECT_DOUBLE_EQ(pool({b}).rmse[0], b.rmse[0]);
-}
-
-TEST(AtSensor, LeavesTheRigidBodiesAlone) {
-  model::Robot robot = arm();
-  robot.couplings.emplace_back();
-  robot.effects.emplace_back();
-  robot.elasticities = {{1, 400.0, 0.5, 0.1}};
-  robot.torque_delay = 0.01;
-  const model::Robot seen = model::at_sensor(robot);
-  EXPECT_TRUE(seen.effects.empty());
-  EXPECT_EQ(seen.torque_delay, 0.0);
-  ASSERT_EQ(seen.elasticities.size(), 1U);
-  EXPECT_EQ(seen.elasticities[0].stiffness, 400.0);
-  EXPECT_EQ(seen.elasticities[0].motor_inertia, 0.0);
-  EXPECT_TRUE(seen.couplings.empty());
-  EXPECT_EQ(seen.joints[0].actuation.rotor_inertia, 0.0);
-  EXPECT_EQ(seen.joints[1].actuation.coulomb_friction, 0.0);
-  EXPECT_EQ(seen.joints[1].link, robot.joints[1].link);
 }
 
 TEST(Criteria, AreFiveWithTheirLimits) {

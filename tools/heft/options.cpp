@@ -7,11 +7,11 @@
 #include "console.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
+#include "heft/model/at_sensor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/mounting.hpp"
 #include "heft/urdf/urdf_import.hpp"
-#include "heft/validate/predict.hpp"
 
 namespace heft::tools {
 
@@ -79,7 +79,8 @@ model::Robot load_robot(const RobotOptions& options) { return load_robot_and_fit
 
 model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
   std::vector<std::string> notes;
-  model::Robot robot = validate::as_measured(loaded.robot, loaded.fit ? &*loaded.fit : nullptr, at, &notes);
+  model::Robot robot =
+      model::as_measured(loaded.robot, at == TorqueAt::kJoint, loaded.fit ? &*loaded.fit : nullptr, &notes);
   for (const std::string& text : notes) note(text);
   return robot;
 }

@@ -3,15 +3,12 @@
 #pragma once
 
 #include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include <Eigen/Core>
 
-#include "heft/data/log_set.hpp"
+#include "heft/data/differentiate.hpp"
+#include "heft/data/log.hpp"
 #include "heft/data/motion_stream.hpp"
-#include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 
 namespace heft::validate {
@@ -25,8 +22,18 @@ struct PredictOptions {
   double sign_width{kSignWidth};
 };
 
+/// Rows of a motion in time order.
+struct MotionRows {
+  Eigen::VectorXd time;        ///< [s]
+  Eigen::MatrixXd q, qd, qdd;  ///< rows × n, motor side
+  Eigen::MatrixXd tau;         ///< rows × n as measured [N·m, N]; no columns: not known
+  /// As MotionChunk::displacement; no columns: friction's memory goes by q.
+  Eigen::MatrixXd displacement;
+};
+
 /// Predicts a log piece by piece in time order; friction's memory, deflections and delay go on from piece to piece.
-/// Friction's memory begins with what the log's first half second shows of joints that rest.
+/// Friction's memory begins with what the log's first half second shows of joints that rest; where the torque is not
+/// known, at 0.
 class Predictor {
  public:
   /// @param begin  time of the log's first row [s]
@@ -37,6 +44,8 @@ class Predictor {
 
   /// Torque of the log's own rows of the next piece, rows × n [N·m, N].
   Eigen::MatrixXd rows(const data::MotionChunk& piece);
+  /// The same of rows from elsewhere.
+  Eigen::MatrixXd rows(const MotionRows& piece);
   /// Torque of the rows of the even grid that belong to the next piece, count × n [N·m, N]; independent of rows().
   Eigen::MatrixXd grid(const data::MotionChunk& piece);
 
@@ -45,20 +54,13 @@ class Predictor {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Torque of the log's own rows of one piece, nothing known of what was before [N·m, N].
-Eigen::MatrixXd predict(const model::Robot& robot, const data::MotionChunk& piece,
-                        const PredictOptions& options = {});
+/// The rows of a whole log, with the displacement that friction's memory of this robot goes by, where the log shows it.
+/// @param motion  what derive_motion did; as it is by default: velocity and acceleration are the log's own
+MotionRows rows_of(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion);
 /// Torque of a whole motion, samples × n [N·m, N]. Friction's memory begins at 0, so that the torque of a motion does
 /// not depend on torque that its log may hold.
-/// @param motion  what derive_motion did; as it is by default: velocity and acceleration are the log's own
+/// @param motion  as in rows_of()
 Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion,
                         const PredictOptions& options = {});
-
-/// The robot whose joint torque is what was measured there: a sensor behind the gears sees rigid bodies only, unless the
-/// model was fitted to such a sensor; then the friction that it has is friction that the sensor saw.
-/// @param fit    of the model file that the robot's parameters come from; null: from a URDF
-/// @param notes  gets a line when the model lacks what a motor's torque holds; may be null
-model::Robot as_measured(const model::Robot& robot, const model::FitRecord* fit, data::TorqueAt at,
-                         std::vector<std::string>* notes = nullptr);
 
 }  // namespace heft::validate

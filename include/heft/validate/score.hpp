@@ -11,7 +11,6 @@
 #include <Eigen/Core>
 
 #include "heft/data/motion_stream.hpp"
-#include "heft/model/at_sensor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/validate/predict.hpp"
@@ -120,7 +119,7 @@ struct ScoreOptions {
 
 /// Judges a robot's joint torque, with everything that model::MotionTorque knows (gear couplings, effects, elastic
 /// joints, delay), on a log. One pass, memory of one piece.
-/// @param robot  what its drives add must be what the torque of the log holds: see model::at_sensor()
+/// @param robot  what its drives add must be what the torque of the log holds: see model::as_measured()
 /// @throws DataError when the log has another number of joints or no torque.
 Score score(const model::Robot& robot, const data::MotionStream& log, const ScoreOptions& options = {});
 

@@ -32,7 +32,7 @@ struct Options {
 
 /// A model judged.
 struct Validation {
-  model::Robot robot;                   ///< whose joint torque was compared, see as_measured
+  model::Robot robot;                   ///< whose joint torque was compared, see model::as_measured()
   std::string model, urdf;              ///< as in Options
   std::optional<model::FitRecord> fit;  ///< of the model file; none: the parameters of a URDF
   data::TorqueAt torque_at{data::TorqueAt::kMotor};
