@@ -1,20 +1,8 @@
 #include "beyond_regressor.hpp"
 
-#include <cstddef>
-
-#include "heft/model/at_sensor.hpp"
 #include "heft/model/without_effects.hpp"
 
 namespace heft::payload {
-
-model::Robot as_measured(const model::Robot& robot, bool torque_at_joint) {
-  if (!torque_at_joint) return robot;
-  model::Robot seen = model::at_sensor(robot);
-  for (std::size_t i = 0; i < seen.joints.size(); ++i) {
-    seen.joints[i].actuation.friction_offset = robot.joints[i].actuation.friction_offset;
-  }
-  return seen;
-}
 
 data::Log with_late_motion(data::Log log, double delay) {
   if (!(delay > 0)) return log;

@@ -14,10 +14,6 @@
 
 namespace heft::payload {
 
-/// The arm as the torque of its logs shows it. A sensor behind the gears sees rigid bodies and its own offset: no rotor,
-/// no friction, no couplings, no effects of the drive.
-model::Robot as_measured(const model::Robot& robot, bool torque_at_joint);
-
 /// The log with its motion as late as its torque, so that what is computed from a row's motion belongs to the row's
 /// torque: positions and velocities as they were `delay` before, by straight lines between rows; before the log begins,
 /// those of its first row.

@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <memory>
 
 #include <Eigen/Core>
@@ -26,13 +25,12 @@
 #include "heft/data/log.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/validate/predict.hpp"
 
 namespace heft::payload {
 
-/// Half-width of the sign where the log holds a velocity, and where it is differenced from positions
-/// [rad/s].
-inline constexpr double kMeasuredSignWidth = 0.005;
-inline constexpr double kDerivedSignWidth = 0.01;
+/// Width of the sign where the velocity is the difference of two positions, noisier than one that was measured [rad/s].
+inline constexpr double kDifferencedSignWidth = 0.01;
 
 /// Widest plausible sample: beyond these multiples of the URDF's limits it is taken as a fault of the
 /// measurement.
@@ -93,7 +91,7 @@ class CausalSignals {
       if (!std::isfinite(qd) || std::abs(step) > velocity_limit_[i] || std::abs(qd) > velocity_limit_[i]) {
         return Taken::kRefused;
       }
-      sign[i] = velocity_sign(qd, measured ? kMeasuredSignWidth : kDerivedSignWidth);
+      sign[i] = velocity_sign(qd, measured ? validate::kSignWidth : kDifferencedSignWidth);
     }
     if (!configured_ || motion_.update(q, period) != Status::kOk ||
         torque_.update(tau, period) != Status::kOk || sign_.update(sign, period) != Status::kOk) {
@@ -112,8 +110,7 @@ class CausalSignals {
       // At the motion behind the fast filter, as the columns are: a sign that turns over there has moved a torque by the
       // same delay as the filter of the torque, and the slow filter takes off the difference in shape.
       linear -= beyond_.torque(time - log.time[0], motion_.value(), motion_.derivative(),
-                               motion_.second_derivative(),
-                               log.qd.cols() == N ? kMeasuredSignWidth : kDerivedSignWidth);
+                               motion_.second_derivative(), validate::kSignWidth);
       regressor_.template leftCols<10 * N>() =
           dynamics_.regressor(beyond_.link_q(), beyond_.link_qd(), beyond_.link_qdd()).leftCols(10 * N);
     }

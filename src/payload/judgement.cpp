@@ -1,4 +1,4 @@
-#include "heft/payload/judgement.hpp"
+#include "judgement.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -53,31 +53,32 @@ double impossibility(const PayloadRun& run) {
   return worst;
 }
 
-bool all(const std::vector<bool>& flags) {
-  return !flags.empty() && std::all_of(flags.begin(), flags.end(), [](bool flag) { return flag; });
+bool all_known(const std::vector<Estimated>& estimates) {
+  return !estimates.empty() && std::all_of(estimates.begin(), estimates.end(),
+                                           [](const Estimated& estimate) { return estimate.identifiable; });
 }
 
 }  // namespace
 
 std::string contradiction(const PayloadRun& run) {
-  const bool has_mass = !run.mass.identifiable.empty() && run.mass.identifiable[0];
-  if (has_mass && run.mass.value[0] + run.mass.half_width[0] < 0.0) {
+  const bool has_mass = run.mass.identifiable;
+  if (has_mass && run.mass.upper < 0.0) {
     return fmt::format(
         "the estimated mass is negative ({:.3g} kg ± {:.2g} kg): are --baseline and --log interchanged? "
         "Otherwise the model is not that of this arm without load, or the torques have another sign",
-        run.mass.value[0], run.mass.half_width[0]);
+        run.mass.value, run.mass.half_width());
   }
-  for (Index j = 0; j < run.torque_scale.value.size(); ++j) {
-    if (!run.torque_scale.identifiable[static_cast<std::size_t>(j)]) continue;
-    const double scale = run.torque_scale.value[j], half = run.torque_scale.half_width[j];
-    if (scale + half >= 1.0 / kScaleImpossible && scale - half <= kScaleImpossible) continue;
+  for (std::size_t j = 0; j < run.torque_scale.size(); ++j) {
+    const Estimated& scale = run.torque_scale[j];
+    if (!scale.identifiable) continue;
+    if (scale.upper >= 1.0 / kScaleImpossible && scale.lower <= kScaleImpossible) continue;
     return fmt::format(
         "joint {} feels {:.2g} ± {:.2g} times the load that the joints together feel: its "
         "torque has another {} than that of the others; check tau{} (or its torque constant), "
         "or leave it out with --rows",
-        j + 1, scale, half, scale < 0.0 ? "sign" : "unit or scale", j + 1);
+        j + 1, scale.value, scale.half_width(), scale.value < 0.0 ? "sign" : "unit or scale", j + 1);
   }
-  const bool has_body = has_mass && all(run.first_moment.identifiable) && all(run.inertia.identifiable);
+  const bool has_body = has_mass && all_known(run.first_moment) && all_known(run.inertia);
   if (has_body && run.covariance.size() > 0) {
     const double off = impossibility(run), limit = simultaneous(run.interval_factor);
     if (off > limit) {
@@ -95,21 +96,18 @@ Judgement judge(const PayloadRun& run) {
   Judgement judgement;
   const std::string against = contradiction(run);
   if (!against.empty()) judgement.add(Rank::kBad, against);
-  const bool has_mass = !run.mass.identifiable.empty() && run.mass.identifiable[0];
-  if (!has_mass) {
-    const bool moments = !run.mass_visible && all(run.first_moment.identifiable);
+  if (!run.mass.identifiable) {
+    const bool moments = !run.mass_visible && all_known(run.first_moment);
     judgement.add(moments ? Rank::kDoubtful : Rank::kBad,
                   fmt::format("the mass cannot be determined: {}", run.missing));
   } else if (!run.converged_at) {
     judgement.add(Rank::kDoubtful, "the estimate had not converged by the end of the log");
   }
   std::vector<std::string> off;
-  for (Index j = 0; j < run.torque_scale.value.size(); ++j) {
-    if (!run.torque_scale.identifiable[static_cast<std::size_t>(j)]) continue;
-    const double away = std::abs(run.torque_scale.value[j] - 1.0);
-    if (away > kScaleOff && away > run.torque_scale.half_width[j]) {
-      off.push_back(fmt::format("joint {} {:.2f} ± {:.2f}", j + 1, run.torque_scale.value[j],
-                                run.torque_scale.half_width[j]));
+  for (std::size_t j = 0; j < run.torque_scale.size(); ++j) {
+    const Estimated& scale = run.torque_scale[j];
+    if (scale.identifiable && std::abs(scale.value - 1.0) > kScaleOff && !scale.contains(1.0)) {
+      off.push_back(fmt::format("joint {} {:.2f} ± {:.2f}", j + 1, scale.value, scale.half_width()));
     }
   }
   if (!off.empty() && against.empty()) {

@@ -6,13 +6,12 @@
 
 #include <fmt/format.h>
 
-#include "beyond_regressor.hpp"
-#include "causal_signals.hpp"
 #include "heft/host/error.hpp"
-#include "heft/model/motion_torque.hpp"
-#include "heft/payload/judgement.hpp"
+#include "heft/model/at_sensor.hpp"
 #include "heft/validate/judgement.hpp"
-#include "payload_log.hpp"
+#include "heft/validate/predict.hpp"
+#include "judgement.hpp"
+#include "runs.hpp"
 
 namespace heft::payload {
 namespace {
@@ -42,40 +41,31 @@ model::Robot loaded(const model::Robot& robot, const PayloadRun& run, bool with_
   for (std::size_t i = 0; i < 10; ++i) result.joints.back().link[i] += run.on_last_link[i];
   if (!with_friction) return result;
   for (std::size_t i = 0; i < result.joints.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(i);
-    if (run.coulomb_change.identifiable[i])
-      result.joints[i].actuation.coulomb_friction += run.coulomb_change.value[at];
-    if (run.viscous_change.identifiable[i])
-      result.joints[i].actuation.viscous_friction += run.viscous_change.value[at];
+    JointActuation<double>& actuation = result.joints[i].actuation;
+    if (run.coulomb_change[i].identifiable) actuation.coulomb_friction += run.coulomb_change[i].value;
+    if (run.viscous_change[i].identifiable) actuation.viscous_friction += run.viscous_change[i].value;
   }
   return result;
 }
 
-/// Torque that a model expects along a log. The sign of friction goes through zero within the width that the estimator
-/// uses, so that a joint at rest with a noisy velocity has none.
-Eigen::MatrixXd predict(const model::Robot& robot, const PayloadLog& log, bool at_joint) {
-  const double width = log.causal.qd.cols() > 0 ? kMeasuredSignWidth : kDerivedSignWidth;
-  model::MotionTorque motion(as_measured(robot, at_joint));
-  const data::Log& rows = log.derived;
-  const Eigen::VectorXd time = rows.time.array() - rows.time[0];
-  motion.start_from(time, rows.q, rows.qd, rows.qdd, rows.tau, width);
-  return motion.torque(time, rows.q, rows.qd, rows.qdd, width);
-}
-
 /// Torque errors without the load and with it.
-void compare_torque(const UnloadedArm& arm, const PayloadLog& log, const Options& options, Payload& result) {
-  const bool at_joint = options.torque_at == data::TorqueAt::kJoint;
-  const Eigen::MatrixXd before = predict(arm.robot, log, at_joint);
-  result.before = validate::score(log.derived, before, options.cutoff);
-  result.time = log.derived.time;
-  result.error_before = log.derived.tau - before;
+void compare_torque(const model::Robot& arm, const data::MotionLog& read, const Options& options,
+                    Payload& result) {
+  const data::Log& log = read.log;
+  const validate::MotionRows rows = validate::rows_of(arm, log, read.motion);
+  const auto predicted = [&](const model::Robot& robot) {
+    return validate::Predictor(robot, log.time[0]).rows(rows);
+  };
+  const Eigen::MatrixXd before = predicted(arm);
+  result.before = validate::score(log, before, options.cutoff);
+  result.time = log.time;
+  result.error_before = log.tau - before;
   if (!result.answered()) return;
   const double band = result.before.band;
-  const Eigen::MatrixXd after = predict(loaded(arm.robot, result.run, false), log, at_joint);
-  result.error_after = log.derived.tau - after;
-  result.after = validate::score(log.derived, after, band);
-  result.after_friction =
-      validate::score(log.derived, predict(loaded(arm.robot, result.run, true), log, at_joint), band);
+  const Eigen::MatrixXd after = predicted(loaded(arm, result.run, false));
+  result.error_after = log.tau - after;
+  result.after = validate::score(log, after, band);
+  result.after_friction = validate::score(log, predicted(loaded(arm, result.run, true)), band);
 }
 
 void add_notes(Payload& result) {
@@ -90,7 +80,7 @@ void add_notes(Payload& result) {
     result.notes.push_back(fmt::format(
         "{} samples were left out: torque or velocity more than five times the robot's limit", run.left_out));
   }
-  if (result.after && !run.mass.identifiable[0]) {
+  if (result.after && !run.mass.identifiable) {
     result.notes.push_back(
         fmt::format("The joints before joint {} get the load without its mass, which can make them worse.",
                     run.first_joint));
@@ -99,11 +89,9 @@ void add_notes(Payload& result) {
 
 }  // namespace
 
-PayloadLog read_payload_log(const data::LogSource& source, std::vector<std::string>* notes) {
-  data::MotionLog read = data::read_motion(source, true, notes);
-  PayloadLog log{read.log, std::move(read.log)};
-  if (read.motion.velocity_derived) log.causal.qd.resize(0, 0);
-  return log;
+model::Robot as_measured(const UnloadedArm& arm, const Options& options) {
+  return model::as_measured(arm.robot, options.torque_at == data::TorqueAt::kJoint,
+                            arm.record ? &*arm.record : nullptr);
 }
 
 PayloadRunOptions run_options(const UnloadedArm& arm, const data::Log& log, const Options& options,
@@ -122,9 +110,9 @@ PayloadRunOptions run_options(const UnloadedArm& arm, const data::Log& log, cons
 }
 
 bool Payload::answered() const {
-  const auto& known = run.first_moment.identifiable;
-  return run.mass.identifiable[0] ||
-         (!run.mass_visible && std::all_of(known.begin(), known.end(), [](bool is) { return is; }));
+  return run.mass.identifiable ||
+         (!run.mass_visible && std::all_of(run.first_moment.begin(), run.first_moment.end(),
+                                           [](const Estimated& moment) { return moment.identifiable; }));
 }
 
 std::string Payload::unanswered() const {
@@ -135,23 +123,28 @@ std::string Payload::unanswered() const {
 Payload estimate(const UnloadedArm& arm, const data::LogSource& source, const Options& options) {
   refuse_unloaded(arm, source);
   Payload result;
-  const PayloadLog log = read_payload_log(source, &result.log_notes);
+  const data::MotionLog read = data::read_motion(source, true, &result.log_notes);
+  data::Log log = read.log;
+  // The estimator sees what was measured; what was derived with zero phase is for the errors, in hindsight.
+  if (read.motion.velocity_derived) log.qd.resize(0, 0);
+  const model::Robot unloaded = as_measured(arm, options);
   result.robot = arm.robot.name;
   result.log = source.path;
   result.frame = frame_name(arm.robot);
-  const Eigen::Index rows = log.causal.time.size();
-  result.log_seconds = rows > 1 ? log.causal.time[rows - 1] - log.causal.time[0] : 0.0;
+  const Eigen::Index rows = log.time.size();
+  result.log_seconds = rows > 1 ? log.time[rows - 1] - log.time[0] : 0.0;
   result.log_rate = result.log_seconds > 0.0 ? static_cast<double>(rows - 1) / result.log_seconds : 0.0;
-  result.run = run_payload(arm.robot, log.causal, run_options(arm, log.causal, options, arm.zero_mass_std()));
+  result.run = run_payload(unloaded, log, run_options(arm, log, options, arm.zero_mass_std()));
   result.has_model_covariance = arm.covariance.has_value();
   result.zero_checks = arm.zero_checks;
   result.contradiction = contradiction(result.run);
   result.judgement = judge(result.run);
   if (options.true_mass > 0) result.true_mass = options.true_mass;
-  compare_torque(arm, log, options, result);
-  if (result.true_mass && result.run.mass.identifiable[0]) {
-    result.judgement.add(validate::judge_against_truth("the mass", result.run.mass.value[0],
-                                                       result.run.mass.half_width[0], *result.true_mass));
+  compare_torque(unloaded, read, options, result);
+  const Estimated& mass = result.run.mass;
+  if (result.true_mass && mass.identifiable) {
+    result.judgement.add(
+        validate::judge_against_truth("the mass", mass.value, mass.half_width(), *result.true_mass));
   }
   add_notes(result);
   return result;

@@ -1,4 +1,4 @@
-#include "heft/payload/payload_run.hpp"
+#include "payload_run.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,10 +15,10 @@
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/model/dynamics.hpp"
-#include "heft/payload/recursive_fit.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "load_recursion.hpp"
+#include "recursive_fit.hpp"
 #include "torque_scales.hpp"
 
 namespace heft::payload {
@@ -103,7 +103,7 @@ class Run {
 
  public:
   Run(const model::Robot& robot, data::Log log, const PayloadRunOptions& options)
-      : dynamics_(as_measured(robot, options.torque_at_joint)),
+      : dynamics_(robot),
         log_(std::move(log)),
         options_(options),
         x_(dynamics_.parameters()),
@@ -391,14 +391,13 @@ class Run {
                                          residual_.edge_factor(merge(segments.back()) * kFineBlock),
                                          final_state.jackknife.estimate.head(10), options_.model_covariance);
     // A load that hardly exceeds its interval is made of the residual itself: the joints have nothing to agree about.
-    if (result.mass.identifiable[0] &&
-        std::abs(result.mass.value[0]) < kClearLoad * result.mass.half_width[0]) {
-      result.torque_scale.identifiable.assign(static_cast<std::size_t>(n_), false);
+    if (result.mass.identifiable && std::abs(result.mass.value) < kClearLoad * result.mass.half_width()) {
+      for (Estimated& scale : result.torque_scale) scale.identifiable = false;
     }
     result.block = merge(segments.back()) * kFineBlock;
     result.blocks = final_state.jackknife.blocks;
     find_convergence(result);
-    if (!result.mass.identifiable[0]) explain(result, segments.size() > 1);
+    if (!result.mass.identifiable) explain(result, segments.size() > 1);
   }
 
   void state(PayloadRun& result, const Solved& solved) const {
@@ -410,59 +409,51 @@ class Run {
     Eigen::MatrixXd covariance = solved.covariance;
     covariance(0, 0) += options_.zero_mass_std * options_.zero_mass_std;
 
-    const auto fill = [&](Estimated& out, const Eigen::MatrixXd& rows) {
-      const Eigen::Index size = rows.rows();
-      out.value = rows * x;
-      out.std.resize(size);
-      out.half_width.resize(size);
-      out.identifiable.clear();
-      for (Eigen::Index r = 0; r < size; ++r) {
-        const bool known = identified(solved, rows.row(r).transpose());
-        out.identifiable.push_back(known);
-        out.std[r] = known ? std::sqrt(rows.row(r) * covariance * rows.row(r).transpose()) : kNaN;
-        out.half_width[r] = factor * out.std[r];
-      }
+    const auto estimated = [&](const Eigen::RowVectorXd& row) -> Estimated {
+      const bool known = identified(solved, row.transpose());
+      const double std = known ? std::sqrt(row * covariance * row.transpose()) : kNaN;
+      return {statistics::Interval::around(row * x, std, factor), known};
+    };
+    const auto all = [&](const Eigen::MatrixXd& rows) {
+      std::vector<Estimated> list;
+      for (Eigen::Index r = 0; r < rows.rows(); ++r) list.push_back(estimated(rows.row(r)));
+      return list;
     };
     result.parameters = F * x;
     result.covariance = F * covariance * F.transpose();
     result.interval_factor = factor;
-    fill(result.mass, F.topRows(1));
-    fill(result.first_moment, F.middleRows(1, 3));
-    fill(result.inertia, F.bottomRows(6));
+    result.mass = estimated(F.row(0));
+    result.first_moment = all(F.middleRows(1, 3));
+    result.inertia = all(F.bottomRows(6));
     Eigen::MatrixXd coulomb = Eigen::MatrixXd::Zero(n_, parameters_), viscous = coulomb;
     for (int i = 0; i < n_; ++i) {
       coulomb(i, 10 + 2 * i) = 1.0;
       viscous(i, 11 + 2 * i) = 1.0;
     }
-    fill(result.coulomb_change, coulomb);
-    fill(result.viscous_change, viscous);
+    result.coulomb_change = all(coulomb);
+    result.viscous_change = all(viscous);
 
     result.mass_std_residual = std::sqrt(solved.jackknife.covariance(0, 0));
     result.mass_std_model = std::sqrt(solved.model_part(0, 0));
     result.mass_std_zero = options_.zero_mass_std;
 
     // Centre of mass c = h / m, δc = (δh − c δm) / m.
-    result.com.value = Eigen::VectorXd::Constant(3, kNaN);
-    result.com.std = result.com.half_width = result.com.value;
-    result.com.identifiable.assign(3, false);
-    const double m = result.mass.value[0];
-    if (result.mass.identifiable[0] && std::abs(m) > result.mass.half_width[0]) {
-      for (Eigen::Index r = 0; r < 3; ++r) {
-        if (!result.first_moment.identifiable[static_cast<std::size_t>(r)]) continue;
-        const double c = result.first_moment.value[r] / m;
-        const Eigen::RowVectorXd slope = (F.row(1 + r) - c * F.row(0)) / m;
-        result.com.value[r] = c;
-        result.com.std[r] = std::sqrt(slope * covariance * slope.transpose());
-        result.com.half_width[r] = factor * result.com.std[r];
-        result.com.identifiable[static_cast<std::size_t>(r)] = true;
-      }
+    result.com.assign(3, {});
+    const double m = result.mass.value;
+    if (!result.mass.identifiable || std::abs(m) <= result.mass.half_width()) return;
+    for (std::size_t r = 0; r < 3; ++r) {
+      if (!result.first_moment[r].identifiable) continue;
+      const double c = result.first_moment[r].value / m;
+      const Eigen::RowVectorXd slope = (F.row(1 + static_cast<Eigen::Index>(r)) - c * F.row(0)) / m;
+      const double std = std::sqrt(slope * covariance * slope.transpose());
+      result.com[r] = {statistics::Interval::around(c, std, factor), true};
     }
   }
 
   void find_convergence(PayloadRun& result) const {
-    if (!result.mass.identifiable[0]) return;
-    const double m = result.mass.value[0];
-    const double tolerance = std::max(result.mass.half_width[0], 0.05 * std::abs(m));
+    if (!result.mass.identifiable) return;
+    const double m = result.mass.value;
+    const double tolerance = std::max(result.mass.half_width(), 0.05 * std::abs(m));
     std::optional<double> since;
     for (Eigen::Index k = 0; k < result.time.size(); ++k) {
       if (result.time[k] < result.load_since || std::isnan(result.mass_history[k])) continue;
@@ -476,8 +467,8 @@ class Run {
 
   void explain(PayloadRun& result, bool after_change) const {
     const int k = options_.first_joint;
-    const auto& known = result.first_moment.identifiable;
-    const bool has_moment = std::all_of(known.begin(), known.end(), [](bool told) { return told; });
+    const bool has_moment = std::all_of(result.first_moment.begin(), result.first_moment.end(),
+                                        [](const Estimated& moment) { return moment.identifiable; });
     if (!result.mass_visible) {
       result.missing = fmt::format(
           "the torque of {} does not depend on the mass of the load, whatever the motion, only on its first "
@@ -538,8 +529,7 @@ class Run {
 
 PayloadRun run_payload(const model::Robot& robot, const data::Log& log, const PayloadRunOptions& options) {
   check(robot, log, options);
-  const double delay = options.torque_at_joint ? 0.0 : robot.torque_delay;
-  return Run(robot, with_late_motion(log, delay), options).run();
+  return Run(robot, with_late_motion(log, robot.torque_delay), options).run();
 }
 
 }  // namespace heft::payload

@@ -1,4 +1,4 @@
-#include "heft/payload/recursive_fit.hpp"
+#include "recursive_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,9 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/model/at_sensor.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/model/physical_links.hpp"
 #include "heft/model/sized.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 
@@ -192,7 +194,7 @@ std::unique_ptr<Recursion> make_recursion(const model::Robot& robot) {
 class Fit {
  public:
   Fit(const model::Robot& robot, const std::vector<data::Log>& logs, const RecursiveFitOptions& options)
-      : dynamics_(as_measured(robot, options.torque_at_joint)),
+      : dynamics_(model::as_measured(robot, options.torque_at_joint, nullptr)),
         logs_(logs),
         options_(options),
         recursion_(make_recursion(dynamics_.robot())) {
@@ -246,13 +248,7 @@ class Fit {
         0.8);
     const statistics::BlockJackknife::Result spread = jackknife.solve();
 
-    fit.model = model::make_model(robot);
-    const Eigen::VectorXd x = recursion_->solution();
-    for (int i = 0; i < n_; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      std::copy_n(x.data() + 10 * i, 10, fit.model.links[at].begin());
-      fit.model.actuation[at] = {x[10 * n_ + i], x[11 * n_ + i], x[12 * n_ + i], x[13 * n_ + i]};
-    }
+    fit.model = fitted_model();
     Eigen::VectorXd deviation = (fit.residual.edge_factor(block) * spread.covariance.diagonal()).cwiseSqrt();
     for (int i = 0; i < 14 * n_; ++i) {
       if (!(recursion_->variance(i) < kDetermined * variance[i]) || spread.blocks < 2) {
@@ -261,7 +257,6 @@ class Fit {
     }
     fit.model.standard_deviations = deviation;
     if (spread.blocks >= 2) fit.model.covariance = spread.covariance * fit.residual.edge_factor(block);
-    fit.model.provenance.method = "recursive-least-squares";
     for (const data::Log& log : logs_) fit.model.provenance.logs.push_back(log.path);
 
     // Directions in which the data have shrunk the prior: eigenvalues of P₀^½ A P₀^½ above the threshold.
@@ -357,6 +352,30 @@ class Fit {
       fit.residual.std[i] =
           fit.rows[i] > 0 ? std::max(floor, std::sqrt(squares / fit.rows[i])) : 0.05 * largest + floor;
     }
+  }
+
+  /// The model with the parameters found. Behind the gears, where the drives' columns were held at zero, they are zero.
+  model::ModelFile fitted_model() const {
+    model::Robot robot = dynamics_.robot();
+    const Eigen::VectorXd x = recursion_->solution();
+    for (int i = 0; i < n_; ++i) {
+      model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(i)];
+      std::copy_n(x.data() + 10 * i, 10, joint.link.begin());
+      joint.actuation.friction_offset = x[13 * n_ + i];
+      if (!options_.torque_at_joint)
+        joint.actuation = {x[10 * n_ + i], x[11 * n_ + i], x[12 * n_ + i], x[13 * n_ + i]};
+    }
+    model::ModelFile file = model::make_model(robot);
+    file.provenance.method = "recursive-least-squares";
+    if (!options_.torque_at_joint) return file;
+    // Without a record the offsets would be taken for those of motors.
+    model::FitRecord& record = file.fit.emplace();
+    record.method = file.provenance.method;
+    record.torque_at = "joint";
+    record.condition_number = std::numeric_limits<double>::quiet_NaN();
+    record.physically_consistent = model::is_physically_consistent(robot);
+    record.samples = num_samples();
+    return file;
   }
 
   void find_missing(RecursiveFit& fit) const {

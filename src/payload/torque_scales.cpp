@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "heft/host/decompositions.hpp"
-#include "heft/host/numbers.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 
 namespace heft::payload {
@@ -38,16 +37,14 @@ void TorqueScales::add_dependence(int joint, const VectorXd& load, const VectorX
   sum += row * arm.transpose();
 }
 
-Estimated TorqueScales::solve(const std::vector<int>& members, int merge, double edge_factor,
-                              const VectorXd& x, const std::optional<MatrixXd>& model) const {
-  Estimated scale;
-  scale.value = scale.std = scale.half_width = VectorXd::Constant(joints_, kNaN);
-  scale.identifiable.assign(static_cast<std::size_t>(joints_), false);
+std::vector<Estimated> TorqueScales::solve(const std::vector<int>& members, int merge, double edge_factor,
+                                           const VectorXd& x, const std::optional<MatrixXd>& model) const {
+  std::vector<Estimated> scales(static_cast<std::size_t>(joints_));
   // The load's ten columns become one.
   MatrixXd P = MatrixXd::Zero(kColumns + 1, 4);
   P.block(0, 0, 10, 1) = x;
   P.bottomRightCorner(3, 3).setIdentity();
-  for (std::size_t j = 0; j < static_cast<std::size_t>(joints_); ++j) {
+  for (std::size_t j = 0; j < scales.size(); ++j) {
     // Friction hardly leans on 0: only where the joint shows none.
     VectorXd loose = VectorXd::Constant(3, 1e12);
     statistics::BlockJackknife sums(VectorXd::Zero(3), loose);
@@ -75,12 +72,11 @@ Estimated TorqueScales::solve(const std::vector<int>& members, int merge, double
               .transpose();
       variance += slope.dot(*model * slope);
     }
-    scale.value[static_cast<Eigen::Index>(j)] = solved.estimate[0];
-    scale.std[static_cast<Eigen::Index>(j)] = std::sqrt(variance);
-    scale.half_width[static_cast<Eigen::Index>(j)] = solved.interval_factor * std::sqrt(variance);
-    scale.identifiable[j] = scale.half_width[static_cast<Eigen::Index>(j)] < kWidest;
+    const auto scale =
+        statistics::Interval::around(solved.estimate[0], std::sqrt(variance), solved.interval_factor);
+    scales[j] = {scale, scale.half_width() < kWidest};
   }
-  return scale;
+  return scales;
 }
 
 }  // namespace heft::payload

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "heft/payload/payload_run.hpp"
+#include "heft/payload/payload.hpp"
 
 namespace heft::payload {
 
@@ -32,8 +32,9 @@ class TorqueScales {
   /// @param edge_factor     of the covariance, see ResidualStatistics
   /// @param x               the load found, 10
   /// @param model           covariance of the arm's parameters; absent: its error is left out
-  Estimated solve(const std::vector<int>& members, int merge, double edge_factor, const Eigen::VectorXd& x,
-                  const std::optional<Eigen::MatrixXd>& model) const;
+  /// @return one a joint
+  std::vector<Estimated> solve(const std::vector<int>& members, int merge, double edge_factor,
+                               const Eigen::VectorXd& x, const std::optional<Eigen::MatrixXd>& model) const;
 
  private:
   static constexpr int kColumns = 12;  ///< ten of the load, two of friction

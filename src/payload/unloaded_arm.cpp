@@ -7,7 +7,9 @@
 #include "heft/host/error.hpp"
 #include "heft/payload/payload.hpp"
 #include "host/json.hpp"
-#include "payload_log.hpp"
+#include "payload_run.hpp"
+#include "recursive_fit.hpp"
+#include "runs.hpp"
 
 namespace heft::payload {
 namespace {
@@ -73,16 +75,17 @@ RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs, 
 void take(UnloadedArm& arm, const RecursiveFit& fitted) {
   arm.residual = fitted.residual;
   arm.covariance = fitted.model.covariance;
+  arm.record = fitted.model.fit;
   model::apply(fitted.model, arm.robot);
 }
 
 void check_zero(UnloadedArm& result, const UnloadedArm& arm, const data::Log& log, const Options& options) {
-  const PayloadRun run = run_payload(arm.robot, log, run_options(arm, log, options, 0.0));
-  if (!run.mass.identifiable[0]) {
+  const PayloadRun run = run_payload(as_measured(arm, options), log, run_options(arm, log, options, 0.0));
+  if (!run.mass.identifiable) {
     result.notes.push_back(fmt::format("{}: cannot serve as a zero check: {}", log.path, run.missing));
     return;
   }
-  result.zero_checks.push_back({log.path, run.mass.value[0], run.mass.std[0], run.mass.half_width[0]});
+  result.zero_checks.push_back({log.path, run.mass});
 }
 
 /// Sets the logs without load, and looks for a load on those that the fit has not seen.
@@ -91,7 +94,7 @@ void check_zeros(UnloadedArm& arm, const data::LogSet& logs, std::size_t zeros, 
   const auto end = logs.judge().begin() + static_cast<std::ptrdiff_t>(std::min(zeros, logs.judge().size()));
   arm.zeros.assign(logs.judge().begin(), end);
   for (const data::LogSource& zero : arm.zeros) {
-    check_zero(arm, arm, read_payload_log(zero, &arm.notes).causal, options);
+    check_zero(arm, arm, data::read(zero, &arm.notes), options);
   }
 }
 
@@ -99,7 +102,7 @@ void check_zeros(UnloadedArm& arm, const data::LogSet& logs, std::size_t zeros, 
 
 double UnloadedArm::zero_mass_std() const {
   double sum = 0.0;
-  for (const ZeroCheck& check : zero_checks) sum += check.mass * check.mass - check.std * check.std;
+  for (const auto& [log, mass] : zero_checks) sum += mass.value * mass.value - mass.std * mass.std;
   return zero_checks.empty() ? 0.0 : std::sqrt(std::max(0.0, sum / static_cast<double>(zero_checks.size())));
 }
 
@@ -122,7 +125,7 @@ UnloadedArm fit_unloaded(const model::Robot& robot, const data::LogSet& logs, st
   arm.robot = robot;
   std::vector<data::Log> baselines;
   for (const data::LogSource& source : logs.train()) {
-    baselines.push_back(read_payload_log(source, &arm.notes).causal);
+    baselines.push_back(data::read(source, &arm.notes));
   }
   arm.fit = fit(robot, baselines, options, "fitting the arm without load");
   take(arm, *arm.fit);
@@ -147,6 +150,7 @@ UnloadedArm arm_from_file(const model::Robot& robot, const model::ModelFile& fil
   UnloadedArm arm;
   data::refuse_seen(logs, file.provenance.logs, &arm.notes);
   arm.robot = robot;
+  arm.record = file.fit;
   arm.model_file_path = file.path;
   arm.residual = residual_of(file);
   if (file.covariance && file.covariance->allFinite()) arm.covariance = file.covariance;

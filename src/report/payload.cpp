@@ -24,50 +24,44 @@ using payload::UnloadedArm;
 constexpr std::array<const char*, 3> kComNames{"x", "y", "z"};
 constexpr std::array<const char*, 6> kInertiaNames{"Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"};
 
-double half_width(const payload::Estimated& estimate, Eigen::Index k) { return estimate.half_width[k]; }
+using Estimates = std::vector<payload::Estimated>;
 
 /// What is not identifiable is null: a number there would be the prior's, not the data's.
-Eigen::VectorXd known_of(const payload::Estimated& estimate, Eigen::VectorXd values) {
-  for (Eigen::Index k = 0; k < values.size(); ++k) {
-    if (!estimate.identifiable[static_cast<std::size_t>(k)]) values[k] = kNaN;
-  }
-  return values;
+nlohmann::ordered_json estimate_json(const Estimates& estimates, bool withdrawn = false) {
+  const auto list = [&](const auto& number_of) {
+    Eigen::VectorXd values(static_cast<Eigen::Index>(estimates.size()));
+    std::transform(estimates.begin(), estimates.end(), values.begin(), [&](const payload::Estimated& e) {
+      return e.identifiable && !withdrawn ? number_of(e) : kNaN;
+    });
+    return host::json_array(values);
+  };
+  std::vector<bool> identifiable;
+  for (const payload::Estimated& e : estimates) identifiable.push_back(e.identifiable && !withdrawn);
+  return {{"value", list([](const payload::Estimated& e) { return e.value; })},
+          {"std", list([](const payload::Estimated& e) { return e.std; })},
+          {"half_width_95", list([](const payload::Estimated& e) { return e.half_width(); })},
+          {"identifiable", identifiable}};
 }
 
-nlohmann::ordered_json estimate_json(const payload::Estimated& estimate) {
-  return {{"value", host::json_array(known_of(estimate, estimate.value))},
-          {"std", host::json_array(known_of(estimate, estimate.std))},
-          {"half_width_95", host::json_array(known_of(estimate, estimate.half_width))},
-          {"identifiable", estimate.identifiable}};
+/// A number and half the width of its interval, "–" for what is not known.
+std::pair<std::string, std::string> cells(const payload::Estimated& estimate, int digits = 4) {
+  if (!estimate.identifiable) return {"–", "–"};
+  return {page::number(estimate.value, digits), page::number(estimate.half_width(), 2)};
 }
 
-payload::Estimated withdrawn(payload::Estimated estimate) {
-  estimate.identifiable.assign(estimate.identifiable.size(), false);
-  return estimate;
-}
-
-bool identifiable(const payload::Estimated& estimate, Eigen::Index k) {
-  return static_cast<std::size_t>(k) < estimate.identifiable.size() &&
-         estimate.identifiable[static_cast<std::size_t>(k)];
-}
-
-void add_rows(page::Table& table, const std::string& what, const char* unit,
-              const payload::Estimated& estimate, const char* const* names) {
-  for (Eigen::Index k = 0; k < estimate.value.size(); ++k) {
-    const bool known = identifiable(estimate, k);
-    table.add_row({names ? fmt::format("{} {}", what, names[k]) : what,
-                   known ? page::number(estimate.value[k]) : "–",
-                   known ? page::number(half_width(estimate, k), 2) : "–", unit,
-                   known ? "" : "not identifiable from this motion"});
+void add_rows(page::Table& table, const std::string& what, const char* unit, const Estimates& estimates,
+              const char* const* names) {
+  for (std::size_t k = 0; k < estimates.size(); ++k) {
+    const auto [value, half] = cells(estimates[k]);
+    table.add_row({names ? fmt::format("{} {}", what, names[k]) : what, value, half, unit,
+                   estimates[k].identifiable ? "" : "not identifiable from this motion"});
   }
 }
 
 page::Table estimate_table(const Payload& result) {
   page::Table table({"", "value", "± 95 %", "unit", ""});
-  add_rows(table, "mass", "kg", result.run.mass, nullptr);
-  if (result.run.first_moment.value.size() > 0) {
-    add_rows(table, "first moment", "kg·m", result.run.first_moment, kComNames.data());
-  }
+  add_rows(table, "mass", "kg", {result.run.mass}, nullptr);
+  add_rows(table, "first moment", "kg·m", result.run.first_moment, kComNames.data());
   add_rows(table, "centre of mass", "m", result.run.com, kComNames.data());
   add_rows(table, "inertia", "kg·m²", result.run.inertia, kInertiaNames.data());
   return table;
@@ -76,10 +70,9 @@ page::Table estimate_table(const Payload& result) {
 /// What each joint feels of the load; empty where that says nothing.
 page::Table scale_table(const Payload& result) {
   page::Table table({"joint", "torque scale", "± 95 %"});
-  for (Eigen::Index j = 0; j < result.run.torque_scale.value.size(); ++j) {
-    const bool known = identifiable(result.run.torque_scale, j);
-    table.add_row({fmt::format("{}", j + 1), known ? page::number(result.run.torque_scale.value[j], 3) : "–",
-                   known ? page::number(half_width(result.run.torque_scale, j), 2) : "–"});
+  for (std::size_t j = 0; j < result.run.torque_scale.size(); ++j) {
+    const auto [scale, half] = cells(result.run.torque_scale[j], 3);
+    table.add_row({fmt::format("{}", j + 1), scale, half});
   }
   return table;
 }
@@ -115,7 +108,7 @@ page::Table torque_error_table(const Payload& result) {
 std::vector<std::string> remarks(const Payload& result) {
   std::vector<std::string> lines;
   if (!result.run.missing.empty()) lines.push_back(fmt::format("Not determined: {}.", result.run.missing));
-  if (identifiable(result.run.mass, 0)) {
+  if (result.run.mass.identifiable) {
     const std::string parts = fmt::format(
         "this log's residual {}, model {}, zero check {}", page::number(result.run.mass_std_residual, 2),
         page::number(result.run.mass_std_model, 2), page::number(result.run.mass_std_zero, 2));
@@ -133,9 +126,9 @@ std::vector<std::string> remarks(const Payload& result) {
   }
   for (const payload::ZeroCheck& check : result.zero_checks) {
     lines.push_back(fmt::format("Zero check, {}: {} ± {} kg where there is no load.", check.log,
-                                page::number(check.mass, 2), page::number(check.half_width, 2)));
+                                page::number(check.mass.value, 2), page::number(check.mass.half_width(), 2)));
   }
-  if (identifiable(result.run.mass, 0) && result.zero_checks.empty()) {
+  if (result.run.mass.identifiable && result.zero_checks.empty()) {
     lines.push_back(
         "No zero check: the model's error from one day to the next is not in the interval (--zero takes a "
         "log without load).");
@@ -220,22 +213,19 @@ nlohmann::ordered_json to_json(const Payload& result) {
   nlohmann::ordered_json json{{"robot", result.robot}, {"log", result.log}};
   put_verdict(json, result.judgement);
   // What contradicts itself is no number to go on with.
-  const bool has_mass =
-      result.run.mass.value.size() > 0 && identifiable(result.run.mass, 0) && result.contradiction.empty();
+  const bool has_mass = result.run.mass.identifiable && result.contradiction.empty();
   json["mass"] = {
-      {"value", has_mass ? host::number_or_null(result.run.mass.value[0]) : nlohmann::ordered_json(nullptr)},
-      {"std", has_mass ? host::number_or_null(result.run.mass.std[0]) : nlohmann::ordered_json(nullptr)},
+      {"value", has_mass ? host::number_or_null(result.run.mass.value) : nlohmann::ordered_json(nullptr)},
+      {"std", has_mass ? host::number_or_null(result.run.mass.std) : nlohmann::ordered_json(nullptr)},
       {"half_width_95",
-       has_mass ? host::number_or_null(half_width(result.run.mass, 0)) : nlohmann::ordered_json(nullptr)},
+       has_mass ? host::number_or_null(result.run.mass.half_width()) : nlohmann::ordered_json(nullptr)},
       {"identifiable", has_mass}};
-  if (result.run.first_moment.value.size() > 0) {
-    json["first_moment"] = estimate_json(!result.contradiction.empty() ? withdrawn(result.run.first_moment)
-                                                                       : result.run.first_moment);
-  }
-  json["com"] = estimate_json(!result.contradiction.empty() ? withdrawn(result.run.com) : result.run.com);
-  json["inertia"] =
-      estimate_json(!result.contradiction.empty() ? withdrawn(result.run.inertia) : result.run.inertia);
-  if (result.run.torque_scale.value.size() > 0) json["torque_scale"] = estimate_json(result.run.torque_scale);
+  const bool withdrawn = !result.contradiction.empty();
+  if (!result.run.first_moment.empty())
+    json["first_moment"] = estimate_json(result.run.first_moment, withdrawn);
+  json["com"] = estimate_json(result.run.com, withdrawn);
+  json["inertia"] = estimate_json(result.run.inertia, withdrawn);
+  if (!result.run.torque_scale.empty()) json["torque_scale"] = estimate_json(result.run.torque_scale);
   json["inertia"]["order"] = kInertiaNames;
   json["rows"] = result.run.first_joint;
   json["samples"] = result.run.samples;
@@ -266,7 +256,8 @@ nlohmann::ordered_json to_json(const Payload& result) {
   if (!result.zero_checks.empty()) {
     json["zero_checks"] = nlohmann::ordered_json::array();
     for (const payload::ZeroCheck& check : result.zero_checks) {
-      json["zero_checks"].push_back({{"log", check.log}, {"mass", check.mass}, {"std", check.std}});
+      json["zero_checks"].push_back(
+          {{"log", check.log}, {"mass", check.mass.value}, {"std", check.mass.std}});
     }
   }
   return json;
@@ -275,9 +266,9 @@ nlohmann::ordered_json to_json(const Payload& result) {
 void add_to(page::Page& page, const Payload& result) {
   page.verdict(brief(result), result.judgement);
   std::vector<page::Fact> facts;
-  if (identifiable(result.run.mass, 0)) {
-    facts.push_back({"mass", page::number(result.run.mass.value[0]) + " kg",
-                     "± " + page::number(half_width(result.run.mass, 0), 2) + " kg (95 %)"});
+  if (result.run.mass.identifiable) {
+    facts.push_back({"mass", page::number(result.run.mass.value) + " kg",
+                     "± " + page::number(result.run.mass.half_width(), 2) + " kg (95 %)"});
   }
   facts.push_back({"converged at",
                    result.run.converged_at ? fmt::format("{:.3g} s", *result.run.converged_at) : "–", ""});
@@ -288,7 +279,7 @@ void add_to(page::Page& page, const Payload& result) {
   page.table(estimate_table(result), fmt::format("The load in {}; inertia about its origin",
                                                  result.frame.empty() ? "the flange frame" : result.frame));
   for (const std::string& line : remarks(result)) page.note(line);
-  if (result.run.torque_scale.value.size() > 0) page.table(scale_table(result), kScaleMeaning);
+  if (!result.run.torque_scale.empty()) page.table(scale_table(result), kScaleMeaning);
   if (result.before.rmse.size() > 0) {
     page::PlotSpec spec;
     spec.title = "Torque error per joint";
@@ -307,19 +298,17 @@ void add_to(page::Page& page, const Payload& result) {
 }  // namespace
 
 std::string brief(const Payload& result) {
-  if (!identifiable(result.run.mass, 0)) return "The mass of the load cannot be determined from this motion.";
+  if (!result.run.mass.identifiable) return "The mass of the load cannot be determined from this motion.";
   if (!result.contradiction.empty()) {
     return fmt::format("The load of this log is impossible: {} kg ± {} kg (95 %).",
-                       page::number(result.run.mass.value[0]),
-                       page::number(half_width(result.run.mass, 0), 2));
+                       page::number(result.run.mass.value), page::number(result.run.mass.half_width(), 2));
   }
-  if (std::abs(result.run.mass.value[0]) < half_width(result.run.mass, 0) && !result.true_mass) {
-    return fmt::format("No load detected: {} kg ± {} kg (95 %).", page::number(result.run.mass.value[0], 2),
-                       page::number(half_width(result.run.mass, 0), 2));
+  if (std::abs(result.run.mass.value) < result.run.mass.half_width() && !result.true_mass) {
+    return fmt::format("No load detected: {} kg ± {} kg (95 %).", page::number(result.run.mass.value, 2),
+                       page::number(result.run.mass.half_width(), 2));
   }
-  std::string text =
-      fmt::format("The load weighs {} kg ± {} kg (95 %)", page::number(result.run.mass.value[0]),
-                  page::number(half_width(result.run.mass, 0), 2));
+  std::string text = fmt::format("The load weighs {} kg ± {} kg (95 %)", page::number(result.run.mass.value),
+                                 page::number(result.run.mass.half_width(), 2));
   if (result.true_mass) text += fmt::format("; true {} kg", page::number(*result.true_mass));
   return text + ".";
 }
@@ -338,7 +327,7 @@ std::string full(const Payload& result) {
                 ? fmt::format("Change at {:.3f} s: {} kg\n", change.time, page::number(change.mass))
                 : fmt::format("Change at {:.3f} s: new mass not determined\n", change.time);
   }
-  if (result.run.torque_scale.value.size() > 0) {
+  if (!result.run.torque_scale.empty()) {
     text += fmt::format("\n{}:\n{}", kScaleMeaning, scale_table(result).to_text(2));
   }
   if (result.before.rmse.size() > 0) {

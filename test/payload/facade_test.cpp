@@ -1,4 +1,5 @@
 /// The load found from logs in three calls, and which logs that refuses.
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -6,7 +7,10 @@
 #include <gtest/gtest.h>
 
 #include "heft/host/error.hpp"
+#include "heft/model/at_sensor.hpp"
+#include "heft/model/model_file.hpp"
 #include "heft/payload/payload.hpp"
+#include "heft/validate/validate.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
 #include "support/temporary_folder.hpp"
@@ -55,10 +59,10 @@ TEST_F(PayloadFacade, WeighsALoadFromLogsInMemory) {
   const UnloadedArm arm = fit_unloaded(arm_, logs, 1);
   EXPECT_TRUE(arm.usable());
   ASSERT_EQ(arm.zero_checks.size(), 1U);
-  EXPECT_NEAR(arm.zero_checks[0].mass, 0.0, 2.0 * arm.zero_checks[0].half_width);
+  EXPECT_NEAR(arm.zero_checks[0].mass.value, 0.0, 2.0 * arm.zero_checks[0].mass.half_width());
   const Payload load = estimate(arm, logs.judge().back());
   ASSERT_TRUE(load.answered());
-  EXPECT_NEAR(load.run.mass.value[0], 0.8, 2.0 * load.run.mass.half_width[0]);
+  EXPECT_NEAR(load.run.mass.value, 0.8, 2.0 * load.run.mass.half_width());
   ASSERT_TRUE(load.after.has_value());
   EXPECT_LT(load.after->rmse.norm(), 0.5 * load.before.rmse.norm());
 }
@@ -104,8 +108,62 @@ TEST_F(PayloadFacade, TheModelFileHoldsTheResidualThatTheEstimateNeeds) {
   const UnloadedArm read = arm_from_file(robot, file, set({}, {carrying_}));
   ASSERT_TRUE(read.residual.has_value());
   EXPECT_EQ(read.residual->std, fitted.residual->std);
-  EXPECT_DOUBLE_EQ(estimate(read, logs.judge()[0]).run.mass.value[0],
-                   estimate(fitted, logs.judge()[0]).run.mass.value[0]);
+  EXPECT_DOUBLE_EQ(estimate(read, logs.judge()[0]).run.mass.value,
+                   estimate(fitted, logs.judge()[0]).run.mass.value);
+}
+
+TEST_F(PayloadFacade, ErrsBeforeTheLoadAsMuchAsValidateSaysOfTheSameModel) {
+  // Without logged velocities, so that both derive the motion in the same way.
+  data::Log empty = empty_, carrying = carrying_;
+  empty.qd.resize(0, 0), carrying.qd.resize(0, 0);
+  const data::LogSet logs = set({empty}, {carrying});
+  const UnloadedArm arm = fit_unloaded(arm_, logs);
+  const Eigen::VectorXd before = estimate(arm, logs.judge()[0]).before.rmse;
+  const Eigen::VectorXd judged = validate::validate(arm.model_file(), arm_, set({}, {carrying})).all.rmse;
+  for (Eigen::Index j = 0; j < 2; ++j) EXPECT_NEAR(before[j], judged[j], 1e-6 * judged[j]);
+}
+
+/// Behind the gears: no friction, and every sensor's zero is off by more torque than the load's joint 2 gives.
+class SensorOffset : public PayloadFacade {
+ protected:
+  static data::Log at_sensors(const model::Robot& robot, const std::string& name, std::uint32_t seed) {
+    model::Robot seen = model::at_sensor(robot);
+    for (model::RobotJoint& joint : seen.joints) joint.actuation.friction_offset = kOffset;
+    return log_of(seen, name, seed);
+  }
+
+  static constexpr double kOffset = 3.0;
+  const data::LogSet logs_ = data::log_set(arm_.joint_specs(), {at_sensors(arm_, "empty", 1)},
+                                           {at_sensors(loaded_, "carrying", 3)}, data::TorqueAt::kJoint);
+  const Options options_{.torque_at = data::TorqueAt::kJoint};
+  const UnloadedArm fitted_ = fit_unloaded(arm_, logs_, 0, options_);
+};
+
+TEST_F(SensorOffset, BelongsToTheModelFittedThereAndNotToTheLoad) {
+  const Payload load = estimate(fitted_, logs_.judge()[0], options_);
+  ASSERT_TRUE(load.answered());
+  EXPECT_NEAR(load.run.mass.value, 0.8, 2.0 * load.run.mass.half_width());
+  EXPECT_LT(load.run.mass.half_width(), 0.05);
+  ASSERT_TRUE(load.after.has_value());
+  EXPECT_LT(load.after->rmse.maxCoeff(), 0.2 * kOffset);
+}
+
+TEST_F(SensorOffset, SurvivesTheModelFile) {
+  const model::ModelFile file = model::parse_model(model::to_json(fitted_.model_file()), "sensor.json");
+  model::Robot robot = arm_;
+  model::apply(file, robot);
+  const data::LogSet carrying =
+      data::log_set(arm_.joint_specs(), {}, {at_sensors(loaded_, "carrying", 3)}, data::TorqueAt::kJoint);
+  const UnloadedArm read = arm_from_file(robot, file, carrying, 0, options_);
+  EXPECT_DOUBLE_EQ(estimate(read, carrying.judge()[0], options_).run.mass.value,
+                   estimate(fitted_, logs_.judge()[0], options_).run.mass.value);
+}
+
+TEST_F(SensorOffset, IsInWhatValidatePredictsOfThatModel) {
+  const data::LogSet empty =
+      data::log_set(arm_.joint_specs(), {}, {at_sensors(arm_, "another", 2)}, data::TorqueAt::kJoint);
+  const validate::Validation judged = validate::validate(fitted_.model_file(), arm_, empty);
+  EXPECT_LT(judged.all.bias.cwiseAbs().maxCoeff(), 0.1 * kOffset);
 }
 
 TEST_F(PayloadFacade, RefusesToWeighALogWithoutLoad) {

@@ -1,12 +1,15 @@
 // A load is what it says, or contradicts itself.
-#include "heft/payload/judgement.hpp"
+#include "payload/judgement.hpp"
+
+#include <cmath>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "heft/model/model_file.hpp"
-#include "heft/payload/payload_run.hpp"
-#include "heft/payload/recursive_fit.hpp"
+#include "payload/payload_run.hpp"
+#include "payload/recursive_fit.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
 
@@ -27,14 +30,15 @@ PayloadRun found_body(const InertialParameters<double>& body, double share = 0.0
   run.covariance = (share * size).cwiseAbs2().asDiagonal();
   run.interval_factor = 2.0;
   const auto part = [&](int from, int count) {
-    Estimated estimated;
-    estimated.value = run.parameters.segment(from, count);
-    estimated.std = run.covariance.diagonal().segment(from, count).cwiseSqrt();
-    estimated.half_width = run.interval_factor * estimated.std;
-    estimated.identifiable.assign(static_cast<std::size_t>(count), true);
+    std::vector<Estimated> estimated;
+    for (int i = from; i < from + count; ++i) {
+      estimated.push_back({statistics::Interval::around(run.parameters[i], std::sqrt(run.covariance(i, i)),
+                                                        run.interval_factor),
+                           true});
+    }
     return estimated;
   };
-  run.mass = part(0, 1);
+  run.mass = part(0, 1).front();
   run.first_moment = part(1, 3);
   run.inertia = part(4, 6);
   run.mass_visible = true;
@@ -60,10 +64,9 @@ TEST(Load, BelowZeroBeyondItsIntervalAsksWhetherTheLogsAreInterchanged) {
 
 TEST(Load, BelowZeroWithinItsIntervalIsNoContradiction) {
   PayloadRun run = found_body({});
-  run.mass.value[0] = -0.01;
-  run.mass.half_width[0] = 0.02;
+  run.mass = {statistics::Interval::around(-0.01, 0.01, 2.0), true};
   EXPECT_THAT(contradiction(run), IsEmpty());
-  run.mass.value[0] = -0.03;
+  run.mass = {statistics::Interval::around(-0.03, 0.01, 2.0), true};
   EXPECT_THAT(contradiction(run), HasSubstr("mass is negative"));
 }
 
@@ -80,17 +83,18 @@ TEST(Load, WithAnInertiaThatNoBodyHasIsAContradictionBeyondItsIntervalsOnly) {
 
 TEST(Load, ThatOneJointFeelsDifferentlyIsDoubtfulOrAContradiction) {
   PayloadRun run = found_body(kBody);
-  run.torque_scale.value = Eigen::Vector3d(1.0, 1.3, 1.02);
-  run.torque_scale.std = run.torque_scale.half_width = Eigen::Vector3d(0.05, 0.05, 0.01);
-  run.torque_scale.identifiable = {true, true, true};
+  const auto scale = [](double value, double half_width) -> Estimated {
+    return {statistics::Interval::around(value, half_width, 1.0), true};
+  };
+  run.torque_scale = {scale(1.0, 0.05), scale(1.3, 0.05), scale(1.02, 0.01)};
   EXPECT_EQ(judge(run).verdict, Rank::kDoubtful);
   EXPECT_THAT(judge(run).reasons,
               ::testing::ElementsAre(AllOf(HasSubstr("joint 2 1.30"), Not(HasSubstr("joint 3")))));
-  run.torque_scale.half_width[1] = 0.4;
+  run.torque_scale[1] = scale(1.3, 0.4);
   EXPECT_EQ(judge(run).verdict, Rank::kGood);
-  run.torque_scale.value[1] = -1.0;
+  run.torque_scale[1] = scale(-1.0, 0.4);
   EXPECT_THAT(contradiction(run), AllOf(HasSubstr("joint 2"), HasSubstr("sign")));
-  run.torque_scale.identifiable[1] = false;
+  run.torque_scale[1].identifiable = false;
   EXPECT_THAT(contradiction(run), IsEmpty());
 }
 
@@ -118,11 +122,11 @@ PayloadRun weighed(int joint, double factor, bool loaded = true) {
 TEST(TorqueScale, IsOneWhereTheJointsAgree) {
   const PayloadRun run = weighed(2, 1.0);
   int known = 0;
-  for (Eigen::Index j = 0; j < 6; ++j) {
-    if (!run.torque_scale.identifiable[static_cast<std::size_t>(j)]) continue;
+  for (std::size_t j = 0; j < 6; ++j) {
+    if (!run.torque_scale[j].identifiable) continue;
     ++known;
     // 95 % intervals of six joints: twice the half-width holds for all of them.
-    EXPECT_NEAR(run.torque_scale.value[j], 1.0, 2.0 * run.torque_scale.half_width[j]) << "joint " << j + 1;
+    EXPECT_NEAR(run.torque_scale[j].value, 1.0, 2.0 * run.torque_scale[j].half_width()) << "joint " << j + 1;
   }
   EXPECT_GE(known, 3);
   EXPECT_EQ(judge(run).verdict, Rank::kGood) << ::testing::PrintToString(judge(run).reasons);
@@ -130,16 +134,16 @@ TEST(TorqueScale, IsOneWhereTheJointsAgree) {
 
 TEST(TorqueScale, NamesTheJointWithAnotherTorqueConstant) {
   const PayloadRun run = weighed(2, 1.3);
-  ASSERT_TRUE(run.torque_scale.identifiable[2]);
+  ASSERT_TRUE(run.torque_scale[2].identifiable);
   // Against the others, which the load found is a compromise with.
   double others = 0.0;
   int count = 0;
-  for (const int j : {1, 3}) {
-    if (!run.torque_scale.identifiable[static_cast<std::size_t>(j)]) continue;
-    others += run.torque_scale.value[j], ++count;
+  for (const std::size_t j : {1U, 3U}) {
+    if (!run.torque_scale[j].identifiable) continue;
+    others += run.torque_scale[j].value, ++count;
   }
   ASSERT_GT(count, 0);
-  EXPECT_NEAR(run.torque_scale.value[2] / (others / count), 1.3, 0.15);
+  EXPECT_NEAR(run.torque_scale[2].value / (others / count), 1.3, 0.15);
   EXPECT_EQ(judge(run).verdict, Rank::kDoubtful);
   EXPECT_THAT(judge(run).reasons, ::testing::Contains(HasSubstr("joint 3")));
 }
@@ -147,7 +151,8 @@ TEST(TorqueScale, NamesTheJointWithAnotherTorqueConstant) {
 TEST(TorqueScale, SaysNothingWhereThereIsNoLoad) {
   const PayloadRun run = weighed(2, 1.0, false);
   EXPECT_THAT(contradiction(run), IsEmpty());
-  EXPECT_THAT(run.torque_scale.identifiable, ::testing::Each(false));
+  ASSERT_EQ(run.torque_scale.size(), 6U);
+  for (const Estimated& scale : run.torque_scale) EXPECT_FALSE(scale.identifiable);
 }
 
 }  // namespace

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "heft/payload/payload_run.hpp"
-#include "heft/payload/recursive_fit.hpp"
+#include "payload/payload_run.hpp"
+#include "payload/recursive_fit.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
 
@@ -18,12 +18,12 @@ const InertialParameters<double> kLoad =
 struct Count {
   int inside{0};
   int all{0};
-  void take(const Estimated& estimated, const InertialParameters<double>& truth, std::size_t first) {
-    for (std::size_t i = 0; i < estimated.identifiable.size(); ++i) {
-      const auto at = static_cast<Eigen::Index>(i);
-      if (!estimated.identifiable[i]) continue;
+  void take(const std::vector<Estimated>& estimated, const InertialParameters<double>& truth,
+            std::size_t first) {
+    for (std::size_t i = 0; i < estimated.size(); ++i) {
+      if (!estimated[i].identifiable) continue;
       ++all;
-      inside += std::abs(estimated.value[at] - truth[first + i]) <= estimated.half_width[at] ? 1 : 0;
+      inside += estimated[i].contains(truth[first + i]) ? 1 : 0;
     }
   }
   double share() const { return static_cast<double>(inside) / all; }
@@ -49,7 +49,7 @@ TEST(PayloadCoverage, IntervalsHoldNinetyFiveTimesInAHundred) {
       settings.motion_seed = seed;
       const PayloadRun run = run_payload(arm, test::synthetic_log(loaded, settings), options);
       EXPECT_TRUE(run.changes.empty()) << "seed " << seed;
-      mass.take(run.mass, kLoad, 0);
+      mass.take({run.mass}, kLoad, 0);
       rest.take(run.first_moment, at_flange, 1);
     }
     EXPECT_EQ(mass.all, kExperiments) << "correlation " << correlation;
@@ -79,7 +79,7 @@ TEST(PayloadCoverage, IntervalsHoldWithAModelFittedToOneLog) {
     options.residual = fit.residual;
     options.model_covariance = fit.model.covariance;
     settings.noise_seed = settings.motion_seed = 5000 + seed;
-    mass.take(run_payload(fitted, test::synthetic_log(loaded, settings), options).mass, kLoad, 0);
+    mass.take({run_payload(fitted, test::synthetic_log(loaded, settings), options).mass}, kLoad, 0);
   }
   std::printf("with a fitted model: mass %.3f\n", mass.share());
   EXPECT_EQ(mass.all, 200);

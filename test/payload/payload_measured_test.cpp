@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 
 #include "heft/data/log.hpp"
-#include "heft/payload/payload_run.hpp"
-#include "heft/payload/recursive_fit.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "payload/payload_run.hpp"
+#include "payload/recursive_fit.hpp"
 #include "support/measured_data.hpp"
 
 namespace heft::payload {
@@ -49,10 +49,10 @@ class MeasuredUr10e : public ::testing::Test {
 TEST_F(MeasuredUr10e, WeighsTheKnownLoad) {
   for (const int k : {1, 2, 3, 4}) {
     const PayloadRun found = run("exc-14h-50s-load2p805kg", k);
-    ASSERT_TRUE(found.mass.identifiable[0]);
-    EXPECT_NEAR(found.mass.value[0], kMass, 0.05 * kMass) << "k = " << k;
-    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale) << "k = " << k;
-    EXPECT_LT(found.mass.half_width[0], 0.1) << "k = " << k;
+    ASSERT_TRUE(found.mass.identifiable);
+    EXPECT_NEAR(found.mass.value, kMass, 0.05 * kMass) << "k = " << k;
+    EXPECT_NEAR(found.mass.value, kMass, found.mass.half_width() + kTorqueScale) << "k = " << k;
+    EXPECT_LT(found.mass.half_width(), 0.1) << "k = " << k;
     EXPECT_TRUE(found.changes.empty());
   }
 }
@@ -60,9 +60,9 @@ TEST_F(MeasuredUr10e, WeighsTheKnownLoad) {
 TEST_F(MeasuredUr10e, WeighsTheKnownLoadWhateverItsModelWasFittedTo) {
   for (const char* baseline : {"exc-8h-20s", "exc-10h-20s", "exc-12h-40s", "exc-14h-50s", "ptp-10-points"}) {
     const PayloadRun found = run("exc-14h-50s-load2p805kg", 1, baseline);
-    EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale) << baseline;
-    EXPECT_NEAR(found.mass.value[0], kMass, 0.03 * kMass) << baseline;
-    EXPECT_LT(found.mass.half_width[0], 0.12) << baseline;
+    EXPECT_NEAR(found.mass.value, kMass, found.mass.half_width() + kTorqueScale) << baseline;
+    EXPECT_NEAR(found.mass.value, kMass, 0.03 * kMass) << baseline;
+    EXPECT_LT(found.mass.half_width(), 0.12) << baseline;
   }
 }
 
@@ -70,9 +70,9 @@ TEST_F(MeasuredUr10e, FindsNoLoadWhereThereIsNone) {
   for (const char* name : {"exc-8h-20s", "exc-10h-20s", "exc-12h-20s", "exc-12h-30s", "exc-12h-40s",
                            "exc-14h-50s", "ptp-10-points"}) {
     const PayloadRun found = run(name);
-    ASSERT_TRUE(found.mass.identifiable[0]) << name;
-    EXPECT_LT(std::abs(found.mass.value[0]), 0.05) << name;
-    EXPECT_LT(std::abs(found.mass.value[0]), found.mass.half_width[0]) << name;
+    ASSERT_TRUE(found.mass.identifiable) << name;
+    EXPECT_LT(std::abs(found.mass.value), 0.05) << name;
+    EXPECT_LT(std::abs(found.mass.value), found.mass.half_width()) << name;
     EXPECT_TRUE(found.changes.empty()) << name;
   }
 }
@@ -80,7 +80,7 @@ TEST_F(MeasuredUr10e, FindsNoLoadWhereThereIsNone) {
 TEST_F(MeasuredUr10e, OneJointAtATimeDoesNotTellTheMass) {
   for (const char* name : {"jointwise-j2", "jointwise-j5"}) {
     const PayloadRun found = run(name);
-    EXPECT_FALSE(found.mass.identifiable[0]) << name;
+    EXPECT_FALSE(found.mass.identifiable) << name;
     EXPECT_THAT(found.missing, HasSubstr("at rest")) << name;
     EXPECT_TRUE(found.changes.empty()) << name;
   }
@@ -88,7 +88,7 @@ TEST_F(MeasuredUr10e, OneJointAtATimeDoesNotTellTheMass) {
 
 TEST_F(MeasuredUr10e, APersonWhoPushesTheStandingArmIsNoLoad) {
   const PayloadRun found = run("push-pose-1");
-  EXPECT_FALSE(found.mass.identifiable[0]);
+  EXPECT_FALSE(found.mass.identifiable);
   EXPECT_TRUE(found.changes.empty());
   EXPECT_EQ(found.rows_used.sum(), 0);
   EXPECT_THAT(found.missing, HasSubstr("does not move"));
@@ -120,8 +120,8 @@ TEST_F(MeasuredUr10e, ALoadTakenUpHalfWayIsSeenAtOnce) {
   ASSERT_EQ(found.changes.size(), 1U);
   EXPECT_NEAR(found.changes[0].time, kGrasp, 0.2);
   EXPECT_NEAR(found.changes[0].mass_before, 0, 0.1);
-  EXPECT_NEAR(found.mass.value[0], kMass, found.mass.half_width[0] + kTorqueScale);
-  EXPECT_LT(found.mass.half_width[0], 0.2);
+  EXPECT_NEAR(found.mass.value, kMass, found.mass.half_width() + kTorqueScale);
+  EXPECT_LT(found.mass.half_width(), 0.2);
   ASSERT_TRUE(found.converged_at.has_value());
   EXPECT_LT(*found.converged_at, kGrasp + 5);
 }

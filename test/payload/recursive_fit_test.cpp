@@ -7,7 +7,7 @@
 
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
-#include "heft/payload/recursive_fit.hpp"
+#include "payload/recursive_fit.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
 #include "support/temporary_folder.hpp"
@@ -145,9 +145,12 @@ TEST(RecursiveFit, TorqueBehindTheGearHasNoFriction) {
   options.torque_at_joint = true;
   const RecursiveFit fit = fit_recursively(as_in_urdf(truth), {test::synthetic_log(truth, {})}, options);
   for (const auto& drive : fit.model.actuation) {
-    EXPECT_NEAR(drive.coulomb_friction, 0, 1e-3);
-    EXPECT_NEAR(drive.rotor_inertia, 0, 1e-3);
+    EXPECT_EQ(drive.coulomb_friction, 0.0);
+    EXPECT_EQ(drive.viscous_friction, 0.0);
+    EXPECT_EQ(drive.rotor_inertia, 0.0);
   }
+  ASSERT_TRUE(fit.model.fit.has_value());
+  EXPECT_EQ(fit.model.fit->torque_at, "joint");
   EXPECT_LT(worst_error(truth, fit, 77), 0.01);
 }
 

@@ -24,15 +24,12 @@ payload::Payload example() {
   payload::PayloadRun& run = load.run;
   run.first_joint = 4;
   run.samples = 100;
-  const auto estimated = [](const Eigen::VectorXd& value, const Eigen::VectorXd& std,
-                            const std::vector<bool>& known) {
-    return payload::Estimated{value, std, 1.96 * std, known};
+  const auto estimated = [](double value, double std, bool known) -> payload::Estimated {
+    return {statistics::Interval::around(value, std), known};
   };
-  run.mass = estimated(Eigen::VectorXd::Constant(1, 2.8), Eigen::VectorXd::Constant(1, 0.05), {true});
-  run.com =
-      estimated(Eigen::Vector3d(0.01, -0.02, kNaN), Eigen::Vector3d(0.001, 0.001, kNaN), {true, true, false});
-  run.inertia = estimated(Eigen::VectorXd::Constant(6, 0.01), Eigen::VectorXd::Constant(6, 0.1),
-                          std::vector<bool>(6, false));
+  run.mass = estimated(2.8, 0.05, true);
+  run.com = {estimated(0.01, 0.001, true), estimated(-0.02, 0.001, true), estimated(kNaN, kNaN, false)};
+  run.inertia.assign(6, estimated(0.01, 0.1, false));
   run.changes = {{3.5, kNaN, 2.8, kNaN}};
   run.time = Eigen::VectorXd::LinSpaced(100, 0, 10);
   run.mass_history = Eigen::VectorXd::Constant(100, 2.8);
@@ -67,7 +64,7 @@ TEST(PayloadReport, TextGivesTheIntervalAndWhatIsNotKnown) {
               AllOf(HasSubstr("2.800 kg ± 0.098 kg (95 %)"), HasSubstr("not identifiable"),
                     HasSubstr("Not converged"), HasSubstr("-50")));
   payload::Payload nothing = example();
-  nothing.run.mass.identifiable = {false};
+  nothing.run.mass.identifiable = false;
   EXPECT_THAT(report::full(nothing), AllOf(HasSubstr("cannot be determined"), Not(HasSubstr("2.8 kg ±"))));
 }
 

@@ -16,16 +16,22 @@
 
 #include <Eigen/Core>
 
+#include "heft/core/arm_model.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
-#include "heft/payload/payload_run.hpp"
-#include "heft/payload/recursive_fit.hpp"
+#include "heft/statistics/interval.hpp"
 #include "heft/statistics/residual_statistics.hpp"
 #include "heft/validate/score.hpp"
 
 namespace heft::payload {
+
+/// Torque scales of joints that differ from one another by more than this [1] make a load doubtful: torque constants of
+/// data sheets are good to about a tenth.
+inline constexpr double kScaleOff = 0.1;
+/// Factor by which a joint's torque may be off before the log contradicts itself: beyond 2 it is no torque constant.
+inline constexpr double kScaleImpossible = 2.0;
 
 struct Options {
   int first_joint{1};  ///< k: torques of joints k..n are used, 1-based
@@ -42,9 +48,23 @@ struct Options {
 /// Load found on a log without load: what the model gets wrong from one recording to the next.
 struct ZeroCheck {
   std::string log;
-  double mass{0.0};        ///< [kg]
-  double std{0.0};         ///< [kg]
-  double half_width{0.0};  ///< of its 95 % interval [kg]
+  statistics::Interval mass;  ///< [kg]
+};
+
+/// A fitted model and how far to trust it.
+struct RecursiveFit {
+  /// All 14 parameters a joint, their standard deviations (NaN: this parameter alone is not determined) and
+  /// covariance (block jackknife, see BlockJackknife: holds for residuals correlated in time).
+  model::ModelFile model;
+  statistics::ResidualStatistics residual;
+  Eigen::VectorXi rows;    ///< rows used per joint
+  Eigen::VectorXd moving;  ///< time each joint was moving, all logs together [s]
+  int samples{0};          ///< log rows, all logs together
+  int left_out{0};         ///< samples whose torque or velocity no such arm can have
+  int determined{0};       ///< combinations of parameters that the logs determine
+  int determinable{0};     ///< combinations that any motion of this arm could determine
+  /// What is missing for a usable model and the motion that would give it; empty: nothing.
+  std::vector<std::string> missing;
 };
 
 /// The arm without load, and how well it is known.
@@ -53,6 +73,7 @@ struct UnloadedArm {
   /// How the model misses the torque without load; absent: not known, it is measured on the log with the load.
   std::optional<statistics::ResidualStatistics> residual;
   std::optional<Eigen::MatrixXd> covariance;  ///< of the model's 14 n parameters
+  std::optional<model::FitRecord> record;     ///< of the model: which side of the gears it was fitted to
   std::optional<RecursiveFit> fit;            ///< absent: the model came from a file
   std::string model_file_path;                ///< of that file; may be empty
   std::vector<data::LogSource> logs;          ///< fitted to
@@ -81,6 +102,58 @@ UnloadedArm fit_unloaded(const model::Robot& robot, const data::LogSet& logs, st
 /// @throws ModelError when "residual" is not what UnloadedArm::model_file() writes
 UnloadedArm arm_from_file(const model::Robot& robot, const model::ModelFile& file, const data::LogSet& logs,
                           std::size_t zeros = 0, const Options& options = {});
+
+/// A number of the load with its uncertainty.
+struct Estimated : statistics::Interval {
+  bool identifiable{false};  ///< the data determine it; else the value is the prior's, or NaN
+};
+
+/// The load changed.
+struct LoadChange {
+  double time{0.0};         ///< when the torque began to differ [s]
+  double mass_before{0.0};  ///< [kg]; NaN: not determined
+  double mass{0.0};         ///< from then on [kg]; NaN: not determined
+  double std{0.0};          ///< of `mass` [kg]; NaN: not determined
+};
+
+/// What the estimator made of a log.
+struct PayloadRun {
+  int first_joint{1};
+  int samples{0};
+  double cutoff{0.0};                   ///< [Hz]
+  double block{0.0};                    ///< length of the blocks behind the interval [s]
+  int blocks{0};                        ///< how many there were
+  Estimated mass;                       ///< [kg]
+  std::vector<Estimated> first_moment;  ///< 3, flange frame [kg·m]: known also where the mass is not
+  std::vector<Estimated> com;           ///< 3, flange frame [m]; needs a mass well above its uncertainty
+  std::vector<Estimated>
+      inertia;  ///< 6: Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the flange frame's origin [kg·m²]
+  std::vector<Estimated> coulomb_change;  ///< n: against the model [N·m, N]; joints below k: not identifiable
+  std::vector<Estimated> viscous_change;  ///< n [N·m·s/rad, N·s/m]
+  double mass_std_residual{0.0};          ///< share of the mass' standard deviation: this log's residual [kg]
+  double mass_std_model{0.0};             ///< the model's parameters [kg]
+  double mass_std_zero{0.0};              ///< the zero check [kg]
+  /// The ten parameters of the load about the flange frame, m, m c, inertia, with their covariance, 10 × 10; entries
+  /// that are not identifiable are the prior's.
+  Eigen::VectorXd parameters;
+  Eigen::MatrixXd covariance;
+  double interval_factor{0.0};  ///< half-width of a 95 % interval in standard deviations
+  /// n: torque that each joint feels of the load, in parts of what the load found would make it feel. All joints agree
+  /// where it is 1; a torque constant that is 10 % too large shows as 1.1 against the others.
+  std::vector<Estimated> torque_scale;
+  /// The ten parameters about the last link frame (the recursion's own), to be added to the last link.
+  InertialParameters<double> on_last_link{};
+  bool mass_visible{false};            ///< some motion of this arm shows the mass in rows k..n
+  std::optional<double> converged_at;  ///< log time from which the running mass stays at its final value [s]
+  std::vector<LoadChange> changes;
+  double load_since{0.0};  ///< log time at which the load stated above began [s]
+  Eigen::VectorXi rows_used, rows_rejected, rows_at_rest;  ///< per joint
+  int left_out{0};  ///< samples whose torque or velocity no such arm can have
+  Eigen::VectorXd time, mass_history,
+      mass_std_history;  ///< running values [s, kg, kg]; NaN: not identifiable yet
+  /// What the data do not determine and the motion that would; empty: nothing is missing.
+  std::string missing;
+};
 
 /// A load.
 struct Payload {
@@ -113,7 +186,7 @@ struct Payload {
 
 /// Estimates the load that a log shows, sample by sample as a controller would: from the torque that the unloaded arm
 /// does not explain, that is measured torque minus that of model::MotionTorque with all that the model holds (friction,
-/// gear couplings, effects, elastic joints, delay). The sign of friction has one width in all of it.
+/// gear couplings, effects, elastic joints, delay). The torque errors before and after are of validate::Predictor and validate::score(), as those of every other answer.
 /// @throws DataError when the log holds samples of a log without load, or lacks torque
 Payload estimate(const UnloadedArm& arm, const data::LogSource& log, const Options& options = {});
 

@@ -3,15 +3,11 @@
 #pragma once
 
 #include <functional>
-#include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "heft/data/log.hpp"
-#include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
-#include "heft/statistics/residual_statistics.hpp"
+#include "heft/payload/payload.hpp"
 
 namespace heft::payload {
 
@@ -20,22 +16,6 @@ struct RecursiveFitOptions {
   bool torque_at_joint{false};    ///< torque measured behind the gear: no rotor inertia and no friction in it
   double standstill_speed{0.03};  ///< rows of slower joints are left out [rad/s, m/s]
   std::function<void(double)> progress{};  ///< called with 0..1; may be empty
-};
-
-/// A fitted model and how far to trust it.
-struct RecursiveFit {
-  /// All 14 parameters a joint, their standard deviations (NaN: this parameter alone is not determined) and
-  /// covariance (block jackknife, see BlockJackknife: holds for residuals correlated in time).
-  model::ModelFile model;
-  statistics::ResidualStatistics residual;
-  Eigen::VectorXi rows;    ///< rows used per joint
-  Eigen::VectorXd moving;  ///< time each joint was moving, all logs together [s]
-  int samples{0};          ///< log rows, all logs together
-  int left_out{0};         ///< samples whose torque or velocity no such arm can have
-  int determined{0};       ///< combinations of parameters that the logs determine
-  int determinable{0};     ///< combinations that any motion of this arm could determine
-  /// What is missing for a usable model and the motion that would give it; empty: nothing.
-  std::vector<std::string> missing;
 };
 
 /// Cut-off of the causal low-pass for a log: its pole at ten times the bandwidth of the motion, at least 3
@@ -55,10 +35,14 @@ double choose_cutoff(const data::Log& log);
 /// masses, and no torque depends on them.
 ///
 /// Torque and every column of the regressor pass the same causal low-passes
-/// (src/payload/causal_signals.hpp), so that the model is the one that an estimator in the loop needs.
+/// (causal_signals.hpp), so that the model is the one that an estimator in the loop needs.
 ///
 /// Rows of joints at rest are left out: at rest friction takes up any torque below its level.
 ///
+/// Behind the gears the model keeps neither rotor inertia nor friction, but the sensors' offsets, and its
+/// record says where it was fitted.
+///
+/// @param robot  of a URDF, as its motors see it
 /// @param logs  at least one, each with q and tau of the robot's joints; qd is used for the sign of
 ///         friction if present
 /// @throws ModelError for more than model::kMaxJoints joints, DataError when a log lacks torque or joints.

@@ -10,15 +10,9 @@
 #include <string>
 
 #include "heft/host/verdict.hpp"
-#include "heft/payload/payload_run.hpp"
+#include "heft/payload/payload.hpp"
 
 namespace heft::payload {
-
-/// Torque scales of joints that differ from one another by more than this [1] matter for a load: torque constants of
-/// data sheets are good to about a tenth.
-inline constexpr double kScaleOff = 0.1;
-/// Factor by which a joint's torque may be off before the log contradicts itself: beyond 2 it is no torque constant.
-inline constexpr double kScaleImpossible = 2.0;
 
 /// Why a load cannot be what the log says, as a sentence without a full stop; empty: nothing speaks against it. A mass
 /// below zero, or a body that cannot exist, by more than the 95 % intervals allow; a joint whose torque scale is beyond
