@@ -53,8 +53,8 @@ TEST(Contact, OfNoiseAloneHasNoSmallP) {
     constexpr int kLogs = 300;
     for (unsigned seed = 0; seed < kLogs; ++seed)
       below_tenth += best_touch(noise_of(seed, 1000, memory), {}).p_value < 0.1;
-    // 30 expected at most; four standard deviations of a binomial.
-    EXPECT_LT(below_tenth, 30 + 21) << memory;
+    // 30 if p were exact; Bonferroni over stretches that overlap leaves next to none (0 of 300 when this was written).
+    EXPECT_LT(below_tenth, 10) << memory;
   }
 }
 
