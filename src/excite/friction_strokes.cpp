@@ -25,12 +25,12 @@ constexpr double kSlowDown = 0.85;
 constexpr int kSlowDowns = 40;
 
 /// How far a joint may go with the others at rest.
-struct Interval {
+struct FreeRange {
   double low{0.0}, high{0.0};
   double width() const { return high - low; }
 };
 
-Interval free_interval(const LimitCheck& check, const VectorXd& pose, Index joint) {
+FreeRange free_range(const LimitCheck& check, const VectorXd& pose, Index joint) {
   const double step = kScanStep * check.half[joint];
   const auto furthest = [&](double direction) {
     VectorXd q = pose;
@@ -59,7 +59,7 @@ VectorXd roomiest_pose(const LimitCheck& check, std::uint64_t seed) {
     }
     double room = 0.0;
     for (Index j = 0; j < q.size(); ++j)
-      room += std::log(1e-3 + free_interval(check, q, j).width() / check.half[j]);
+      room += std::log(1e-3 + free_range(check, q, j).width() / check.half[j]);
     if (room > most) {
       most = room;
       best = q;
@@ -117,11 +117,11 @@ Closest closest_of(const LimitCheck& check, const Piece& piece) {
   return check.closest(samples, 0.0);
 }
 
-/// A stroke about the middle of the interval at this speed or the next lower one that keeps the limits.
-Profile safe_profile(const LimitCheck& check, const VectorXd& pose, Index joint, const Interval& interval,
+/// A stroke about the middle of the range at this speed or the next lower one that keeps the limits.
+Profile safe_profile(const LimitCheck& check, const VectorXd& pose, Index joint, const FreeRange& range,
                      double speed, double longest) {
   Closest found;
-  const double room = 0.98 * interval.width(), middle = 0.5 * (interval.low + interval.high);
+  const double room = 0.98 * range.width(), middle = 0.5 * (range.low + range.high);
   for (int attempt = 0; attempt < kSlowDowns; ++attempt, speed *= kSlowDown) {
     Profile profile;
     profile.speed = speed;
@@ -137,7 +137,7 @@ Profile safe_profile(const LimitCheck& check, const VectorXd& pose, Index joint,
       "robot \"{}\": {}: no safe stroke, however slow; the limit that stops it: {}; take another pose "
       "(--start) or widen that limit",
       check.robot.name, joint_name(check.robot, joint),
-      found.what.empty() ? fmt::format("room of {:.3g} rad or m only", interval.width()) : found.what));
+      found.what.empty() ? fmt::format("room of {:.3g} rad or m only", range.width()) : found.what));
 }
 
 void check_options(const model::Robot& robot, const FrictionOptions& options) {
@@ -168,9 +168,9 @@ void check_options(const model::Robot& robot, const FrictionOptions& options) {
 void add_joint(const LimitCheck& check, const FrictionOptions& options, Index joint, FrictionMotion& motion,
                std::vector<Piece>& pieces, double& time) {
   const VectorXd& pose = motion.pose;
-  const Interval interval = free_interval(check, pose, joint);
+  const FreeRange range = free_range(check, pose, joint);
   const Profile fastest =
-      safe_profile(check, pose, joint, interval, check.velocity[joint], options.longest_stroke);
+      safe_profile(check, pose, joint, range, check.velocity[joint], options.longest_stroke);
   const auto put = [&](const Piece& piece) {
     pieces.push_back(piece);
     time += piece.duration;
@@ -188,8 +188,8 @@ void add_joint(const LimitCheck& check, const FrictionOptions& options, Index jo
   for (int k = 0; k < options.speeds; ++k) {
     const double exponent = options.speeds > 1 ? static_cast<double>(k) / (options.speeds - 1) : 1.0;
     const double speed = fastest.speed * std::pow(options.slowest, 1.0 - exponent);
-    const Profile profile = safe_profile(check, pose, joint, interval, speed, options.longest_stroke);
-    const double middle = 0.5 * (interval.low + interval.high);
+    const Profile profile = safe_profile(check, pose, joint, range, speed, options.longest_stroke);
+    const double middle = 0.5 * (range.low + range.high);
     double from = middle - 0.5 * profile.length();
     go_to(from);
     for (const double direction : {1.0, -1.0}) {
