@@ -61,15 +61,16 @@ Table joint_table(const StiffnessFit& fit, const model::Robot& robot) {
   for (int j = 0; j < robot.num_joints(); ++j) {
     const StiffnessEstimate& joint = fit.joints[static_cast<std::size_t>(j)];
     std::string remark = joint.why;
-    if (joint.determined && remark.empty() && std::isinf(joint.stiffness_high)) {
+    if (joint.determined && remark.empty() && std::isinf(joint.stiffness.upper)) {
       remark = "may be rigid: its compliance is within the scatter";
     }
-    table.add_row({fmt::format("{}", j + 1), stiffness_in_words(joint.stiffness, slides(robot, j)),
-                   stiffness_interval_in_words(joint.stiffness_low, joint.stiffness_high, slides(robot, j)),
-                   joint.determined ? fmt::format("{} ± {}", page::number(1e6 * joint.compliance, 3),
-                                                  page::number(1e6 * joint.deviation, 2))
-                                    : "–",
-                   remark});
+    table.add_row(
+        {fmt::format("{}", j + 1), stiffness_in_words(joint.stiffness.value, slides(robot, j)),
+         stiffness_interval_in_words(joint.stiffness.lower, joint.stiffness.upper, slides(robot, j)),
+         joint.determined ? fmt::format("{} ± {}", page::number(1e6 * joint.compliance.value, 3),
+                                        page::number(1e6 * joint.compliance.std, 2))
+                          : "–",
+         remark});
   }
   return table;
 }
@@ -114,11 +115,11 @@ nlohmann::ordered_json fit_json(const StiffnessFit& fit) {
   }
   for (const StiffnessEstimate& joint : fit.joints) {
     // What may as well be rigid has a lower bound and no stiffness.
-    json["stiffness"].push_back(joint.has_stiffness() ? joint.stiffness : kNaN);
-    json["stiffness_low"].push_back(joint.stiffness_low);
-    json["stiffness_high"].push_back(joint.stiffness_high);
-    json["compliance"].push_back(joint.compliance);
-    json["compliance_std"].push_back(joint.deviation);
+    json["stiffness"].push_back(joint.has_stiffness() ? joint.stiffness.value : kNaN);
+    json["stiffness_low"].push_back(joint.stiffness.lower);
+    json["stiffness_high"].push_back(joint.stiffness.upper);
+    json["compliance"].push_back(joint.compliance.value);
+    json["compliance_std"].push_back(joint.compliance.std);
     json["determined"].push_back(joint.determined);
     json["missing"].push_back(joint.why);
   }
@@ -174,7 +175,7 @@ page::PlotSpec stiffness_plot(const StiffnessFit& fit, const model::Robot& robot
   spec.log_y = true;
   double top = 0.0;
   for (const StiffnessEstimate& joint : fit.joints) {
-    for (const double k : {joint.stiffness_low, joint.stiffness, joint.stiffness_high}) {
+    for (const double k : {joint.stiffness.lower, joint.stiffness.value, joint.stiffness.upper}) {
       if (std::isfinite(k)) top = std::max(top, k);
     }
   }
@@ -187,10 +188,10 @@ page::PlotSpec stiffness_plot(const StiffnessFit& fit, const model::Robot& robot
     spec.categories.push_back(fmt::format("joint {}", j + 1));
     points.x.push_back(j);
     bars.x.push_back(j);
-    points.y.push_back(std::isfinite(joint.stiffness) ? 1e-3 * joint.stiffness : kNaN);
-    bars.y.push_back(1e-3 * joint.stiffness_low);
-    bars.y_high.push_back(std::isnan(joint.stiffness_low) ? kNaN
-                                                          : 1e-3 * std::min(joint.stiffness_high, 3.0 * top));
+    points.y.push_back(std::isfinite(joint.stiffness.value) ? 1e-3 * joint.stiffness.value : kNaN);
+    bars.y.push_back(1e-3 * joint.stiffness.lower);
+    bars.y_high.push_back(
+        std::isnan(joint.stiffness.lower) ? kNaN : 1e-3 * std::min(joint.stiffness.upper, 3.0 * top));
   }
   spec.series = {bars, points};
   return spec;
@@ -248,7 +249,7 @@ std::string deflection_verdict(const stiffness::Stiffness& answer) {
   int known = 0, open = 0;
   for (const StiffnessEstimate& joint : fit.joints) {
     known += joint.has_stiffness() ? 1 : 0;
-    open += joint.determined && std::isinf(joint.stiffness_high) ? 1 : 0;
+    open += joint.determined && std::isinf(joint.stiffness.upper) ? 1 : 0;
   }
   return fmt::format("{} of {} joints have a stiffness{}; springs alone predict poses left out to {}.", known,
                      answer.robot.num_joints(),

@@ -15,26 +15,26 @@ namespace heft::report {
 using Eigen::Index;
 using Eigen::VectorXd;
 using page::Table;
+using statistics::Interval;
 using stiffness::JointEncoderFit;
 using stiffness::JointStiffness;
-using stiffness::Uncertain;
 
 namespace {
 
-nlohmann::ordered_json to_json(const Uncertain& u) {
+nlohmann::ordered_json to_json(const Interval& u) {
   return {{"value", u.value}, {"std", u.std}, {"lower", u.lower}, {"upper", u.upper}};
 }
 
 /// A loop's width in µrad with its deviation.
-std::string microradians(const Uncertain& u) {
+std::string microradians(const Interval& u) {
   return fmt::format("{} ± {}", page::number(1e6 * u.value, 3), page::number(1e6 * u.std, 2));
 }
 
 std::vector<std::string> row_of(const std::string& log, const JointStiffness& joint) {
   return {fmt::format("{}", joint.joint + 1),
           log,
-          joint.identifiable ? stiffness_in_words(joint.stiffness, false) : "–",
-          stiffness_interval_in_words(joint.stiffness_lower, joint.stiffness_upper, false),
+          joint.identifiable ? stiffness_in_words(joint.stiffness.value, false) : "–",
+          stiffness_interval_in_words(joint.stiffness.lower, joint.stiffness.upper, false),
           microradians(joint.direction.loop),
           joint.time_shift_known ? page::number(1e3 * joint.time_shift.value, 3) : "–",
           page::number(1e6 * joint.rms_rigid, 3),
@@ -57,10 +57,10 @@ nlohmann::ordered_json joint_json(const JointStiffness& joint) {
   nlohmann::ordered_json json{{"joint", joint.joint + 1},
                               {"identifiable", joint.identifiable},
                               {"missing", joint.reason},
-                              {"stiffness", joint.stiffness},
-                              {"stiffness_std", joint.stiffness_std},
-                              {"stiffness_low", joint.stiffness_lower},
-                              {"stiffness_high", joint.stiffness_upper},
+                              {"stiffness", joint.stiffness.value},
+                              {"stiffness_std", joint.stiffness.std},
+                              {"stiffness_low", joint.stiffness.lower},
+                              {"stiffness_high", joint.stiffness.upper},
                               {"compliance", to_json(joint.compliance)},
                               {"time_shift", to_json(joint.time_shift)},
                               {"hysteresis",
@@ -170,7 +170,7 @@ std::string encoder_verdict(const stiffness::Stiffness& answer) {
   for (const JointStiffness& joint : answer.encoders->pooled) {
     if (joint.identifiable)
       known.push_back(
-          fmt::format("joint {} {}", joint.joint + 1, stiffness_in_words(joint.stiffness, false)));
+          fmt::format("joint {} {}", joint.joint + 1, stiffness_in_words(joint.stiffness.value, false)));
   }
   return fmt::format("Stiffness of the gears: {}.", fmt::join(known, ", "));
 }

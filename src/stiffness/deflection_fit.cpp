@@ -122,8 +122,6 @@ Noise noise_of(const Fitted& fitted, const VectorXd& residual) {
 
 StiffnessEstimate rigid_joint() {
   StiffnessEstimate joint;
-  joint.compliance = joint.deviation = joint.compliance_low = joint.compliance_high = kNaN;
-  joint.stiffness = joint.stiffness_low = joint.stiffness_high = kNaN;
   joint.why = "taken as rigid";
   return joint;
 }
@@ -133,19 +131,15 @@ StiffnessEstimate estimate_of(const Solution& solution, Index g, const Noise& no
   StiffnessEstimate joint = rigid_joint();
   joint.why.clear();
   joint.determined = true;
-  joint.compliance = solution.x[g];
-  joint.deviation = std::sqrt(noise.variance * solution.inverse(g, g));
-  joint.compliance_low = joint.compliance - noise.factor * joint.deviation;
-  joint.compliance_high = joint.compliance + noise.factor * joint.deviation;
-  if (joint.compliance_high < 0.0) {
+  joint.compliance = statistics::Interval::around(
+      solution.x[g], std::sqrt(noise.variance * solution.inverse(g, g)), noise.factor);
+  if (joint.compliance.upper < 0.0) {
     joint.why =
         "a negative compliance, which no spring has: load, direction or sign of the readings is not as "
         "stated";
     return joint;
   }
-  joint.stiffness = joint.compliance > 0.0 ? 1.0 / joint.compliance : kInfinity;
-  joint.stiffness_low = 1.0 / joint.compliance_high;
-  joint.stiffness_high = joint.compliance_low > 0.0 ? 1.0 / joint.compliance_low : kInfinity;
+  joint.stiffness = statistics::reciprocal(joint.compliance);
   return joint;
 }
 
@@ -235,7 +229,7 @@ double repeatability_of(const std::vector<LoadedPose>& poses, const std::vector<
 }  // namespace
 
 bool StiffnessEstimate::has_stiffness() const {
-  return determined && std::isfinite(stiffness) && std::isfinite(stiffness_high);
+  return determined && std::isfinite(stiffness.value) && std::isfinite(stiffness.upper);
 }
 
 StiffnessFit fit_stiffness(const model::Kinematics& kinematics, const std::vector<LoadedPose>& poses,

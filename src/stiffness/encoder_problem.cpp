@@ -364,18 +364,13 @@ double EncoderProblem::own_power(const MatrixXd& gram, const std::vector<Index>&
   return least;
 }
 
-Uncertain uncertain(double value, double variance, double factor) {
-  Uncertain u;
-  u.value = value;
-  u.std = std::sqrt(std::max(variance, 0.0));
-  u.lower = value - factor * u.std;
-  u.upper = value + factor * u.std;
-  return u;
+statistics::Interval uncertain(double value, double variance, double factor) {
+  return statistics::Interval::around(value, std::sqrt(std::max(variance, 0.0)), factor);
 }
 
-std::vector<Uncertain> coefficients(const EncoderProblem& problem, const EncoderProblem::Fit& f,
-                                    DeflectionTerm term, double factor) {
-  std::vector<Uncertain> result;
+std::vector<statistics::Interval> coefficients(const EncoderProblem& problem, const EncoderProblem::Fit& f,
+                                               DeflectionTerm term, double factor) {
+  std::vector<statistics::Interval> result;
   const Columns* columns = problem.term(term);
   if (columns == nullptr) return result;
   for (const Index j : columns->columns) {

@@ -143,10 +143,10 @@ class EncoderProblem {
 };
 
 /// With the interval of `factor` standard deviations.
-Uncertain uncertain(double value, double variance, double factor);
+statistics::Interval uncertain(double value, double variance, double factor);
 
 /// Coefficients of a term in a fit, in its units.
-std::vector<Uncertain> coefficients(const EncoderProblem& problem, const EncoderProblem::Fit& f,
-                                    DeflectionTerm term, double factor);
+std::vector<statistics::Interval> coefficients(const EncoderProblem& problem, const EncoderProblem::Fit& f,
+                                               DeflectionTerm term, double factor);
 
 }  // namespace heft::stiffness

@@ -49,7 +49,7 @@ TermTrial try_term(EncoderProblem& problem, const std::vector<DeflectionTerm>& l
 struct Chosen {
   std::vector<DeflectionTerm> terms;
   double memory{0.0};
-  Uncertain compliance;
+  statistics::Interval compliance;
 };
 
 /// @param base    terms that the motion shows of the first four

@@ -29,7 +29,7 @@ constexpr double kLongestShift = 0.2;  ///< [s]
 constexpr std::array kFirst{DeflectionTerm::kOffset, DeflectionTerm::kCompliance, DeflectionTerm::kVelocity,
                             DeflectionTerm::kDirection};
 
-void read_direction(JointStiffness& s, const Uncertain& h, double coulomb) {
+void read_direction(JointStiffness& s, const statistics::Interval& h, double coulomb) {
   DirectionReading& d = s.direction;
   d.loop = {2.0 * h.value, 2.0 * h.std, 2.0 * h.lower, 2.0 * h.upper};
   const double c = s.compliance.value;
@@ -71,7 +71,7 @@ void read_direction(JointStiffness& s, const Uncertain& h, double coulomb) {
 
 /// Words for a compliance that the log does not show.
 std::string why_not(const JointStiffness& s) {
-  const Uncertain& c = s.compliance;
+  const statistics::Interval& c = s.compliance;
   if (c.upper <= 0)
     return fmt::format(
         "the deflection goes against the torque (compliance {:.3g} ± {:.2g} rad/(N·m)): check the signs of "
@@ -126,7 +126,7 @@ std::vector<DeflectionTerm> first_terms(const EncoderProblem& problem, JointStif
 /// A delay is not quite δ q̇: the link's channel is moved by it, until what is left is little.
 void settle_shift(EncoderProblem& problem, const std::vector<DeflectionTerm>& terms) {
   for (int i = 0; i < 4; ++i) {
-    const std::vector<Uncertain> delay =
+    const std::vector<statistics::Interval> delay =
         coefficients(problem, problem.fit(terms), DeflectionTerm::kVelocity, 1.0);
     const double step = delay.empty() ? 0.0 : delay.front().value;
     const double shift = problem.shift() + step;
@@ -146,7 +146,7 @@ double motor_friction(const EncoderProblem& problem, const std::vector<Deflectio
   return c > 0 && h < 0 && -h / c < 0.5 * problem.torque_range() ? -h / c : 0.0;
 }
 
-bool disagree(const Uncertain& a, const Uncertain& b) {
+bool disagree(const statistics::Interval& a, const statistics::Interval& b) {
   return (a.value < b.lower || a.value > b.upper) && (b.value < a.lower || b.value > a.upper);
 }
 
@@ -221,21 +221,17 @@ void read_stiffness(JointStiffness& s, double rms_torque) {
   } else {
     s.reason = why_not(s);
   }
-  const Uncertain& c = s.compliance;
+  const statistics::Interval& c = s.compliance;
   if (s.rms_deflection > 1e-12 && std::isfinite(c.std)) {
-    if (c.value > 0) {
-      s.stiffness = 1.0 / c.value;
-      s.stiffness_std = c.std / (c.value * c.value);
-    }
-    if (c.upper > 0) s.stiffness_lower = 1.0 / c.upper;
-    if (c.lower > 0) s.stiffness_upper = 1.0 / c.lower;
+    s.stiffness = statistics::reciprocal(c);
+    if (!(c.value > 0)) s.stiffness.value = kNaN;
   }
 }
 
 /// Chooses the terms and the weighting, and settles delay, friction and blocks on them. Fills what s says of them.
 /// @return factor on the variance
 double settle(EncoderProblem& problem, const std::vector<DeflectionTerm>* given, std::optional<double> memory,
-              bool model_torque, JointStiffness& s, std::optional<Uncertain>& at_odds) {
+              bool model_torque, JointStiffness& s, std::optional<statistics::Interval>& at_odds) {
   problem.set_blocks(problem.shortest_log() / 6.0);
   std::vector<DeflectionTerm> used = first_terms(problem, s);
   settle_shift(problem, used);
@@ -270,7 +266,7 @@ double settle(EncoderProblem& problem, const std::vector<DeflectionTerm>* given,
 /// Compliance, delay and what else the fit holds.
 /// @param at_odds  the compliance by the other weighting, where the two disagree
 void read_coefficients(const EncoderProblem& problem, const EncoderProblem::Fit& f,
-                       const std::optional<Uncertain>& at_odds, JointStiffness& s) {
+                       const std::optional<statistics::Interval>& at_odds, JointStiffness& s) {
   const double factor = statistics::interval_factor(s.blocks - 1);
   s.compliance = coefficients(problem, f, DeflectionTerm::kCompliance, factor).front();
   if (at_odds) {
@@ -306,11 +302,12 @@ void read_loops(const EncoderProblem& problem, const EncoderProblem::Fit& f, dou
     read_direction(s, coefficients(problem, f, DeflectionTerm::kDirection, factor).front(), coulomb);
   for (const DeflectionTerm term : {DeflectionTerm::kBacklash, DeflectionTerm::kTorqueHysteresis}) {
     if (!contains(s.terms, term)) continue;
-    Uncertain u = coefficients(problem, f, term, factor).front();
+    statistics::Interval u = coefficients(problem, f, term, factor).front();
     u = {2.0 * u.value, 2.0 * u.std, 2.0 * u.lower, 2.0 * u.upper};
     if (!s.gear_hysteresis || term == DeflectionTerm::kTorqueHysteresis) s.gear_hysteresis = u;
   }
-  if (s.gear_hysteresis && s.identifiable) s.gear_hysteresis_torque = s.gear_hysteresis->value * s.stiffness;
+  if (s.gear_hysteresis && s.identifiable)
+    s.gear_hysteresis_torque = s.gear_hysteresis->value * s.stiffness.value;
 }
 
 JointStiffness solve(EncoderProblem& problem, const Prepared& about, int num_logs,
@@ -320,7 +317,7 @@ JointStiffness solve(EncoderProblem& problem, const Prepared& about, int num_log
   s.joint = about.joint;
   s.samples = static_cast<int>(problem.rows());
   s.torque_range = problem.torque_range();
-  std::optional<Uncertain> at_odds;
+  std::optional<statistics::Interval> at_odds;
   const double edge = settle(problem, given, memory, model_torque, s, at_odds);
   const std::vector<DeflectionTerm> used = s.terms;
   const double factor = statistics::interval_factor(s.blocks - 1);

@@ -23,7 +23,7 @@ Judgement judge(const StiffnessFit& fit, const StiffnessDiagnosis& diagnosis) {
       open.push_back(static_cast<int>(j));
     } else {
       ++known;
-      if (joint.stiffness_high > kWideStiffness * joint.stiffness_low) wide.push_back(static_cast<int>(j));
+      if (joint.stiffness.upper > kWideStiffness * joint.stiffness.lower) wide.push_back(static_cast<int>(j));
     }
   }
   if (known == 0) judgement.add(Rank::kBad, "no joint's stiffness is determined");
@@ -56,7 +56,7 @@ Judgement judge(const JointEncoderFit& fit, bool rotor_inertia_known) {
   std::vector<int> open, wide, apart;
   for (const JointStiffness& joint : fit.pooled) {
     if (!joint.identifiable) open.push_back(joint.joint);
-    else if (joint.stiffness_upper > kWideStiffness * joint.stiffness_lower) wide.push_back(joint.joint);
+    else if (joint.stiffness.upper > kWideStiffness * joint.stiffness.lower) wide.push_back(joint.joint);
   }
   for (const StiffnessAgreement& agreement : fit.agreement) {
     if (!agreement.agrees) apart.push_back(agreement.joint);

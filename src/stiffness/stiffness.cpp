@@ -115,7 +115,7 @@ Stiffness from_deflections(const model::Robot& robot, const std::vector<data::De
   result.joints.resize(robot.num_joints());
   for (Index j = 0; j < result.joints.size(); ++j) {
     const StiffnessEstimate& joint = answer.fit.joints[static_cast<std::size_t>(j)];
-    result.joints[j] = joint.has_stiffness() ? joint.stiffness : kInfinity;
+    result.joints[j] = joint.has_stiffness() ? joint.stiffness.value : kInfinity;
   }
   result.judgement = judge(answer.fit, answer.diagnosis);
   result.sources = options.sources;
@@ -155,7 +155,7 @@ Stiffness from_encoders(const model::Robot& robot, const data::LogSet& logs, con
   result.joints = VectorXd::Constant(robot.num_joints(), kInfinity);
   std::vector<std::string> missing;
   for (const JointStiffness& joint : result.encoders->pooled) {
-    if (joint.identifiable) result.joints[joint.joint] = joint.stiffness;
+    if (joint.identifiable) result.joints[joint.joint] = joint.stiffness.value;
     else missing.push_back(fmt::format("joint {}: {}", joint.joint + 1, joint.reason));
   }
   if (!result.found_any()) {

@@ -132,7 +132,7 @@ Design design_of(const model::Kinematics& kinematics, const Way& way, double len
   VectorXd x(kinematics.num_joints());
   for (Index j = 0; j < x.size(); ++j) {
     const StiffnessEstimate& joint = fit.joints[static_cast<std::size_t>(j)];
-    x[j] = joint.determined ? std::max(0.0, joint.compliance) : 0.0;
+    x[j] = joint.determined ? std::max(0.0, joint.compliance.value) : 0.0;
   }
   return stiffness_design(kinematics, way.poses, way.options, x, length);
 }

@@ -114,7 +114,7 @@ TEST(Stiffness, IsRecoveredToOnePercentWithTrackerNoiseInGoodPoses) {
     const auto rows = measure(arm, chosen_poses(arm, 40, seed), k, 1e-5, 2e-5, random);
     const StiffnessFit fit = fit_stiffness(arm, loaded_poses(arm, rows), {.complementary = true}, kLength);
     for (std::size_t j = 0; j < 6; ++j) {
-      EXPECT_NEAR(fit.joints[j].stiffness / k[static_cast<Index>(j)], 1.0, 0.01)
+      EXPECT_NEAR(fit.joints[j].stiffness.value / k[static_cast<Index>(j)], 1.0, 0.01)
           << "seed " << seed << " joint " << j + 1;
     }
   }
@@ -130,8 +130,8 @@ TEST(Stiffness, IsExactWithoutNoiseWhenTheLoadActsAtThePoseItHasMade) {
   const StiffnessFit without = fit_stiffness(arm, poses, {}, kLength);
   double error = 0.0;
   for (std::size_t j = 0; j < 6; ++j) {
-    EXPECT_NEAR(with.joints[j].stiffness / k[static_cast<Index>(j)], 1.0, 1e-9) << j + 1;
-    error = std::max(error, std::abs(without.joints[j].stiffness / k[static_cast<Index>(j)] - 1.0));
+    EXPECT_NEAR(with.joints[j].stiffness.value / k[static_cast<Index>(j)], 1.0, 1e-9) << j + 1;
+    error = std::max(error, std::abs(without.joints[j].stiffness.value / k[static_cast<Index>(j)] - 1.0));
   }
   EXPECT_GT(error, 1e-3);
   EXPECT_GT(with.iterations, 1);
@@ -149,7 +149,7 @@ TEST(Stiffness, PartialReadingsDetermineTheSameStiffness) {
     EXPECT_FALSE(fit.joints[5].determined);
     EXPECT_NE(fit.joints[5].why.find("rotation about its axis"), std::string::npos) << fit.joints[5].why;
     for (std::size_t j = 0; j < 5; ++j) {
-      EXPECT_NEAR(fit.joints[j].stiffness / k[static_cast<Index>(j)], 1.0, 0.01) << j + 1;
+      EXPECT_NEAR(fit.joints[j].stiffness.value / k[static_cast<Index>(j)], 1.0, 0.01) << j + 1;
     }
   }
 }
@@ -178,7 +178,7 @@ TEST(Stiffness, IntervalsCoverNinetyFivePercent) {
       EXPECT_EQ(fit.stated_noise, stated);
       for (std::size_t j = 0; j < 6; ++j) {
         const double x = k[static_cast<Index>(j)];
-        inside += fit.joints[j].stiffness_low <= x && x <= fit.joints[j].stiffness_high ? 1 : 0;
+        inside += fit.joints[j].stiffness.lower <= x && x <= fit.joints[j].stiffness.upper ? 1 : 0;
         ++all;
       }
     }
@@ -207,7 +207,7 @@ TEST(Stiffness, NearSingularPosesSpoilTheDirectMethodAndHardlyTheFit) {
     Spread result{0.0, 0.0};
     for (Index j = 0; j < 6; ++j) {
       const StiffnessEstimate& joint = fit.joints[static_cast<std::size_t>(j)];
-      result.fitted = std::max(result.fitted, joint.deviation / joint.compliance);
+      result.fitted = std::max(result.fitted, joint.compliance.std / joint.compliance.value);
       // Of the joint's deflections, in deflections: stiffness itself has a pole where the torque goes through zero.
       const VectorXd error = direct.deflection.col(j) - direct.torque.col(j) / k[j];
       result.direct =
@@ -229,8 +229,8 @@ TEST(Stiffness, GroupsShareOneCompliance) {
   const auto rows = measure(arm, random_poses(arm, 6, 0.2, random), k, 0, 0, random, Seen::kWire);
   const StiffnessFit fit = fit_stiffness(arm, loaded_poses(arm, rows),
                                          {.groups = {{0, 1, 2}, {3, 4, 5}}, .complementary = true}, kLength);
-  EXPECT_NEAR(fit.joints[1].stiffness, 9e3, 9.0);
-  EXPECT_NEAR(fit.joints[5].stiffness, 4e3, 4.0);
+  EXPECT_NEAR(fit.joints[1].stiffness.value, 9e3, 9.0);
+  EXPECT_NEAR(fit.joints[5].stiffness.value, 4e3, 4.0);
   EXPECT_EQ(fit.unknowns, 2);
 }
 
@@ -326,7 +326,7 @@ TEST(Stiffness, PointsBesideTheTipMoveWithItsRotation) {
   }
   const StiffnessFit fit = fit_stiffness(arm, loaded_poses(arm, rows), {.complementary = true}, kLength);
   for (std::size_t j = 0; j < 6; ++j) {
-    EXPECT_NEAR(fit.joints[j].stiffness / k[static_cast<Index>(j)], 1.0, 1e-6) << j + 1;
+    EXPECT_NEAR(fit.joints[j].stiffness.value / k[static_cast<Index>(j)], 1.0, 1e-6) << j + 1;
   }
 }
 

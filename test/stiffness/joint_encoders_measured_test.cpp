@@ -17,9 +17,7 @@ using ::testing::ElementsAre;
 
 class MeasuredKr300 : public ::testing::Test {
  protected:
-  void SetUp() override {
-    HEFT_NEEDS_MEASURED_DATA(folder());
-  }
+  void SetUp() override { HEFT_NEEDS_MEASURED_DATA(folder()); }
   static std::string folder() { return HEFT_DATA_DIR "/kr300-weigand"; }
   static data::Log log(const std::string& name) {
     data::LogRequirements needs;
@@ -52,14 +50,14 @@ TEST_F(MeasuredKr300, StiffnessOfTwoRunsAgrees) {
     for (const auto& run : fit.separate) {
       // Ten seconds bound the stiffness from both sides, and the two bounds have the pooled value between them.
       ASSERT_TRUE(run[j].identifiable) << run[j].reason;
-      EXPECT_LT(run[j].stiffness_lower, pooled.stiffness);
-      EXPECT_GT(run[j].stiffness_upper, pooled.stiffness);
+      EXPECT_LT(run[j].stiffness.lower, pooled.stiffness.value);
+      EXPECT_GT(run[j].stiffness.upper, pooled.stiffness.value);
     }
     // Within the order of magnitude of gears of that size.
-    EXPECT_GT(pooled.stiffness, 3e6);
-    EXPECT_LT(pooled.stiffness, 2e7);
-    EXPECT_LT(pooled.stiffness_upper, 2.5 * pooled.stiffness_lower);
-    RecordProperty("stiffness_A" + std::to_string(j + 1), std::to_string(pooled.stiffness));
+    EXPECT_GT(pooled.stiffness.value, 3e6);
+    EXPECT_LT(pooled.stiffness.value, 2e7);
+    EXPECT_LT(pooled.stiffness.upper, 2.5 * pooled.stiffness.lower);
+    RecordProperty("stiffness_A" + std::to_string(j + 1), std::to_string(pooled.stiffness.value));
   }
 }
 

@@ -17,9 +17,9 @@ TEST(Stiffness, WithOneOpenEndIsNone) {
   StiffnessEstimate known;
   known.determined = true;
   known.group = 0;
-  known.stiffness = 1e4, known.stiffness_low = 8e3, known.stiffness_high = 1.3e4;
+  known.stiffness.value = 1e4, known.stiffness.lower = 8e3, known.stiffness.upper = 1.3e4;
   StiffnessEstimate open = known;
-  open.stiffness_high = std::numeric_limits<double>::infinity();
+  open.stiffness.upper = std::numeric_limits<double>::infinity();
   EXPECT_TRUE(known.has_stiffness());
   EXPECT_FALSE(open.has_stiffness());
   fit.joints = {known, known};
@@ -40,11 +40,11 @@ TEST(EncoderStiffness, WithoutRotorInertiaIsDoubtful) {
   JointEncoderFit fit;
   JointStiffness joint;
   joint.identifiable = true;
-  joint.stiffness = 1e6, joint.stiffness_lower = 8e5, joint.stiffness_upper = 1.3e6;
+  joint.stiffness.value = 1e6, joint.stiffness.lower = 8e5, joint.stiffness.upper = 1.3e6;
   fit.pooled = {joint};
   EXPECT_EQ(judge(fit, true).verdict, Rank::kGood);
   EXPECT_THAT(judge(fit, false).reasons, ::testing::ElementsAre(HasSubstr("--rotor-inertia")));
-  fit.pooled[0].stiffness_upper = 4e6;
+  fit.pooled[0].stiffness.upper = 4e6;
   EXPECT_EQ(judge(fit, true).verdict, Rank::kDoubtful);
   fit.pooled[0].identifiable = false;
   EXPECT_FALSE(judge(fit, true).usable());

@@ -162,7 +162,7 @@ TEST(Ur5Stiffness, TwoSizesAreTheNormalEquationsByHand) {
   const double large = (bb * ay - ab * by) / determinant, small = (aa * by - ab * ay) / determinant;
   for (std::size_t j = 0; j < 6; ++j) {
     const double expected = j < 3 ? large : small;
-    EXPECT_NEAR(stiffness().two.joints[j].compliance, expected, 1e-9 * expected) << "joint " << j + 1;
+    EXPECT_NEAR(stiffness().two.joints[j].compliance.value, expected, 1e-9 * expected) << "joint " << j + 1;
   }
   EXPECT_NEAR(1.0 / large, 8857, 1);
   EXPECT_NEAR(1.0 / small, 3869, 1);
@@ -180,7 +180,7 @@ TEST(Ur5Stiffness, ExactReadingsGiveTheStiffnessBackEvenOutOfTheZones) {
   const stiffness::StiffnessFit fit = stiffness::fit_stiffness(arm(), poses, {}, dexterity().length);
   for (std::size_t j = 0; j < 6; ++j) {
     const double truth = stiffness().truth[static_cast<Eigen::Index>(j)];
-    EXPECT_NEAR(fit.joints[j].compliance, truth, 1e-9 * truth) << "joint " << j + 1;
+    EXPECT_NEAR(fit.joints[j].compliance.value, truth, 1e-9 * truth) << "joint " << j + 1;
   }
 }
 

@@ -13,6 +13,7 @@
 
 #include "heft/data/deflections.hpp"
 #include "heft/model/kinematics.hpp"
+#include "heft/statistics/interval.hpp"
 
 namespace heft::stiffness {
 
@@ -62,14 +63,12 @@ struct StiffnessOptions {
 
 /// The answer for one joint.
 struct StiffnessEstimate {
-  bool determined{false};                            ///< the readings distinguish it from the other joints
-  int group{-1};                                     ///< joints of one group have one answer; -1: rigid
-  double compliance{0.0};                            ///< x [rad/(N·m), m/N]; NaN when not determined
-  double deviation{0.0};                             ///< standard deviation of the compliance
-  double compliance_low{0.0}, compliance_high{0.0};  ///< 95 % interval
-  /// 1/x [N·m/rad, N/m] and its 95 % interval, [1/high, 1/low] of the compliance: `stiffness_high` is infinite where a
-  /// rigid joint is possible; all NaN where the compliance is not determined or, beyond its interval, negative.
-  double stiffness{0.0}, stiffness_low{0.0}, stiffness_high{0.0};
+  bool determined{false};           ///< the readings distinguish it from the other joints
+  int group{-1};                    ///< joints of one group have one answer; -1: rigid
+  statistics::Interval compliance;  ///< x [rad/(N·m), m/N]; NaN when not determined
+  /// 1/x [N·m/rad, N/m]: the upper end infinite where a rigid joint is possible; all NaN where the compliance is not
+  /// determined or, beyond its interval, negative.
+  statistics::Interval stiffness;
   std::string why{};  ///< where there is no answer: what is missing
 
   /// Whether the readings show a stiffness: the interval has two ends. With one end the joint may as well be rigid.

@@ -11,6 +11,8 @@
 #include <Eigen/Core>
 
 #include "heft/data/log.hpp"
+#include "heft/host/numbers.hpp"
+#include "heft/statistics/interval.hpp"
 
 namespace heft::stiffness {
 
@@ -63,29 +65,23 @@ struct JointEncoderOptions {
   std::optional<std::vector<DeflectionTerm>> terms{};
 };
 
-/// A number with its scatter.
-struct Uncertain {
-  double value{0.0};
-  double std{0.0};
-  double lower{0.0}, upper{0.0};  ///< 95 %
-};
-
 /// Why a term is in the model or not.
 struct TermEvidence {
   DeflectionTerm term{};
   bool used{false};
-  std::vector<Uncertain> coefficients;  ///< in the final model; of a refused term when it is added to that
+  std::vector<statistics::Interval>
+      coefficients;         ///< in the final model; of a refused term when it is added to that
   double rms_without{0.0};  ///< on held-out blocks [rad]; each block predicted by a fit to the others
   double rms_with{0.0};
-  double p_value{1.0};   ///< Wald test, block jackknife, times the number of terms tried
-  Uncertain compliance;  ///< with the term when it is refused, without it when it is used
-  std::string verdict;   ///< "used", or why not
+  double p_value{1.0};              ///< Wald test, block jackknife, times the number of terms tried
+  statistics::Interval compliance;  ///< with the term when it is refused, without it when it is used
+  std::string verdict;              ///< "used", or why not
 };
 
 /// Loop of φ over the direction of motion: 2 h = w − 2 c f, w ≥ 0 lost motion in the gear, f ≥ 0 Coulomb friction on
 /// the motor's side of it. One loop, two unknowns: the log gives their combination, and a lower bound of one of them.
 struct DirectionReading {
-  Uncertain loop;                          ///< 2 h [rad]; negative: motor-side friction prevails
+  statistics::Interval loop;               ///< 2 h [rad]; negative: motor-side friction prevails
   double lost_motion_if_no_friction{0.0};  ///< max(0, 2 h) [rad]
   double friction_if_no_lost_motion{0.0};  ///< max(0, −h/c) [N·m]
   double lost_motion_at_least{0.0};        ///< 95 % [rad]
@@ -101,23 +97,22 @@ struct JointStiffness {
   bool identifiable{false};  ///< the 95 % interval of the compliance lies above 0
   /// Why not, and which load or motion would settle it; empty when identifiable.
   std::string reason;
-  Uncertain compliance;                                        ///< c [rad/(N·m)]
-  double stiffness{std::numeric_limits<double>::quiet_NaN()};  ///< 1/c [N·m/rad]; NaN when c ≤ 0
-  double stiffness_std{std::numeric_limits<double>::quiet_NaN()};
-  double stiffness_lower{0.0};  ///< 95 %, by turning over the interval of c; 0 when even that is open
-  double stiffness_upper{std::numeric_limits<double>::infinity()};  ///< infinite: the joint may be rigid
+  statistics::Interval compliance;  ///< c [rad/(N·m)]
+  /// 1/c [N·m/rad]: the value NaN when c ≤ 0; the lower end 0 when even that is open, the upper one infinite when the
+  /// joint may be rigid.
+  statistics::Interval stiffness{kNaN, kNaN, 0.0, kInfinity};
 
   /// Time by which the link's channel comes late [s], if no viscous friction acts on the motor's side; with f_v there
   /// it is this plus c f_v. Does not touch the stiffness either way.
-  Uncertain time_shift;
+  statistics::Interval time_shift;
   bool time_shift_known{false};  ///< the joint moves
   DirectionReading direction;    ///< of motion
   /// Loop that follows the torque and therefore sits in the gear: kTorqueHysteresis or kBacklash if used [rad]. The
   /// direction of the torque counts as turned after a change by 4, 10 or 20 % of its range, whichever fits best.
-  std::optional<Uncertain> gear_hysteresis;
-  double gear_hysteresis_torque{0.0};    ///< the same in torque, K times the width [N·m]
-  std::vector<Uncertain> offset;         ///< one a log [rad]
-  std::optional<Uncertain> ratio_error;  ///< kPosition if used
+  std::optional<statistics::Interval> gear_hysteresis;
+  double gear_hysteresis_torque{0.0};               ///< the same in torque, K times the width [N·m]
+  std::vector<statistics::Interval> offset;         ///< one a log [rad]
+  std::optional<statistics::Interval> ratio_error;  ///< kPosition if used
 
   std::vector<TermEvidence> evidence;  ///< every term beyond the first four
   std::vector<DeflectionTerm> terms;   ///< of the model, the first four included where the motion shows them
@@ -129,7 +124,7 @@ struct JointStiffness {
   double rms{0.0};             ///< and with it [rad]
   double memory{0.0};          ///< weighting used [s], see JointEncoderOptions::memory
   /// Compliance by the weighting that was not used; another answer than this one speaks of a missing term.
-  std::optional<Uncertain> other_weighting;
+  std::optional<statistics::Interval> other_weighting;
   double torque_range{0.0};        ///< largest minus smallest [N·m]
   double independent_torque{0.0};  ///< rms of the torque that no other term could explain [N·m]
   /// Share by which white noise of tau lowers c (raises the stiffness), from the power of tau above the cut-off; 0
@@ -154,8 +149,8 @@ struct StiffnessAgreement {
 
 /// A delay of the link's channels is the same in all joints; friction and compliance are not.
 struct CommonTimeShift {
-  bool known{false};  ///< at least two joints move
-  Uncertain value;    ///< weighted mean over the joints [s]
+  bool known{false};           ///< at least two joints move
+  statistics::Interval value;  ///< weighted mean over the joints [s]
   double p_value{1.0};
   bool agrees{true};
 };

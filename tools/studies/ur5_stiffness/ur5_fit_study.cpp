@@ -47,10 +47,10 @@ StiffnessStudy::LeftOut leave_out(const model::Kinematics& kinematics, const Pos
   out.pose = poses[left].name;
   out.own.fill(kNaN);
   const stiffness::StiffnessFit five = stiffness::fit_stiffness(kinematics, others, without_last(), length);
-  for (std::size_t j = 0; j < 5; ++j) out.own[j] = five.joints[j].compliance;
+  for (std::size_t j = 0; j < 5; ++j) out.own[j] = five.joints[j].compliance.value;
   const stiffness::StiffnessFit sizes =
       stiffness::fit_stiffness(kinematics, others, with_groups(gear_sizes()), length);
-  out.two = {sizes.joints[0].compliance, sizes.joints[3].compliance};
+  out.two = {sizes.joints[0].compliance.value, sizes.joints[3].compliance.value};
   return out;
 }
 
@@ -103,7 +103,7 @@ StiffnessStudy study_stiffness(const model::Kinematics& kinematics, const Ur5Mea
   study.two_both = stiffness::fit_stiffness(kinematics, study.both, two, study.length);
   study.truth.resize(6);
   for (std::size_t j = 0; j < 6; ++j)
-    study.truth[static_cast<Eigen::Index>(j)] = study.two.joints[j].compliance;
+    study.truth[static_cast<Eigen::Index>(j)] = study.two.joints[j].compliance.value;
   study.zeros = stiffness::fit_stiffness(kinematics, with_zeros(study.tool), own, study.length);
   for (std::size_t left = 0; left < study.tool.size(); ++left) {
     study.left_out.push_back(leave_out(kinematics, study.tool, left, study.length));

@@ -112,7 +112,8 @@ Fault joint_6_unseen(const StiffnessStudy& stiffness) {
   }
   std::vector<int> below_zero;
   for (int j = 0; j < 6; ++j) {
-    if (stiffness.zeros.joints[static_cast<std::size_t>(j)].compliance < 0.0) below_zero.push_back(j + 1);
+    if (stiffness.zeros.joints[static_cast<std::size_t>(j)].compliance.value < 0.0)
+      below_zero.push_back(j + 1);
   }
   return {
       "joint-6-unseen",

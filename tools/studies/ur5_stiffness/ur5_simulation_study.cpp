@@ -101,7 +101,7 @@ void add_draw(const model::Kinematics& kinematics, const std::vector<stiffness::
   const stiffness::StiffnessFit fit = stiffness::fit_stiffness(kinematics, poses, options, length);
   for (std::size_t j = 0; j < 6; ++j) {
     if (fit.joints[j].determined) {
-      compliance[j].push_back(fit.joints[j].compliance / truth[static_cast<Index>(j)]);
+      compliance[j].push_back(fit.joints[j].compliance.value / truth[static_cast<Index>(j)]);
     }
   }
   if (!whole) return;

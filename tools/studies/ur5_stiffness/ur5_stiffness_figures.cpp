@@ -43,8 +43,9 @@ std::string kilo(double value) {
 }
 
 std::string interval(const stiffness::StiffnessEstimate& e) {
-  return e.determined && !std::isnan(e.stiffness_low)
-             ? fmt::format("{} [{}, {}]", kilo(e.stiffness), kilo(e.stiffness_low), kilo(e.stiffness_high))
+  return e.determined && !std::isnan(e.stiffness.lower)
+             ? fmt::format("{} [{}, {}]", kilo(e.stiffness.value), kilo(e.stiffness.lower),
+                           kilo(e.stiffness.upper))
              : "–";
 }
 
@@ -187,10 +188,10 @@ PlotSpec least_squares_plot(const StiffnessStudy& s) {
   for (std::size_t j = 0; j < 5; ++j) {
     const auto x = static_cast<double>(j);
     whole.x.push_back(x - 0.15);
-    whole.y.push_back(clip(1e6 * s.own.joints[j].compliance_low));
-    whole.y_high.push_back(clip(1e6 * s.own.joints[j].compliance_high));
+    whole.y.push_back(clip(1e6 * s.own.joints[j].compliance.lower));
+    whole.y_high.push_back(clip(1e6 * s.own.joints[j].compliance.upper));
     best.x.push_back(x - 0.15);
-    best.y.push_back(1e6 * s.own.joints[j].compliance);
+    best.y.push_back(1e6 * s.own.joints[j].compliance.value);
     for (std::size_t k = 0; k < s.left_out.size(); ++k) {
       const double v = 1e6 * s.left_out[k].own[j];
       if (v < spec.y_range->first || v > spec.y_range->second) continue;
@@ -198,8 +199,8 @@ PlotSpec least_squares_plot(const StiffnessStudy& s) {
       left.y.push_back(v);
     }
     two.x.push_back(x + 0.22);
-    two.y.push_back(1e6 * s.two.joints[j].compliance_low);
-    two.y_high.push_back(1e6 * s.two.joints[j].compliance_high);
+    two.y.push_back(1e6 * s.two.joints[j].compliance.lower);
+    two.y_high.push_back(1e6 * s.two.joints[j].compliance.upper);
   }
   spec.series = {whole, best, left, two};
   spec.marks = {{page::Mark::Direction::kHorizontal, 0.0, "rigid"}};

@@ -105,10 +105,12 @@ nlohmann::ordered_json json_fit(const stiffness::StiffnessFit& fit) {
   for (const stiffness::StiffnessEstimate& e : fit.joints) {
     json["joints"].push_back(
         {{"determined", e.determined},
-         {"compliance", host::number_or_null(e.compliance)},
-         {"compliance_95", {host::number_or_null(e.compliance_low), host::number_or_null(e.compliance_high)}},
-         {"stiffness", host::number_or_null(e.stiffness)},
-         {"stiffness_95", {host::number_or_null(e.stiffness_low), host::number_or_null(e.stiffness_high)}}});
+         {"compliance", host::number_or_null(e.compliance.value)},
+         {"compliance_95",
+          {host::number_or_null(e.compliance.lower), host::number_or_null(e.compliance.upper)}},
+         {"stiffness", host::number_or_null(e.stiffness.value)},
+         {"stiffness_95",
+          {host::number_or_null(e.stiffness.lower), host::number_or_null(e.stiffness.upper)}}});
   }
   return json;
 }
@@ -359,12 +361,12 @@ StudyReport report_of(const Ur5Study& study, const std::vector<Check>& checks) {
   const auto confirmed = static_cast<int>(
       std::count_if(study.faults.begin(), study.faults.end(), [](const Fault& f) { return f.confirmed; }));
   page.facts(
-      {{"joints 1 to 3 [kN m/rad]", kilo(s.two.joints[0].stiffness),
-        fmt::format("95 %: {} to {}", kilo(s.two.joints[0].stiffness_low),
-                    kilo(s.two.joints[0].stiffness_high))},
-       {"joints 4 to 6 [kN m/rad]", kilo(s.two.joints[3].stiffness),
-        fmt::format("95 %: {} to {}", kilo(s.two.joints[3].stiffness_low),
-                    kilo(s.two.joints[3].stiffness_high))},
+      {{"joints 1 to 3 [kN m/rad]", kilo(s.two.joints[0].stiffness.value),
+        fmt::format("95 %: {} to {}", kilo(s.two.joints[0].stiffness.lower),
+                    kilo(s.two.joints[0].stiffness.upper))},
+       {"joints 4 to 6 [kN m/rad]", kilo(s.two.joints[3].stiffness.value),
+        fmt::format("95 %: {} to {}", kilo(s.two.joints[3].stiffness.lower),
+                    kilo(s.two.joints[3].stiffness.upper))},
        {"left by the fit", millimetres(s.two.fit_rms) + " mm",
         fmt::format("repeats scatter by {} mm", millimetres(s.two.repeatability))},
        {"maximum reach [mm]", fmt::format("{:.1f}", 1e3 * study.reach.maximum.value), "published: 1019.2"},

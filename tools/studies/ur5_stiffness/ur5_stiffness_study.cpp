@@ -10,8 +10,8 @@ std::string verdict_of(const Ur5Study& study) {
   const StiffnessStudy& s = study.stiffness;
   const auto size = [&](std::size_t joint) {
     const stiffness::StiffnessEstimate& e = s.two.joints[joint];
-    return fmt::format("{:.1f} kN m/rad [{:.1f}, {:.1f}]", 1e-3 * e.stiffness, 1e-3 * e.stiffness_low,
-                       1e-3 * e.stiffness_high);
+    return fmt::format("{:.1f} kN m/rad [{:.1f}, {:.1f}]", 1e-3 * e.stiffness.value, 1e-3 * e.stiffness.lower,
+                       1e-3 * e.stiffness.upper);
   };
   const bool decided = s.of_tool.accepted >= 0 || s.of_own.accepted >= 0 || s.of_both.accepted >= 0;
   return fmt::format(
