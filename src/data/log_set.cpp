@@ -50,8 +50,9 @@ ChannelColumns columns_of(const LogFile& file, const std::string& prefix, bool t
 }
 
 /// Calls `use(time, q, qd, qdd, tau)` for the rows of a file, block by block.
+/// @return whether the torque is made from currents
 template <typename Use>
-void for_each_block(const std::string& path, const LogRequirements& needs, const Use& use) {
+bool for_each_block(const std::string& path, const LogRequirements& needs, const Use& use) {
   LogFile file(path, needs);
   const bool current = file.torque_from_current();
   const std::array<ChannelColumns, 4> channels{
@@ -82,6 +83,7 @@ void for_each_block(const std::string& path, const LogRequirements& needs, const
   }
   if (rows > 0) hand_over();
   file.check_length();
+  return current;
 }
 
 /// Looks at every row of a log once: unit slips, and what another log could share with it.
@@ -122,10 +124,15 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
     const Log& log = *source.memory;
     inspection.add(log.time, log.q, log.qd, log.qdd, log.tau);
   } else {
-    for_each_block(source.path, source.needs,
-                   [&](const auto& time, const auto& q, const auto& qd, const auto& qdd, const auto& tau) {
-                     inspection.add(time, q, qd, qdd, tau);
-                   });
+    const bool from_current =
+        for_each_block(source.path, source.needs,
+                       [&](const auto& time, const auto& q, const auto& qd, const auto& qdd,
+                           const auto& tau) { inspection.add(time, q, qd, qdd, tau); });
+    if (!source.needs.torque_constant.empty() && !from_current) {
+      notes.push_back(
+          fmt::format("{}: the torque is that of columns tau1..; torque constants are for logs without them",
+                      source.path));
+    }
   }
   inspection.finish(limits, source, notes);
   return source;

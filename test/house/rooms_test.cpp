@@ -33,6 +33,7 @@ const std::map<std::string, Rooms>& table() {
       {"collision", {"host", "model"}},
       {"regression", {"core", "data", "host", "model"}},
       {"validate", {"core", "data", "host", "model", "statistics"}},
+      {"drive", {"data", "host", "model", "statistics", "validate"}},
       {"payload", {"core", "data", "host", "model", "statistics", "validate"}},
       {"stiffness", {"data", "host", "model", "statistics"}},
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
@@ -40,14 +41,14 @@ const std::map<std::string, Rooms>& table() {
       {"diagnose", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"track", {"core", "host", "model", "sim", "statistics", "validate"}},
       {"report",
-       {"data", "diagnose", "excite", "host", "identify", "model", "page", "payload", "sim", "statistics",
-        "stiffness", "track", "validate"}},
+       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "page", "payload", "sim",
+        "statistics", "stiffness", "track", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/studies",
        {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
         "stiffness", "track", "urdf", "validate"}},
       {"tools/heft",
-       {"data", "diagnose", "excite", "host", "identify", "model", "page", "payload", "plausibility",
+       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "page", "payload", "plausibility",
         "report", "sim", "stiffness", "tools/studies", "track", "urdf", "validate"}}};
   return rooms;
 }

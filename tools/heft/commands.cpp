@@ -11,6 +11,8 @@ const std::vector<Command>& commands() {
       {"validate", "judge a model on logs that it was not fitted to", set_up_validate},
       {"diagnose", "find the effects that a model lacks", set_up_diagnose},
       {"payload", "estimate the load at the flange sample by sample, as a controller would", set_up_payload},
+      {"torque-constants", "the torque an ampere gives, from target torque and current or a known load",
+       set_up_torque_constants},
       {"track", "closed-loop tracking in the simulator, several controllers side by side", set_up_track},
       {"stiffness", "joint stiffness from loads and deflections, or from encoders", set_up_stiffness},
       {"export", "write a robot and a model as a constexpr C++ header for firmware", set_up_export},

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "console.hpp"
+#include "heft/drive/torque_constants.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/at_sensor.hpp"
@@ -95,6 +96,12 @@ void add_log_options(CommandLine line, LogOptions& options) {
                   "tau1.. are missing")
       .type_name("K,K,...")
       .delimiter(',');
+  line.add_option(
+          "--torque-constants", options.torque_constants,
+          "the same from a file that heft torque-constants wrote; joints that it does not know have those of "
+          "--torque-constant")
+      .type_name("CONSTANTS.json")
+      .names_file(FileUse::kInput);
   line.add_option("--torque-at", options.torque_at,
                   "where the torque was measured: motor (rotor inertia and gear friction are in it) or joint "
                   "(a sensor behind the gear)")
@@ -120,6 +127,10 @@ data::LogFiles files_of(const LogOptions& options, const model::Robot& robot,
   files.train = options.logs;
   files.judge = judge;
   files.torque_constant = options.torque_constant;
+  if (!options.torque_constants.empty()) {
+    files.torque_constant =
+        drive::completed(drive::read_torque_constants(options.torque_constants), options.torque_constant);
+  }
   files.torque_at = options.measured_at();
   files.cutoff = options.band;
   files.robot = robot.name;

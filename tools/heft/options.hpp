@@ -56,6 +56,7 @@ model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at);
 struct LogOptions {
   std::vector<std::string> logs;
   std::vector<double> torque_constant;
+  std::string torque_constants;  ///< file of heft torque-constants; joints that it lacks have those above
   std::string torque_at{"motor"};
   double band{0.0};           ///< [Hz]; 0: chosen from the motion
   bool accept_torque{false};  ///< torque that contradicts the robot is warned about instead of refused

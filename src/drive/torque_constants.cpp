@@ -1,0 +1,322 @@
+#include "heft/drive/torque_constants.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
+#include "heft/host/words.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "host/json.hpp"
+#include "log_slopes.hpp"
+
+namespace heft::drive {
+namespace {
+
+/// Half-width of an interval beyond which a log does not show the constant, as a share of the value [1].
+constexpr double kWidestLog = 0.25;
+/// The same of the answer: data sheets are as good as this.
+constexpr double kWidest = 0.1;
+/// Scatter from log to log beyond which they do not show one constant [1].
+constexpr double kScatter = 0.05;
+/// A log whose constant is off by more than this from the median of at least three, and by more than its interval,
+/// contradicts the others [1]: ten times the scatter between logs of a drive that is well known.
+constexpr double kContradicts = 0.05;
+
+/// Signals that stand for the current, the better first.
+constexpr const char* kTargetCurrent = "iref";
+constexpr const char* kCurrent = "i";
+
+/// Which of the needed columns a log has.
+struct Columns {
+  bool target{false}, target_current{false}, current{false}, torque{false};
+};
+
+Columns columns_of(const data::LogSource& log) {
+  data::StreamOptions options;
+  options.extra = {"tauref", kTargetCurrent, kCurrent, "tau"};
+  const data::MotionStream stream = data::stream(log, options);
+  const Eigen::Index n = stream.summary().num_joints;
+  Columns columns;
+  bool first = true;
+  stream.for_each([&](const data::MotionChunk& piece) {
+    if (!std::exchange(first, false)) return;
+    columns = {piece.extra[0].cols() == n, piece.extra[1].cols() == n, piece.extra[2].cols() == n,
+               piece.extra[3].cols() == n};
+  });
+  return columns;
+}
+
+/// Slopes of all joints in one log.
+struct LogSlopes {
+  std::string log;
+  std::vector<Slope> slopes;
+};
+
+double half_width(const Slope& slope) { return slope.factor * slope.std; }
+
+bool shows(const Slope& slope) { return slope.known() && half_width(slope) < kWidestLog * slope.value; }
+
+/// How far a log is from the median of those that are left, as a share of it, in the joint where that is most; 0 when it
+/// contradicts them nowhere.
+double contradiction(const std::vector<LogSlopes>& logs, const std::vector<bool>& off, std::size_t log) {
+  double worst = 0.0;
+  for (std::size_t j = 0; j < logs[log].slopes.size(); ++j) {
+    const Slope& slope = logs[log].slopes[j];
+    if (!shows(slope)) continue;
+    std::vector<double> values;
+    for (std::size_t k = 0; k < logs.size(); ++k)
+      if (!off[k] && shows(logs[k].slopes[j])) values.push_back(logs[k].slopes[j].value);
+    if (values.size() < 3) continue;
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    const double error = std::abs(slope.value - *middle);
+    if (error > kContradicts * *middle && error > half_width(slope)) worst = std::max(worst, error / *middle);
+  }
+  return worst;
+}
+
+/// Logs that contradict the others in a joint: the worst first, one at a time, as long as most logs agree.
+std::vector<bool> contradicting(const std::vector<LogSlopes>& logs) {
+  std::vector<bool> off(logs.size(), false);
+  for (std::size_t count = 0; 2 * (count + 1) < logs.size(); ++count) {
+    std::size_t worst = 0;
+    double largest = 0.0;
+    for (std::size_t k = 0; k < logs.size(); ++k) {
+      const double error = off[k] ? 0.0 : contradiction(logs, off, k);
+      if (error > largest) worst = k, largest = error;
+    }
+    if (largest == 0.0) break;
+    off[worst] = true;
+  }
+  return off;
+}
+
+/// The constant 1/b of a joint from the slopes b of the logs that show it.
+JointConstant constant_of(const std::vector<LogSlopes>& logs, const std::vector<bool>& off, std::size_t joint,
+                          From from) {
+  JointConstant result;
+  result.from = from;
+  std::vector<Slope> used;
+  double best = kInfinity;
+  for (std::size_t k = 0; k < logs.size(); ++k) {
+    const Slope& slope = logs[k].slopes[joint];
+    if (!slope.known()) continue;
+    best = std::min(best, half_width(slope) / slope.value);
+    if (!shows(slope)) continue;
+    const double value = 1.0 / slope.value;
+    result.logs.push_back({logs[k].log, value, half_width(slope) * value * value, !off[k]});
+    if (!off[k]) used.push_back(slope);
+  }
+  if (used.empty()) {
+    result.missing =
+        std::isfinite(best)
+            ? fmt::format("the target torque hardly moves the current (interval ±{:.0f} %)", 100.0 * best)
+            : "the target torque does not move the current";
+    return result;
+  }
+  const Combined mean = combine(used);
+  double factor = statistics::kNormal95;
+  if (used.size() == 1) factor = used.front().factor;
+  const double half = factor * mean.std;
+  if (mean.between > kScatter * mean.value) {
+    result.missing =
+        fmt::format("the logs differ by {:.0f} % from one to another", 100.0 * mean.between / mean.value);
+    return result;
+  }
+  if (half > kWidest * mean.value) {
+    result.missing =
+        fmt::format("the interval is ±{:.0f} %, which is too wide to use", 100.0 * half / mean.value);
+    return result;
+  }
+  result.value = 1.0 / mean.value;
+  result.low = 1.0 / (mean.value + half);
+  result.high = 1.0 / (mean.value - half);
+  std::vector<double> friction;
+  for (const Slope& slope : used)
+    if (std::isfinite(slope.load_friction)) friction.push_back(slope.load_friction);
+  if (!friction.empty()) {
+    double sum = 0.0;
+    for (const double share : friction) sum += share;
+    result.load_friction = sum / static_cast<double>(friction.size());
+  }
+  return result;
+}
+
+/// What makes a joint known that is not.
+std::string motion_for(From from) {
+  return from == From::kStandstill
+             ? "record poses at rest in which gravity loads the joint"
+             : "record a motion in which gravity or acceleration loads the joint, both ways and faster than 0.03 rad/s";
+}
+
+void judge(TorqueConstants& constants) {
+  std::vector<int> unknown;
+  std::size_t known = 0;
+  for (std::size_t j = 0; j < constants.joints.size(); ++j) {
+    if (constants.joints[j].known()) {
+      ++known;
+    } else {
+      unknown.push_back(static_cast<int>(j));
+    }
+  }
+  if (known == 0) {
+    constants.judgement.add(host::Verdict::kBad, "the logs show the torque constant of no joint");
+  } else if (!unknown.empty()) {
+    constants.judgement.add(host::Verdict::kDoubtful, fmt::format("the torque constant of {} is not known",
+                                                                  host::joints_in_words(unknown)));
+  }
+}
+
+std::vector<std::string> names_of(const std::vector<LogSlopes>& logs, const std::vector<bool>& off) {
+  std::vector<std::string> names;
+  for (std::size_t k = 0; k < logs.size(); ++k)
+    if (off[k]) names.push_back(logs[k].log);
+  return names;
+}
+
+}  // namespace
+
+const char* to_string(From from) {
+  switch (from) {
+    case From::kStandstill: return "standstill";
+    case From::kMotion: return "motion";
+    case From::kLoad: return "load";
+  }
+  return "";
+}
+
+bool TorqueConstants::usable() const {
+  return judgement.usable() &&
+         std::any_of(joints.begin(), joints.end(), [](const JointConstant& joint) { return joint.known(); });
+}
+
+std::vector<double> TorqueConstants::values() const {
+  std::vector<double> result;
+  for (const JointConstant& joint : joints) result.push_back(joint.value);
+  return result;
+}
+
+std::vector<double> completed(std::vector<double> values, const std::vector<double>& otherwise) {
+  std::vector<int> missing;
+  for (std::size_t j = 0; j < values.size(); ++j) {
+    if (std::isfinite(values[j])) continue;
+    if (otherwise.size() == 1) values[j] = otherwise[0];
+    if (otherwise.size() == values.size()) values[j] = otherwise[j];
+    if (!std::isfinite(values[j])) missing.push_back(static_cast<int>(j));
+  }
+  if (!missing.empty()) {
+    throw DataError(fmt::format(
+        "the torque constant of {} is not known; expected one for every joint; give those that are missing",
+        host::joints_in_words(missing)));
+  }
+  return values;
+}
+
+data::LogSet open_logs(const std::vector<std::string>& paths) {
+  if (paths.empty())
+    throw InputError("no log was given; expected one or more with target torque and current");
+  std::error_code ignored;
+  data::LogFiles files;
+  files.train = paths;
+  files.split = 0.0;
+  files.torque = false;
+  if (std::filesystem::is_regular_file(paths.front(), ignored)) {
+    const data::MotionStream first(paths.front(), data::LogRequirements{});
+    return data::open_logs(std::vector<JointSpec>(static_cast<std::size_t>(first.summary().num_joints)),
+                           files);
+  }
+  // What can be read only once is kept in memory.
+  std::vector<data::Log> logs;
+  for (const std::string& path : paths) logs.push_back(data::read_log(path, data::LogRequirements{}));
+  const std::vector<JointSpec> joints(static_cast<std::size_t>(logs.front().num_joints()));
+  return data::log_set(joints, std::move(logs), {});
+}
+
+TorqueConstants from_targets(const data::LogSet& logs) {
+  TorqueConstants constants;
+  std::vector<LogSlopes> at_rest, by_target, by_current;
+  for (const data::LogSource& log : logs.given()) {
+    constants.logs.push_back(log.path);
+    const Columns columns = columns_of(log);
+    if (!columns.target || !(columns.target_current || columns.current)) {
+      constants.notes.push_back(fmt::format(
+          "{}: columns tauref1.. and one of iref1.., i1.. are not there for all joints; the log is not used",
+          log.path));
+      continue;
+    }
+    if (columns.target_current) {
+      at_rest.push_back({log.path, slopes_at_rest(log, kTargetCurrent)});
+      by_target.push_back({log.path, slopes_in_motion(log, kTargetCurrent)});
+    } else {
+      by_current.push_back({log.path, slopes_in_motion(log, kCurrent)});
+    }
+  }
+  if (by_target.empty() && by_current.empty()) {
+    throw DataError(
+        "no log has the controller's target torque (tauref1..) with its target current (iref1..) or the measured current "
+        "(i1..); expected these columns for all joints; record them, or give a known load");
+  }
+  const std::vector<bool> rest_off = contradicting(at_rest), target_off = contradicting(by_target),
+                          current_off = contradicting(by_current);
+  const std::size_t n = (by_target.empty() ? by_current : by_target).front().slopes.size();
+  for (std::size_t j = 0; j < n; ++j) {
+    JointConstant best;
+    if (!at_rest.empty()) best = constant_of(at_rest, rest_off, j, From::kStandstill);
+    if (!best.known() && !by_target.empty()) best = constant_of(by_target, target_off, j, From::kMotion);
+    if (!best.known() && !by_current.empty()) best = constant_of(by_current, current_off, j, From::kMotion);
+    if (!best.known()) best.missing += "; " + motion_for(best.from);
+    constants.joints.push_back(std::move(best));
+  }
+  for (const std::string& log : names_of(by_current, current_off)) {
+    constants.judgement.add(
+        host::Verdict::kDoubtful,
+        fmt::format(
+            "{} contradicts the other logs and is not used: is there a load that the controller does not know of",
+            log));
+  }
+  if (!by_current.empty()) {
+    constants.notes.push_back(
+        "Constants from the measured current are as right as the controller's model: a load that it does not know of makes "
+        "them too small.");
+  }
+  judge(constants);
+  return constants;
+}
+
+std::vector<TorqueScale> torque_scales(const std::vector<data::LogSource>& logs) {
+  std::vector<LogSlopes> slopes;
+  for (const data::LogSource& log : logs) {
+    const Columns columns = columns_of(log);
+    if (columns.target && columns.torque) slopes.push_back({log.path, slopes_in_motion(log, "tau")});
+  }
+  std::vector<TorqueScale> scales;
+  if (slopes.empty()) return scales;
+  const std::vector<bool> off = contradicting(slopes);
+  for (std::size_t j = 0; j < slopes.front().slopes.size(); ++j) {
+    const JointConstant inverse = constant_of(slopes, off, j, From::kMotion);
+    TorqueScale scale;
+    if (inverse.known()) {
+      scale.value = 1.0 / inverse.value;
+      scale.std = 0.5 * (1.0 / inverse.low - 1.0 / inverse.high) / statistics::kNormal95;
+    }
+    scales.push_back(scale);
+  }
+  return scales;
+}
+
+std::vector<double> read_torque_constants(const std::string& path) {
+  const host::Json json = host::parse_json(host::read_file(path, "torque constants"), path);
+  const host::JsonValue joints = host::JsonValue(json, path, "").at("joints", "a list, one entry a joint");
+  std::vector<double> values;
+  for (std::size_t j = 0; j < joints.array_size("a list, one entry a joint"); ++j) {
+    values.push_back(joints.at(j).at("value", "a torque constant [N·m/A] or null").number(true));
+  }
+  return values;
+}
+
+}  // namespace heft::drive
