@@ -26,14 +26,16 @@ class SizedRecursion final : public Recursion {
     config.standstill_speed = settings.standstill_speed;
     config.estimate_friction = settings.estimate_friction;
     config.friction_prior = settings.friction_prior;
+    scale_ = settings.drive_scale;
     return estimator_.configure(config);
   }
   void restart() override { estimator_.restart(); }
   Taken take(const data::Log& log, Eigen::Index k) override { return signals_.take(log, k); }
   Status update(const Eigen::VectorXd& x, Innovation& out) override {
     const auto Y = signals_.regressor();
-    links_ = Y.template leftCols<10 * N>();
     const JointVector<double, N> residual = signals_.tau() - Y * x;
+    // What the arm itself needs was fitted to torque as measured; what the load adds is s times as large there.
+    links_ = scale_.asDiagonal() * Y.template leftCols<10 * N>();
     for (int i = 0; i < N; ++i) {
       qd_[i] = signals_.velocity(i);
       sign_[i] = signals_.sign(i);
@@ -59,7 +61,7 @@ class SizedRecursion final : public Recursion {
   CausalSignals<N> signals_;
   Estimator estimator_;
   LinkRegressor<double, N> links_;
-  JointVector<double, N> qd_, sign_;
+  JointVector<double, N> qd_, sign_, scale_;
 };
 
 }  // namespace

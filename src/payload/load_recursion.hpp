@@ -20,6 +20,7 @@ struct RecursionSettings {
   double correlated_samples{1.0};
   double gate{0.0}, standstill_speed{0.0}, friction_prior{1.0};
   bool estimate_friction{true};
+  Eigen::VectorXd drive_scale;  ///< n: measured torque in parts of the true one
 };
 
 /// What one sample said, n each.

@@ -63,9 +63,15 @@ void compare_torque(const model::Robot& arm, const data::MotionLog& read, const 
   if (!result.answered()) return;
   const double band = result.before.band;
   const Eigen::MatrixXd after = predicted(loaded(arm, result.run, false));
-  result.error_after = log.tau - after;
-  result.after = validate::score(log, after, band);
-  result.after_friction = validate::score(log, predicted(loaded(arm, result.run, true)), band);
+  // The load is in true units, the torque as the drives measure it.
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(log.tau.cols());
+  for (std::size_t j = 0; j < result.drive_scale.size(); ++j)
+    scale[static_cast<Eigen::Index>(j)] = result.drive_scale[j].value;
+  const Eigen::MatrixXd with_load = before + (after - before) * scale.asDiagonal();
+  result.error_after = log.tau - with_load;
+  result.after = validate::score(log, with_load, band);
+  const Eigen::MatrixXd friction = predicted(loaded(arm, result.run, true)) - after;
+  result.after_friction = validate::score(log, with_load + friction, band);
 }
 
 void add_notes(Payload& result) {
@@ -103,6 +109,7 @@ PayloadRunOptions run_options(const UnloadedArm& arm, const data::Log& log, cons
   run.residual = arm.residual;
   run.model_covariance = arm.covariance;
   run.zero_mass_std = zero_mass_std;
+  run.drive_scale = arm.drive_scale;
   if (options.progress) {
     run.progress = [&options, path = log.path](double done) { options.progress(path, done); };
   }
@@ -137,6 +144,7 @@ Payload estimate(const UnloadedArm& arm, const data::LogSource& source, const Op
   result.run = run_payload(unloaded, log, run_options(arm, log, options, arm.zero_mass_std()));
   result.has_model_covariance = arm.covariance.has_value();
   result.zero_checks = arm.zero_checks;
+  result.drive_scale = arm.drive_scale;
   result.contradiction = contradiction(result.run);
   result.judgement = judge(result.run);
   if (options.true_mass > 0) result.true_mass = options.true_mass;

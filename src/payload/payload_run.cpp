@@ -209,6 +209,9 @@ class Run {
     config.standstill_speed = options_.standstill_speed;
     config.estimate_friction = !options_.torque_at_joint;
     config.friction_prior = 1.0;
+    config.drive_scale = Eigen::VectorXd::Ones(n_);
+    for (std::size_t i = 0; i < options_.drive_scale.size(); ++i)
+      config.drive_scale[static_cast<Eigen::Index>(i)] = options_.drive_scale[i].value;
     for (int i = 0; i < n_; ++i) {
       // Friction may change by as much as there is, or by what the joint's scatter suggests.
       const auto& drive = dynamics_.robot().joints[static_cast<std::size_t>(i)].actuation;
@@ -309,6 +312,8 @@ class Run {
     statistics::BlockJackknife::Result jackknife;
     Eigen::MatrixXd covariance;  ///< residual and model
     Eigen::MatrixXd model_part;
+    Eigen::MatrixXd gain;        ///< ∂x/∂ln s, p × n
+    double scale_variance{0.0};  ///< of the mass, from the torque scale of the joints [kg²]
     bool has_mass{false};
     double mass{0.0}, std{kNaN};
   };
@@ -324,6 +329,16 @@ class Run {
       if (G.size() > 0) solved.model_part = G * *options_.model_covariance * G.transpose();
     }
     solved.covariance += solved.model_part;
+    const double together = residual_.correlated_samples(period_);
+    solved.gain =
+        scales_->gain_sensitivity(segment.blocks, solved.jackknife.estimate.head(10),
+                                  solved.jackknife.information_inverse, residual_.std.cwiseAbs2() * together);
+    for (std::size_t i = 0; i < options_.drive_scale.size(); ++i) {
+      const statistics::Interval& scale = options_.drive_scale[i];
+      const Eigen::VectorXd moved = solved.gain.col(static_cast<Eigen::Index>(i)) * (scale.std / scale.value);
+      solved.covariance += moved * moved.transpose();
+      solved.scale_variance += moved[0] * moved[0];
+    }
     solved.mass = solved.jackknife.estimate[0];
     solved.std = std::sqrt(solved.covariance(0, 0) + options_.zero_mass_std * options_.zero_mass_std);
     solved.has_mass = identified(solved, Eigen::VectorXd::Unit(parameters_, 0));
@@ -436,6 +451,9 @@ class Run {
     result.mass_std_residual = std::sqrt(solved.jackknife.covariance(0, 0));
     result.mass_std_model = std::sqrt(solved.model_part(0, 0));
     result.mass_std_zero = options_.zero_mass_std;
+    result.mass_std_scale = std::sqrt(solved.scale_variance);
+    if (result.mass.identifiable && std::abs(result.mass.value) > kClearLoad * result.mass.half_width())
+      result.gain_share = -solved.gain.row(0).transpose() / result.mass.value;
 
     // Centre of mass c = h / m, δc = (δh − c δm) / m.
     result.com.assign(3, {});

@@ -29,6 +29,9 @@ struct PayloadRunOptions {
   /// Standard deviation of the mass that the model shows without any load, beyond its own interval (zero
   /// check) [kg].
   double zero_mass_std{0.0};
+  /// Measured torque in parts of the true one, one a joint, with its standard deviation: taken off the load, and in its
+  /// interval. Empty: 1, and not in the interval.
+  std::vector<statistics::Interval> drive_scale{};
   std::function<void(double)> progress{};  ///< called with 0..1; may be empty
 };
 
@@ -41,8 +44,8 @@ struct PayloadRunOptions {
 /// cumulative sum per joint); then the covariance is widened to the prior's and the estimate starts again.
 ///
 /// Interval: 95 %, Student's t, from the block jackknife over this log (residuals are correlated in time),
-/// the model's own covariance and the zero check. It holds for the torque scale given: a torque constant
-/// that is 2 % off moves the mass by 2 %.
+/// the model's own covariance, the zero check and the torque scale where that is known. Without, it holds for the torque
+/// scale given: torque constants that are 2 % off move the mass by 2 %.
 ///
 /// Flange frame: the robot's tip (URDF tip link); where the chain ends with the last moving link, that
 /// link's frame.

@@ -79,4 +79,23 @@ std::vector<Estimated> TorqueScales::solve(const std::vector<int>& members, int 
   return scales;
 }
 
+MatrixXd TorqueScales::gain_sensitivity(const std::vector<int>& members, const VectorXd& x,
+                                        const MatrixXd& information_inverse,
+                                        const VectorXd& noise_variance) const {
+  MatrixXd S = MatrixXd::Zero(information_inverse.rows(), joints_);
+  for (int j = 0; j < joints_; ++j) {
+    VectorXd pull = VectorXd::Zero(kColumns);  // Σ wᵀ (w x) of the rows of this joint, its own columns
+    for (const int block : members) {
+      if (static_cast<std::size_t>(block) >= blocks_.size()) continue;
+      pull +=
+          blocks_[static_cast<std::size_t>(block)][static_cast<std::size_t>(j)].topLeftCorner(kColumns, 10) *
+          x;
+    }
+    pull /= noise_variance[j];
+    S.col(j) = -(information_inverse.leftCols(10) * pull.head(10) +
+                 information_inverse.middleCols(10 + 2 * j, 2) * pull.tail(2));
+  }
+  return S;
+}
+
 }  // namespace heft::payload

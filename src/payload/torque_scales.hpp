@@ -36,6 +36,14 @@ class TorqueScales {
   std::vector<Estimated> solve(const std::vector<int>& members, int merge, double edge_factor,
                                const Eigen::VectorXd& x, const std::optional<Eigen::MatrixXd>& model) const;
 
+  /// Change of the load found for a change of each joint's torque scale by 1, p × n: ∂x/∂ln s_i = −A⁻¹ Σ wᵀ (w x)/σ² over
+  /// the rows of joint i.
+  /// @param information_inverse  A⁻¹ of all parameters: ten of the load, Coulomb and viscous of each joint
+  /// @param noise_variance       σ² of each joint's rows
+  Eigen::MatrixXd gain_sensitivity(const std::vector<int>& members, const Eigen::VectorXd& x,
+                                   const Eigen::MatrixXd& information_inverse,
+                                   const Eigen::VectorXd& noise_variance) const;
+
  private:
   static constexpr int kColumns = 12;  ///< ten of the load, two of friction
   using Moments = Eigen::Matrix<double, kColumns + 1, kColumns + 1>;

@@ -4,8 +4,10 @@
 
 #include <fmt/format.h>
 
+#include "heft/drive/torque_constants.hpp"
 #include "heft/host/error.hpp"
 #include "heft/payload/payload.hpp"
+#include "heft/statistics/distributions.hpp"
 #include "host/json.hpp"
 #include "payload_run.hpp"
 #include "recursive_fit.hpp"
@@ -16,6 +18,12 @@ namespace {
 
 /// Field of the model file that holds ResidualStatistics.
 constexpr const char* kResidualField = "residual";
+/// Field of the model file that holds the torque scale of the joints.
+constexpr const char* kScaleField = "drive_scale";
+/// Standard deviation of the torque scale of a joint that the logs do not show [1]: data sheets are good to a tenth, 95 %.
+constexpr double kUnknownScale = 0.05;
+/// A scale that is further from 1 than this is no error of a torque constant: the target torque is something else [1].
+constexpr double kScaleLimit = 0.25;
 
 std::string shown(const nlohmann::ordered_json& json) {
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
@@ -57,6 +65,50 @@ std::optional<statistics::ResidualStatistics> residual_of(const model::ModelFile
   return residual;
 }
 
+/// The error of the torque constants, where logs without load hold the controller's target torque.
+std::vector<statistics::Interval> scales_of(std::vector<data::LogSource> logs,
+                                            const std::vector<data::LogSource>& zeros, const Options& options,
+                                            std::vector<std::string>& notes) {
+  if (options.torque_at == data::TorqueAt::kJoint) return {};
+  logs.insert(logs.end(), zeros.begin(), zeros.end());
+  const std::vector<drive::TorqueScale> found = drive::torque_scales(logs);
+  std::vector<statistics::Interval> scales;
+  bool any = false;
+  for (std::size_t j = 0; j < found.size(); ++j) {
+    if (found[j].known() && std::abs(found[j].value - 1.0) > kScaleLimit) {
+      notes.push_back(fmt::format(
+          "joint {}: the measured torque is {:.2f} times the target torque (tauref{}), more than an error of a torque constant; "
+          "target torques are not used",
+          j + 1, found[j].value, j + 1));
+      return {};
+    }
+    any = any || found[j].known();
+    scales.push_back(found[j].known()
+                         ? statistics::Interval::around(found[j].value, found[j].std, statistics::kNormal95)
+                         : statistics::Interval::around(1.0, kUnknownScale, statistics::kNormal95));
+  }
+  return any ? scales : std::vector<statistics::Interval>{};
+}
+
+/// The scales that an earlier fit wrote; empty: it wrote none.
+std::vector<statistics::Interval> scales_of(const model::ModelFile& file) {
+  if (file.other_fields.empty()) return {};
+  const auto others = nlohmann::ordered_json::parse(file.other_fields);
+  if (!others.contains(kScaleField)) return {};
+  const host::JsonValue field(others[kScaleField], file.path, fmt::format("/{}", kScaleField));
+  const auto n = static_cast<std::size_t>(file.num_joints());
+  const Eigen::VectorXd value = field.numbers_or_none("value", n), std = field.numbers_or_none("std", n);
+  std::vector<statistics::Interval> scales;
+  for (Eigen::Index j = 0; j < value.size(); ++j) {
+    if (!(value[j] > 0.0) || std.size() != value.size() || !(std[j] >= 0.0)) {
+      throw ModelError(fmt::format("{}: /{}: expected \"value\" above 0 and \"std\" not below 0, one a joint",
+                                   file.path, kScaleField));
+    }
+    scales.push_back(statistics::Interval::around(value[j], std[j], statistics::kNormal95));
+  }
+  return scales;
+}
+
 RecursiveFit fit(const model::Robot& robot, const std::vector<data::Log>& logs, const Options& options,
                  const std::string& what) {
   RecursiveFitOptions how;
@@ -93,6 +145,7 @@ void check_zeros(UnloadedArm& arm, const data::LogSet& logs, std::size_t zeros, 
   arm.logs = logs.train();
   const auto end = logs.judge().begin() + static_cast<std::ptrdiff_t>(std::min(zeros, logs.judge().size()));
   arm.zeros.assign(logs.judge().begin(), end);
+  if (arm.drive_scale.empty()) arm.drive_scale = scales_of(arm.logs, arm.zeros, options, arm.notes);
   for (const data::LogSource& zero : arm.zeros) {
     check_zero(arm, arm, data::read(zero, &arm.notes), options);
   }
@@ -115,6 +168,14 @@ model::ModelFile UnloadedArm::model_file() const {
   others[kResidualField] = {{"std", host::json_array(fit->residual.std)},
                             {"correlation_time", host::json_array(fit->residual.correlation_time)},
                             {"cutoff_hz", fit->residual.cutoff}};
+  if (!drive_scale.empty()) {
+    Eigen::VectorXd value(static_cast<Eigen::Index>(drive_scale.size())), std = value;
+    for (std::size_t j = 0; j < drive_scale.size(); ++j) {
+      value[static_cast<Eigen::Index>(j)] = drive_scale[j].value;
+      std[static_cast<Eigen::Index>(j)] = drive_scale[j].std;
+    }
+    others[kScaleField] = {{"value", host::json_array(value)}, {"std", host::json_array(std)}};
+  }
   file.other_fields = shown(others);
   return file;
 }
@@ -139,6 +200,7 @@ UnloadedArm fit_unloaded(const model::Robot& robot, const data::LogSet& logs, st
     }
     UnloadedArm of_others;
     of_others.robot = robot;
+    of_others.drive_scale = arm.drive_scale;
     take(of_others, fit(robot, others, options, "zero check"));
     check_zero(arm, of_others, baselines[left_out], options);
   }
@@ -153,6 +215,7 @@ UnloadedArm arm_from_file(const model::Robot& robot, const model::ModelFile& fil
   arm.record = file.fit;
   arm.model_file_path = file.path;
   arm.residual = residual_of(file);
+  arm.drive_scale = scales_of(file);
   if (file.covariance && file.covariance->allFinite()) arm.covariance = file.covariance;
   check_zeros(arm, logs, zeros, options);
   return arm;

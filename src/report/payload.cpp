@@ -104,14 +104,41 @@ page::Table torque_error_table(const Payload& result) {
   return table;
 }
 
+/// "0.985 ± 0.022, 0.990 ± 0.002", one a joint.
+std::string scales_in_words(const std::vector<statistics::Interval>& scales) {
+  std::string text;
+  for (const statistics::Interval& scale : scales) {
+    text += fmt::format("{}{:.3f} ± {:.3f}", text.empty() ? "" : ", ", scale.value, scale.half_width());
+  }
+  return text;
+}
+
+/// What an error of a torque constant does to the mass, the joint that matters most first.
+std::string budget_in_words(const Eigen::VectorXd& share) {
+  constexpr double kGainError = 0.03, kWorthNaming = 0.1;
+  std::vector<Eigen::Index> joints;
+  for (Eigen::Index j = 0; j < share.size(); ++j)
+    if (std::abs(share[j]) >= kWorthNaming) joints.push_back(j);
+  std::sort(joints.begin(), joints.end(),
+            [&](Eigen::Index a, Eigen::Index b) { return std::abs(share[a]) > std::abs(share[b]); });
+  std::string text;
+  for (const Eigen::Index j : joints) {
+    text += text.empty() ? fmt::format("{:.0f} % on the gain of joint {} puts {:.1f} % on the mass",
+                                       100.0 * kGainError, j + 1, 100.0 * kGainError * share[j])
+                         : fmt::format(", of joint {} {:.1f} %", j + 1, 100.0 * kGainError * share[j]);
+  }
+  return text.empty() ? "No single joint's gain matters for the mass." : text + ".";
+}
+
 /// Where the interval comes from, and what it leaves out.
 std::vector<std::string> remarks(const Payload& result) {
   std::vector<std::string> lines;
   if (!result.run.missing.empty()) lines.push_back(fmt::format("Not determined: {}.", result.run.missing));
   if (result.run.mass.identifiable) {
     const std::string parts = fmt::format(
-        "this log's residual {}, model {}, zero check {}", page::number(result.run.mass_std_residual, 2),
-        page::number(result.run.mass_std_model, 2), page::number(result.run.mass_std_zero, 2));
+        "this log's residual {}, model {}, zero check {}{}", page::number(result.run.mass_std_residual, 2),
+        page::number(result.run.mass_std_model, 2), page::number(result.run.mass_std_zero, 2),
+        result.drive_scale.empty() ? "" : ", torque scale " + page::number(result.run.mass_std_scale, 2));
     lines.push_back(fmt::format(
         "Standard deviation of the mass [kg]: {}; from {} blocks of {:.3g} s, since the residual is "
         "correlated in time.",
@@ -120,9 +147,17 @@ std::vector<std::string> remarks(const Payload& result) {
       lines.push_back(
           "The model file holds no covariance, so the interval leaves the model's own error out.");
     }
-    lines.push_back(
-        "The interval holds for the torque scale given: torque constants that are 2 % off move the mass by 2 "
-        "%.");
+    if (result.drive_scale.empty()) {
+      lines.push_back(
+          "The interval holds for the torque scale given: torque constants that are 2 % off move the mass by 2 "
+          "%.");
+    } else {
+      lines.push_back(fmt::format(
+          "Torque scale from the controller's target torque, measured torque in parts of it: {}; taken off the load, and in "
+          "its interval.",
+          scales_in_words(result.drive_scale)));
+    }
+    if (result.run.gain_share.size() > 0) lines.push_back(budget_in_words(result.run.gain_share));
   }
   for (const payload::ZeroCheck& check : result.zero_checks) {
     lines.push_back(fmt::format("Zero check, {}: {} ± {} kg where there is no load.", check.log,
@@ -226,6 +261,12 @@ nlohmann::ordered_json to_json(const Payload& result) {
   json["com"] = estimate_json(result.run.com, withdrawn);
   json["inertia"] = estimate_json(result.run.inertia, withdrawn);
   if (!result.run.torque_scale.empty()) json["torque_scale"] = estimate_json(result.run.torque_scale);
+  if (!result.drive_scale.empty()) {
+    Estimates scales;
+    for (const statistics::Interval& scale : result.drive_scale) scales.push_back({scale, true});
+    json["drive_scale"] = estimate_json(scales);
+  }
+  if (result.run.gain_share.size() > 0) json["gain_share"] = host::json_array(result.run.gain_share);
   json["inertia"]["order"] = kInertiaNames;
   json["rows"] = result.run.first_joint;
   json["samples"] = result.run.samples;

@@ -34,7 +34,7 @@ const std::map<std::string, Rooms>& table() {
       {"regression", {"core", "data", "host", "model"}},
       {"validate", {"core", "data", "host", "model", "statistics"}},
       {"drive", {"data", "host", "model", "statistics", "validate"}},
-      {"payload", {"core", "data", "host", "model", "statistics", "validate"}},
+      {"payload", {"core", "data", "drive", "host", "model", "statistics", "validate"}},
       {"stiffness", {"data", "host", "model", "statistics"}},
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim"}},

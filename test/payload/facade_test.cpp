@@ -67,6 +67,46 @@ TEST_F(PayloadFacade, WeighsALoadFromLogsInMemory) {
   EXPECT_LT(load.after->rmse.norm(), 0.5 * load.before.rmse.norm());
 }
 
+/// The log as drives show it whose torque constants are wrong by these factors, with the controller's own target torque.
+data::Log with_targets(data::Log log, const Eigen::Vector2d& scale) {
+  for (Eigen::Index j = 0; j < 2; ++j) {
+    log.extra.emplace_back("tauref" + std::to_string(j + 1), log.tau.col(j));
+    log.tau.col(j) *= scale[j];
+  }
+  return log;
+}
+
+TEST_F(PayloadFacade, TakesTheErrorOfTorqueConstantsOffTheLoadWhereTargetTorquesShowIt) {
+  const Eigen::Vector2d scale(1.08, 1.06);
+  const data::LogSet with = set({with_targets(empty_, scale)}, {with_targets(carrying_, scale)});
+  const UnloadedArm arm = fit_unloaded(arm_, with);
+  ASSERT_EQ(arm.drive_scale.size(), 2U);
+  for (std::size_t j = 0; j < 2; ++j)
+    EXPECT_NEAR(arm.drive_scale[j].value, scale[static_cast<Eigen::Index>(j)], 0.01);
+  const Payload load = estimate(arm, with.judge().front());
+  EXPECT_NEAR(load.run.mass.value, 0.8, 0.02);
+  EXPECT_TRUE(load.run.mass.contains(0.8));
+  // What a percent of one joint does, all joints together do in full.
+  ASSERT_EQ(load.run.gain_share.size(), 2);
+  EXPECT_NEAR(load.run.gain_share.sum(), 1.0, 0.01);
+
+  // The same without target torque: heavier by what the constants are off.
+  data::Log empty = empty_, carrying = carrying_;
+  empty.tau = empty.tau * scale.asDiagonal(), carrying.tau = carrying.tau * scale.asDiagonal();
+  const data::LogSet without = set({empty}, {carrying});
+  const Payload heavier = estimate(fit_unloaded(arm_, without), without.judge().front());
+  EXPECT_GT(heavier.run.mass.value, 0.8 * 1.05);
+
+  // The scale goes with the model.
+  model::Robot fitted = arm_;
+  const model::ModelFile file = model::parse_model(model::to_json(arm.model_file()), "arm.json");
+  model::apply(file, fitted);
+  const data::LogSet alone = set({}, {with_targets(carrying_, scale)});
+  const UnloadedArm again = arm_from_file(fitted, file, alone);
+  ASSERT_EQ(again.drive_scale.size(), 2U);
+  EXPECT_NEAR(estimate(again, alone.judge().front()).run.mass.value, load.run.mass.value, 1e-6);
+}
+
 TEST_F(PayloadFacade, WeighsEachLogAndSpreadsDoubtsAboutTheTorqueOfTheUnloadedArm) {
   const data::LogSet logs = set({empty_}, {zero_, carrying_, log_of(loaded_, "again", 4)});
   Options options;

@@ -66,6 +66,32 @@ TEST_F(MeasuredUr10e, WeighsTheKnownLoadWhateverItsModelWasFittedTo) {
   }
 }
 
+// The torque is current times constants that are 1 to 6 % off against the controller's own target torque, joint by joint.
+TEST_F(MeasuredUr10e, WithTheScaleOfItsTorqueTheMassIsRightWhicheverJointsAreAsked) {
+  const auto path = [](const char* name) { return folder() + "/" + name + ".csv"; };
+  data::LogFiles files;
+  files.train = {path("exc-12h-50s"), path("exc-12h-40s"), path("exc-8h-20s")};
+  files.judge = {path("exc-14h-50s-load2p805kg"), path("exc-10h-20s"), path("exc-12h-20s"),
+                 path("exc-14h-50s")};
+  const data::LogSet logs = data::open_logs(robot().joint_specs(), files);
+  const UnloadedArm arm = fit_unloaded(robot(), logs);
+  ASSERT_EQ(arm.drive_scale.size(), 6U);
+  for (const int k : {1, 2, 3, 4}) {
+    Options options;
+    options.first_joint = k;
+    const PayloadRun found = estimate(arm, logs.judge().front(), options).run;
+    ASSERT_TRUE(found.mass.identifiable) << "k = " << k;
+    EXPECT_NEAR(found.mass.value, kMass, 0.03 * kMass) << "k = " << k;
+    EXPECT_TRUE(found.mass.contains(kMass)) << "k = " << k;
+    EXPECT_LT(found.mass.half_width(), 0.25) << "k = " << k;
+  }
+  for (std::size_t l = 1; l < logs.judge().size(); ++l) {
+    const PayloadRun found = estimate(arm, logs.judge()[l]).run;
+    EXPECT_LT(std::abs(found.mass.value), 0.15) << logs.judge()[l].path;
+    EXPECT_TRUE(found.mass.contains(0.0)) << logs.judge()[l].path;
+  }
+}
+
 TEST_F(MeasuredUr10e, FindsNoLoadWhereThereIsNone) {
   for (const char* name : {"exc-8h-20s", "exc-10h-20s", "exc-12h-20s", "exc-12h-30s", "exc-12h-40s",
                            "exc-14h-50s", "ptp-10-points"}) {

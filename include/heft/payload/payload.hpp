@@ -79,6 +79,10 @@ struct UnloadedArm {
   std::vector<data::LogSource> logs;          ///< fitted to
   std::vector<data::LogSource> zeros;         ///< logs without load that the fit has not seen
   std::vector<ZeroCheck> zero_checks;
+  /// Measured torque in parts of the torque that the controller's own model gives, one a joint: the error of the torque
+  /// constants, from the logs without load that hold target torque (tauref1..); empty: none does. See
+  /// drive::torque_scales().
+  std::vector<statistics::Interval> drive_scale;
   std::vector<std::string> notes;  ///< what a user should know besides
 
   /// Scatter of the zero checks beyond their own uncertainty [kg].
@@ -133,6 +137,10 @@ struct PayloadRun {
   double mass_std_residual{0.0};          ///< share of the mass' standard deviation: this log's residual [kg]
   double mass_std_model{0.0};             ///< the model's parameters [kg]
   double mass_std_zero{0.0};              ///< the zero check [kg]
+  double mass_std_scale{0.0};             ///< the torque scale of the joints, where that was estimated [kg]
+  /// n: by what part of itself the mass changes when the torque scale of a joint changes by 1; size 0 while the mass is not
+  /// clear. They add up to 1: what is wrong with all joints is wrong with the mass.
+  Eigen::VectorXd gain_share;
   /// The ten parameters of the load about the flange frame, m, m c, inertia, with their covariance, 10 × 10; entries
   /// that are not identifiable are the prior's.
   Eigen::VectorXd parameters;
@@ -164,7 +172,8 @@ struct Payload {
   PayloadRun run;
   bool has_model_covariance{false};
   std::vector<ZeroCheck> zero_checks;
-  std::optional<double> true_mass;  ///< [kg]
+  std::vector<statistics::Interval> drive_scale;  ///< of the arm; the load is in true units, these taken off
+  std::optional<double> true_mass;                ///< [kg]
   /// Torque error without the load, with it, and with the change of friction in addition. The latter two are absent where
   /// the load is not known: a part of it must not pass for an improvement.
   validate::Score before;
