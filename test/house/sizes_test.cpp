@@ -1,10 +1,6 @@
 // No file above 600 lines and no function above 80, but where the reason is written there ("// Long: reason", for a file
-// among its first lines, for a function above or at its first), or where too_long.txt still lists it. That list may only
-// become shorter, and its numbers smaller: HEFT_GOLDEN_UPDATE=1 takes out what is short enough by now.
+// among its first lines, for a function above or at its first).
 #include <algorithm>
-#include <cstdlib>
-#include <fstream>
-#include <map>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -141,75 +137,17 @@ bool has_reason(const std::vector<std::string>& lines, std::size_t first, std::s
   return false;
 }
 
-/// Lines of all that is too long under a name, longest first.
-using Sizes = std::map<std::string, std::vector<std::size_t>>;
-
-void sort(Sizes& sizes) {
-  for (auto& [name, lines] : sizes) std::sort(lines.rbegin(), lines.rend());
-}
-
-/// What is too long without a reason, by the name of the file or of the function; folders and a function's file are left
-/// out, so that both may move.
-Sizes too_long() {
-  Sizes found;
+TEST(Sizes, OfFilesAndFunctionsAreWithinBounds) {
   for (const SourceFile& file : test::sources_in({"include/heft", "src", "tools"})) {
-    if (file.lines.size() > kLongestFile && !has_reason(file.lines, 0, 10)) {
-      found[file.path.filename().string()].push_back(file.lines.size());
-    }
+    EXPECT_TRUE(file.lines.size() <= kLongestFile || has_reason(file.lines, 0, 10))
+        << file.path << " has " << file.lines.size()
+        << " lines; split it, or write the reason there: " << kReason << "...";
     for (const Function& f : functions_in(file.lines)) {
-      if (f.lines() <= kLongestFunction) continue;
-      if (has_reason(file.lines, f.first - std::min<std::size_t>(f.first, 3), f.first + 3)) continue;
-      found[f.name].push_back(f.lines());
+      const std::size_t above = std::min<std::size_t>(f.first, 3);
+      EXPECT_TRUE(f.lines() <= kLongestFunction || has_reason(file.lines, f.first - above, f.first + 3))
+          << file.path << ": " << f.name << " has " << f.lines()
+          << " lines; split it, or write the reason there: " << kReason << "...";
     }
-  }
-  sort(found);
-  return found;
-}
-
-std::string list_path() { return std::string(HEFT_SOURCE_DIR) + "/test/house/too_long.txt"; }
-
-Sizes listed() {
-  Sizes sizes;
-  std::ifstream in(list_path());
-  std::size_t lines = 0;
-  for (std::string name; in >> lines >> name;) sizes[name].push_back(lines);
-  sort(sizes);
-  return sizes;
-}
-
-/// Takes out of the list what is short enough by now.
-void shorten_list(const Sizes& found) {
-  const Sizes before = listed();
-  std::ofstream out(list_path());
-  for (const auto& [name, allowed] : before) {
-    if (!found.contains(name)) continue;
-    const std::vector<std::size_t>& now = found.at(name);
-    for (std::size_t i = 0; i < std::min(now.size(), allowed.size()); ++i) {
-      out << std::min(now[i], allowed[i]) << " " << name << "\n";
-    }
-  }
-}
-
-TEST(Sizes, OfFilesAndFunctionsAreWithinBoundsOrShrink) {
-  const Sizes found = too_long();
-  const char* update = std::getenv("HEFT_GOLDEN_UPDATE");
-  if (update && std::string(update) == "1") shorten_list(found);
-  Sizes allowed = listed();
-  for (const auto& [name, sizes] : found) {
-    for (std::size_t i = 0; i < sizes.size(); ++i) {
-      if (i >= allowed[name].size()) {
-        ADD_FAILURE() << name << " has " << sizes[i]
-                      << " lines; split it, or write the reason there: " << kReason << "...";
-      } else {
-        EXPECT_LE(sizes[i], allowed[name][i]) << name << " is too long and has grown";
-      }
-    }
-  }
-  for (const auto& [name, sizes] : allowed) {
-    const std::size_t still = found.contains(name) ? found.at(name).size() : 0;
-    EXPECT_GE(still, sizes.size()) << name
-                                   << " is short enough or gone: HEFT_GOLDEN_UPDATE=1 takes it out of "
-                                   << list_path();
   }
 }
 
