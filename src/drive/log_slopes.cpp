@@ -129,7 +129,9 @@ Slope slope_of(const statistics::BlockJackknife& fit) {
   const statistics::BlockJackknife::Result result = fit.solve();
   Slope slope;
   const double b = result.estimate[kTarget];
-  if (result.blocks < kFewestBlocks || !(b > 0.0)) return slope;
+  if (result.blocks < kFewestBlocks) return slope;
+  slope.opposite = b < -result.interval_factor * std::sqrt(result.covariance(kTarget, kTarget));
+  if (!(b > 0.0)) return slope;
   slope.value = b;
   slope.std = std::sqrt(result.covariance(kTarget, kTarget));
   slope.factor = result.interval_factor;
@@ -170,6 +172,7 @@ std::vector<Slope> slopes_at_rest(const data::LogSource& log, const std::string&
     std::vector<double>& ratios = of_stretches[j];
     if (ratios.empty()) continue;
     const double value = median(ratios);
+    slopes[j].opposite = value < 0.0;
     if (!(value > 0.0)) continue;
     std::vector<double> off;
     for (const double ratio : ratios) off.push_back(std::abs(ratio - value));

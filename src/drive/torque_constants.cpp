@@ -96,6 +96,15 @@ std::vector<bool> contradicting(const std::vector<LogSlopes>& logs) {
   return off;
 }
 
+std::string file_name(const std::string& path) { return std::filesystem::path(path).filename().string(); }
+
+/// What makes a joint known that is not.
+std::string motion_for(From from) {
+  return from == From::kStandstill
+             ? "record poses at rest in which gravity loads the joint"
+             : "record a motion in which gravity or acceleration loads the joint, both ways and faster than 0.03 rad/s";
+}
+
 /// The constant 1/b of a joint from the slopes b of the logs that show it.
 JointConstant constant_of(const std::vector<LogSlopes>& logs, const std::vector<bool>& off, std::size_t joint,
                           From from) {
@@ -105,6 +114,13 @@ JointConstant constant_of(const std::vector<LogSlopes>& logs, const std::vector<
   double best = kInfinity;
   for (std::size_t k = 0; k < logs.size(); ++k) {
     const Slope& slope = logs[k].slopes[joint];
+    if (slope.opposite) {
+      result.missing = fmt::format(
+          "in {} the current falls as the target torque rises: the sign of one of them is wrong; turn it "
+          "round in the log",
+          file_name(logs[k].log));
+      return result;
+    }
     if (!slope.known()) continue;
     best = std::min(best, half_width(slope) / slope.value);
     if (!shows(slope)) continue;
@@ -112,27 +128,25 @@ JointConstant constant_of(const std::vector<LogSlopes>& logs, const std::vector<
     result.logs.push_back({logs[k].log, value, half_width(slope) * value * value, !off[k]});
     if (!off[k]) used.push_back(slope);
   }
+  const auto unknown = [&](const std::string& why) {
+    result.missing = why + "; " + motion_for(from);
+    return result;
+  };
   if (used.empty()) {
-    result.missing =
+    return unknown(
         std::isfinite(best)
             ? fmt::format("the target torque hardly moves the current (interval ±{:.0f} %)", 100.0 * best)
-            : "the target torque does not move the current";
-    return result;
+            : "the target torque does not move the current");
   }
   const Combined mean = combine(used);
-  double factor = statistics::kNormal95;
-  if (used.size() == 1) factor = used.front().factor;
+  const double factor = used.size() == 1 ? used.front().factor : statistics::kNormal95;
   const double half = factor * mean.std;
-  if (mean.between > kScatter * mean.value) {
-    result.missing =
-        fmt::format("the logs differ by {:.0f} % from one to another", 100.0 * mean.between / mean.value);
-    return result;
-  }
-  if (half > kWidest * mean.value) {
-    result.missing =
-        fmt::format("the interval is ±{:.0f} %, which is too wide to use", 100.0 * half / mean.value);
-    return result;
-  }
+  if (mean.between > kScatter * mean.value)
+    return unknown(
+        fmt::format("the logs differ by {:.0f} % from one to another", 100.0 * mean.between / mean.value));
+  if (half > kWidest * mean.value)
+    return unknown(
+        fmt::format("the interval is ±{:.0f} %, which is too wide to use", 100.0 * half / mean.value));
   result.value = 1.0 / mean.value;
   result.low = 1.0 / (mean.value + half);
   result.high = 1.0 / (mean.value - half);
@@ -145,13 +159,6 @@ JointConstant constant_of(const std::vector<LogSlopes>& logs, const std::vector<
     result.load_friction = sum / static_cast<double>(friction.size());
   }
   return result;
-}
-
-/// What makes a joint known that is not.
-std::string motion_for(From from) {
-  return from == From::kStandstill
-             ? "record poses at rest in which gravity loads the joint"
-             : "record a motion in which gravity or acceleration loads the joint, both ways and faster than 0.03 rad/s";
 }
 
 void judge(TorqueConstants& constants) {
@@ -269,15 +276,14 @@ TorqueConstants from_targets(const data::LogSet& logs) {
     if (!at_rest.empty()) best = constant_of(at_rest, rest_off, j, From::kStandstill);
     if (!best.known() && !by_target.empty()) best = constant_of(by_target, target_off, j, From::kMotion);
     if (!best.known() && !by_current.empty()) best = constant_of(by_current, current_off, j, From::kMotion);
-    if (!best.known()) best.missing += "; " + motion_for(best.from);
     constants.joints.push_back(std::move(best));
   }
   for (const std::string& log : names_of(by_current, current_off)) {
     constants.judgement.add(
         host::Verdict::kDoubtful,
         fmt::format(
-            "{} contradicts the other logs and is not used: is there a load that the controller does not know of",
-            log));
+            "{} contradicts the other logs and is not used; a load that the controller does not know of would do that",
+            file_name(log)));
   }
   if (!by_current.empty()) {
     constants.notes.push_back(

@@ -41,17 +41,25 @@ page::Table constants_table(const TorqueConstants& constants) {
   return table;
 }
 
+/// A row a log, a column a joint; what was not used is in brackets.
 page::Table logs_table(const TorqueConstants& constants) {
-  page::Table table({"log", "joint", "K [N·m/A]", "±", "used"});
+  std::vector<std::string> headers{"log"};
+  for (std::size_t j = 0; j < constants.joints.size(); ++j) headers.push_back(fmt::format("joint {}", j + 1));
+  page::Table table(headers);
   for (const std::string& path : constants.logs) {
-    for (std::size_t j = 0; j < constants.joints.size(); ++j) {
-      for (const drive::LogConstant& log : constants.joints[j].logs) {
-        if (log.log != path) continue;
-        table.add_row({file_name_of(log.log), std::to_string(j + 1), fmt::format("{:.3f}", log.value),
-                       fmt::format("{:.2f} %", 100.0 * log.half_width / log.value),
-                       log.agrees ? "yes" : "no"});
+    std::vector<std::string> row{file_name_of(path)};
+    for (const JointConstant& joint : constants.joints) {
+      const auto log =
+          std::find_if(joint.logs.begin(), joint.logs.end(), [&](const auto& l) { return l.log == path; });
+      if (log == joint.logs.end()) {
+        row.push_back("–");
+        continue;
       }
+      const std::string cell =
+          fmt::format("{:.3f} ± {:.1f} %", log->value, 100.0 * log->half_width / log->value);
+      row.push_back(log->agrees ? cell : "(" + cell + ")");
     }
+    table.add_row(row);
   }
   return table;
 }
@@ -137,8 +145,9 @@ page::Page page(const TorqueConstants& constants) {
   page.table(constants_table(constants), "Torque constants by joint");
   const std::string unknown = unknown_in_words(constants);
   if (!unknown.empty()) page.paragraph(unknown);
-  const page::Table logs = logs_table(constants);
-  if (!logs.rows().empty()) page.table(logs, "What each log says by itself");
+  const bool by_log = std::any_of(constants.joints.begin(), constants.joints.end(),
+                                  [](const JointConstant& joint) { return !joint.logs.empty(); });
+  if (by_log) page.table(logs_table(constants), "K [N·m/A] of each log by itself; in brackets: not used");
   for (const std::string& note : constants.notes) page.note(note);
   page.note(
       "Friction by load is friction that grows with the target torque, as a share of it: it adds to the torque in one "

@@ -72,6 +72,15 @@ TEST(TorqueConstants, OfAJointThatNothingLoadsAreNotKnownAndTheMissingMotionIsNa
   EXPECT_TRUE(found.usable());
 }
 
+TEST(TorqueConstants, WithAFlippedSignAreRefusedByThatName) {
+  data::Log log = drive_log({});
+  log.current.col(1) *= -1.0;
+  const TorqueConstants found = from_targets(drive_logs({log}));
+  EXPECT_TRUE(found.joints[0].known());
+  EXPECT_FALSE(found.joints[1].known());
+  EXPECT_NE(found.joints[1].missing.find("sign"), std::string::npos) << found.joints[1].missing;
+}
+
 TEST(TorqueConstants, NeedTargetTorqueAndCurrent) {
   data::Log log = drive_log({});
   log.extra.clear();
