@@ -1,0 +1,320 @@
+/// @file
+/// Did the arm touch something? Residual of the momentum observer against thresholds of free motion.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "heft/core/arm_geometry.hpp"
+#include "heft/core/dynamics/lagrangian.hpp"
+#include "heft/core/monitor/contact_thresholds.hpp"
+#include "heft/core/monitor/load_change_test.hpp"
+#include "heft/core/monitor/momentum_observer.hpp"
+#include "heft/core/numeric_range.hpp"
+#include "heft/core/status.hpp"
+
+namespace heft {
+
+/// What a sample began, ended or decided.
+enum class ContactEvent : std::uint8_t {
+  kNone,
+  kContact,    ///< something touches the arm
+  kReleased,   ///< nothing does any more
+  kLoadChange  ///< it was no contact: the flange carries another load, which is part of the model from now on
+};
+
+/// Name of an event, for people. Static storage, never null.
+constexpr const char* to_string(ContactEvent event) noexcept {
+  switch (event) {
+    case ContactEvent::kNone: return "none";
+    case ContactEvent::kContact: return "contact";
+    case ContactEvent::kReleased: return "released";
+    case ContactEvent::kLoadChange: return "load change";
+  }
+  return "unknown event";
+}
+
+/// Watches an arm for contacts.
+///
+/// The residual r (MomentumObserver) holds torque from outside and what the model misses. Friction that differs from the
+/// model's from day to day is an offset that changes sign with the joint's direction. So an offset is kept for each
+/// direction (negative, at rest, positive), follows r at the rate A, and never leaves the range that free motion has
+/// shown, so that a slow push is not taken for friction. What is left, the deviation, is compared with a threshold linear
+/// in speed, load, rate of the load, time since the last reversal and ignorance of the offset (ContactThresholds). While a
+/// contact lasts no offset follows.
+///
+/// A deviation that lasts and follows the poses as the weight of a body on the flange does is no contact but a change of
+/// load: its weight belongs to the model from then on.
+///
+/// @code
+/// lagrangian_terms(arm, trig, q, qd, terms);
+/// if (monitor.wants_load_columns()) load_columns(arm, trig, q, columns);
+/// status = monitor.update(terms, columns, qd, tau, friction, period, record);
+/// @endcode
+template <typename Scalar, int N>
+class ContactMonitor {
+ public:
+  using Vector = JointVector<Scalar, N>;
+  using Observer = MomentumObserver<Scalar, N>;
+  using Thresholds = ContactThresholds<Scalar, N>;
+
+  struct Record;
+  /// Called from update() with every sample that begins, ends or decides something.
+  using Callback = void (*)(const Record& record, void* context) noexcept;
+
+  struct Config {
+    Thresholds thresholds{};
+    typename Observer::Matrix motor_inertia = Observer::Matrix::Zero();  ///< as in MomentumObserver::Config
+    Scalar longest_period{static_cast<Scalar>(0.1)};                     ///< as there [s]
+    Scalar confirmation{0};  ///< a deviation above its threshold counts after that time [s]; 0 to 10
+    /// A contact ends when all deviations have stayed below half their thresholds for that time [s]; 0 to 10.
+    Scalar release{static_cast<Scalar>(0.1)};
+    /// A load change is decided no earlier after the beginning [s]; 0.1 to 1000.
+    Scalar persistence{static_cast<Scalar>(1.5)};
+    /// Share of the squared deviation that a body has to explain, 0.5 to 1: 0.9 leaves a push at one link out, whose
+    /// torques have other signs.
+    Scalar load_share{static_cast<Scalar>(0.9)};
+    Callback callback{nullptr};
+    void* context{nullptr};
+  };
+
+  struct Record {
+    Vector residual = Vector::Zero();   ///< r, torque from outside along positive q [N·m, N]
+    Vector deviation = Vector::Zero();  ///< r less the offset of the joint's direction
+    Vector threshold = Vector::Zero();  ///< for |deviation|
+    std::array<ResidualCircumstance<Scalar>, static_cast<std::size_t>(N)> circumstance{};
+    Vector offset = Vector::Zero();     ///< [N·m, N]
+    bool judged{false};                 ///< false while the filters settle: at the start and after gaps
+    bool contact{false};                ///< something touches the arm
+    std::array<bool, static_cast<std::size_t>(N)> above{};  ///< joints whose threshold is exceeded
+    int joint{-1};      ///< whose deviation is largest against its threshold, counted from 0; -1: not judged
+    int direction{0};   ///< of the torque from outside on that joint: 1 along positive q, -1 against
+    ContactEvent event{ContactEvent::kNone};
+    std::array<Scalar, 4> load{};  ///< kLoadChange: added mass [kg] and first moment in the last link frame [kg·m]
+  };
+
+  /// @return kOutOfRange, state kept
+  Status configure(const Config& config) noexcept {
+    const auto within = [](Scalar value, Scalar low, Scalar high) { return value >= low && value <= high; };
+    const Thresholds& t = config.thresholds;
+    bool valid = within(t.adaptation, static_cast<Scalar>(1e-3), Scalar(1000)) &&
+                 within(t.reversal_time, static_cast<Scalar>(1e-3), Scalar(1000)) &&
+                 within(config.confirmation, Scalar(0), Scalar(10)) &&
+                 within(config.release, Scalar(0), Scalar(10)) &&
+                 within(config.persistence, static_cast<Scalar>(0.1), Scalar(1000)) &&
+                 within(config.load_share, static_cast<Scalar>(0.5), Scalar(1));
+    for (const JointThreshold<Scalar>& joint : t.joints) valid = valid && joint.is_valid();
+    if (!valid) return Status::kOutOfRange;
+    typename Observer::Config observer;
+    observer.bandwidth = t.bandwidth;
+    observer.motor_inertia = config.motor_inertia;
+    observer.longest_period = config.longest_period;
+    if (const Status status = observer_.configure(observer); status != Status::kOk) return status;
+    config_ = config;
+    reset();
+    configured_ = true;
+    return Status::kOk;
+  }
+
+  /// Forgets the past, offsets and loads included.
+  void reset() noexcept {
+    observer_.reset();
+    state_ = State{};
+    load_.fill(Scalar(0));
+  }
+
+  /// True while the next sample needs load_columns(): during a contact, and with a load that was found.
+  bool wants_load_columns() const noexcept { return state_.contact || carries_load(); }
+
+  /// Takes one sample.
+  /// @param terms     lagrangian_terms() at this q, q̇
+  /// @param columns   load_columns() at this q; not looked at unless wants_load_columns()
+  /// @param qd        velocities, n [rad/s, m/s]
+  /// @param tau       torque measured at the motors, n [N·m, N]
+  /// @param friction  what of it the model gives to friction, gears and joint effects, n [N·m, N]
+  /// @param period    time since the last sample that was taken, > 0 [s]
+  /// @return as MomentumObserver::update; anything but kOk keeps the state, and a record that says nothing
+  Status update(const LagrangianTerms<Scalar, N>& terms, const LoadColumns<Scalar, N>& columns,
+                const Vector& qd, const Vector& tau, const Vector& friction, Scalar period,
+                Record& record) noexcept {
+    record = Record{};
+    if (!configured_) return Status::kNotConfigured;
+    const bool with_columns = wants_load_columns();
+    LagrangianTerms<Scalar, N> loaded = terms;
+    if (with_columns) {
+      for (int i = 0; i < N; ++i) {
+        for (int a = 0; a < 4; ++a) {
+          if (!is_usable(columns(i, a))) return Status::kNonFiniteInput;
+          loaded.gradient[i] -= columns(i, a) * load_[static_cast<std::size_t>(a)];
+        }
+      }
+    }
+    const bool gap = period > config_.longest_period;
+    if (const Status status = observer_.update(loaded, qd, tau, friction, period); status != Status::kOk) {
+      return status;
+    }
+    if (gap) {
+      state_.settled = Scalar(0);
+      state_.rate.setZero();
+    }
+    if (!observer_.running()) return Status::kOk;
+    follow(qd, period, record);
+    decide(with_columns, columns, period, record);
+    if (record.event != ContactEvent::kNone && config_.callback != nullptr) {
+      config_.callback(record, config_.context);
+    }
+    return Status::kOk;
+  }
+
+  bool contact() const noexcept { return state_.contact; }
+  /// Body that load changes have added: mass [kg], first moment in the last link frame [kg·m].
+  const std::array<Scalar, 4>& load() const noexcept { return load_; }
+  const Config& config() const noexcept { return config_; }
+
+ private:
+  /// Of a joint in one direction of motion.
+  struct Direction {
+    Scalar offset{0};
+    Scalar ignorance{1};
+  };
+  struct State {
+    std::array<std::array<Direction, 3>, static_cast<std::size_t>(N)> directions{};
+    std::array<std::uint8_t, static_cast<std::size_t>(N)> way{};  ///< 0 against q, 1 at rest, 2 along q
+    std::array<Scalar, static_cast<std::size_t>(N)> reversal{};
+    Vector explained = Vector::Zero(), rate = Vector::Zero();
+    LoadChangeTest<Scalar, N> body;
+    Scalar settled{0};  ///< time since the start or the last gap [s]
+    Scalar above{0}, below{0};
+    bool started{false}, contact{false};
+  };
+
+  bool carries_load() const noexcept {
+    for (const Scalar& value : load_) {
+      if (value != Scalar(0)) return true;
+    }
+    return false;
+  }
+
+  /// Way of a joint with hysteresis: it moves above its rest speed and stops below a third of it.
+  static std::uint8_t way_of(Scalar speed, Scalar rest, std::uint8_t before) noexcept {
+    if (speed > rest) return 2;
+    if (speed < -rest) return 0;
+    const Scalar third = static_cast<Scalar>(0.3) * rest;
+    return speed < third && speed > -third ? 1 : before;
+  }
+
+  /// Deviation and circumstances of this sample; offsets go on unless something touches.
+  void follow(const Vector& qd, Scalar period, Record& record) noexcept {
+    using std::exp;
+    const Thresholds& t = config_.thresholds;
+    const Scalar fade = exp(-period / t.reversal_time);
+    const Scalar keep = exp(-t.adaptation * period);
+    const Scalar keep_rate = exp(-kRateBandwidth * period);
+    const Vector explained = observer_.explained();
+    record.residual = observer_.residual();
+    for (int j = 0; j < N; ++j) {
+      const std::size_t i = static_cast<std::size_t>(j);
+      const JointThreshold<Scalar>& limits = t.joints[i];
+      const auto size = [](Scalar x) { return x < Scalar(0) ? -x : x; };
+      const std::uint8_t way = way_of(qd[j], limits.rest_speed, state_.started ? state_.way[i] : std::uint8_t{1});
+      if (!state_.started || way != state_.way[i]) {
+        state_.reversal[i] = Scalar(1);
+        // What holds a joint at rest is anything within friction, and another each time.
+        if (way == 1) state_.directions[i][1].ignorance = Scalar(1);
+      } else {
+        state_.reversal[i] *= fade;
+      }
+      state_.way[i] = way;
+      Direction& now = state_.directions[i][way];
+      if (!state_.started) now.offset = limited(record.residual[j], limits.offset_limit);
+      const Scalar rate = state_.started ? size(explained[j] - state_.explained[j]) / period : Scalar(0);
+      state_.rate[j] = keep_rate * state_.rate[j] + (Scalar(1) - keep_rate) * rate;
+      record.circumstance[i] = {size(qd[j]), size(explained[j]), state_.rate[j], state_.reversal[i],
+                                now.ignorance};
+      record.offset[j] = now.offset;
+      record.deviation[j] = record.residual[j] - now.offset;
+      record.threshold[j] = limits.at(record.circumstance[i]);
+      if (!state_.contact) {
+        now.offset = limited(now.offset + (Scalar(1) - keep) * record.deviation[j], limits.offset_limit);
+      }
+      now.ignorance *= keep;
+    }
+    state_.explained = explained;
+    state_.started = true;
+  }
+
+  static Scalar limited(Scalar value, Scalar limit) noexcept {
+    return value > limit ? limit : value < -limit ? -limit : value;
+  }
+
+  void decide(bool with_columns, const LoadColumns<Scalar, N>& columns, Scalar period, Record& record) noexcept {
+    const bool settling = state_.settled < kSettling / config_.thresholds.adaptation;
+    if (settling) state_.settled += period;
+    record.contact = state_.contact;
+    if (settling) return;
+    record.judged = true;
+    Scalar largest(0);
+    bool above = false, quiet = true;
+    for (int j = 0; j < N; ++j) {
+      const Scalar size = record.deviation[j] < Scalar(0) ? -record.deviation[j] : record.deviation[j];
+      const Scalar share = size / record.threshold[j];
+      record.above[static_cast<std::size_t>(j)] = share > Scalar(1);
+      above = above || share > Scalar(1);
+      quiet = quiet && share < static_cast<Scalar>(0.5);
+      if (record.joint < 0 || share > largest) {
+        largest = share;
+        record.joint = j;
+        record.direction = record.deviation[j] < Scalar(0) ? -1 : 1;
+      }
+    }
+    if (!state_.contact) {
+      state_.above = above ? state_.above + period : Scalar(0);
+      if (!above || state_.above < config_.confirmation) return;
+      state_.contact = true;
+      state_.below = Scalar(0);
+      state_.body.reset();
+      record.event = ContactEvent::kContact;
+    } else {
+      state_.below = quiet ? state_.below + period : Scalar(0);
+      if (quiet && state_.below >= config_.release) {
+        end(ContactEvent::kReleased, record);
+      } else if (with_columns) {
+        look_for_load(columns, period, record);
+      }
+    }
+    record.contact = state_.contact;
+  }
+
+  void look_for_load(const LoadColumns<Scalar, N>& columns, Scalar period, Record& record) noexcept {
+    state_.body.add(columns, -record.deviation, record.threshold, period);
+    if (state_.body.duration() < config_.persistence || !state_.body.poses_differ()) return;
+    std::array<Scalar, 4> body{};
+    if (state_.body.explained(body) < config_.load_share) return;
+    record.load = body;
+    for (std::size_t a = 0; a < body.size(); ++a) load_[a] += body[a];
+    observer_.reset();
+    state_.settled = Scalar(0);
+    end(ContactEvent::kLoadChange, record);
+  }
+
+  void end(ContactEvent event, Record& record) noexcept {
+    state_.contact = false;
+    state_.above = Scalar(0);
+    record.event = event;
+  }
+
+  /// Filters and offsets have forgotten the start to 5 % [1 / adaptation].
+  static constexpr Scalar kSettling{3};
+  /// Of the mean rate of the load [1/s]: a tenth of a second, over which inertia and timing show.
+  static constexpr Scalar kRateBandwidth{10};
+
+  Observer observer_;
+  Config config_{};
+  State state_{};
+  std::array<Scalar, 4> load_{};
+  bool configured_{false};
+};
+
+}  // namespace heft
