@@ -17,7 +17,7 @@ struct OperationCount {
   std::int64_t add{0};  ///< additions and subtractions
   std::int64_t div{0};
   std::int64_t sqrt{0};
-  std::int64_t trig{0};  ///< single sines and cosines
+  std::int64_t trig{0};  ///< single sines, cosines and exponentials
   std::int64_t neg{0};   ///< sign changes: folded into additions by any compiler
   std::int64_t cmp{0};   ///< comparisons
 
@@ -115,6 +115,10 @@ class Counted {
 inline Counted sqrt(Counted a) {
   ++counter().sqrt;
   return Counted(std::sqrt(a.value()));
+}
+inline Counted exp(Counted a) {
+  ++counter().trig;
+  return Counted(std::exp(a.value()));
 }
 inline Counted abs(Counted a) { return Counted(std::abs(a.value())); }
 inline bool isfinite(Counted a) { return std::isfinite(a.value()); }

@@ -18,6 +18,7 @@
 #include "heft/core/control/terminal_link_cycle.hpp"
 #include "heft/core/estimate/covariance_recursion.hpp"
 #include "heft/core/estimate/terminal_link_estimator.hpp"
+#include "heft/core/monitor/contact_monitor.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/named_arms.hpp"
@@ -382,6 +383,32 @@ OperationCount computed_torque_cost() {
   return counted([&] { inverse_dynamics<Arm>(parameters, joint_trigonometry<Arm>(q), q, qd, a, tau); });
 }
 
+/// Contact monitor with what it needs of the arm: worst sample, with a contact whose weight is looked into.
+OperationCount monitor_cost() {
+  using Arm = ArmOf<Counted>;
+  using Vector = typename Arm::Vector;
+  ContactMonitor<Counted, kN> monitor;
+  typename ContactMonitor<Counted, kN>::Config config;
+  for (JointThreshold<Counted>& joint : config.thresholds.joints) joint.constant = Counted(1e-3);
+  const auto parameters = nominal<Counted>();
+  OperationCount worst;
+  if (monitor.configure(config) != Status::kOk) return worst;
+  for (const Sample& s : samples()) {
+    const Vector q = vector_of<Counted>(s.q), qd = vector_of<Counted>(s.qd), tau = vector_of<Counted>(s.tau);
+    const OperationCount now = counted([&] {
+      const auto trig = joint_trigonometry<Arm>(q);
+      LagrangianTerms<Counted, kN> terms;
+      LoadColumns<Counted, kN> columns = LoadColumns<Counted, kN>::Zero();
+      typename ContactMonitor<Counted, kN>::Record record;
+      lagrangian_terms<Arm>(parameters, trig, q, qd, terms);
+      if (monitor.wants_load_columns()) load_columns<Arm>(trig, q, columns);
+      static_cast<void>(monitor.update(terms, columns, qd, tau, Vector::Zero(), Counted(0.005), record));
+    });
+    if (now.mul + now.add > worst.mul + worst.add) worst = now;
+  }
+  return worst;
+}
+
 template <int First>
 std::vector<Result> all_forms() {
   std::vector<Result> out;
@@ -479,6 +506,10 @@ int main_with(const std::string& json_path) {
       "\ncomputed torque of the controller (nominal torque, all six joints): {} mul, {} add, {} trig\n",
       torque.mul, torque.add, torque.trig);
   main_document["nominal_torque"] = as_json(torque, 1);
+  const OperationCount contacts = monitor_cost();
+  fmt::print("contact monitor, worst sample (all six joints): {} mul, {} add, {} trig\n", contacts.mul,
+             contacts.add, contacts.trig);
+  main_document["contact_monitor"] = as_json(contacts, 1);
   main_document["all_k"] = by_k;
   if (!json_path.empty()) {
     host::write_file_atomically(json_path, main_document.dump(2) + "\n");

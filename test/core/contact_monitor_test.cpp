@@ -27,13 +27,14 @@ class Bench {
   using Monitor = ContactMonitor<Scalar, kN>;
   using Record = typename Monitor::Record;
 
-  explicit Bench(double threshold = 0.1, double noise = 0.0) : noise_(noise) {
+  /// @param offset  largest of free motion; below 0: the threshold
+  explicit Bench(double threshold = 0.1, double noise = 0.0, double offset = -1.0) : noise_(noise) {
     typename Monitor::Config config;
     config.thresholds.bandwidth = Scalar(100);
     config.motor_inertia.diagonal().setConstant(static_cast<Scalar>(kRotor));
     for (auto& joint : config.thresholds.joints) {
       joint.constant = static_cast<Scalar>(threshold);
-      joint.offset_limit = static_cast<Scalar>(threshold);
+      joint.offset_limit = static_cast<Scalar>(offset < 0 ? threshold : offset);
     }
     config.callback = [](const Record& event, void* self) noexcept {
       static_cast<Bench*>(self)->events.push_back(event);
@@ -70,7 +71,8 @@ class Bench {
     const auto trig = joint_trigonometry<Arm>(s.q);
     lagrangian_terms(arm, trig, s.q, s.qd, terms);
     load_columns(arm, trig, s.q, columns);
-    const Status status = monitor.update(terms, columns, s.qd, s.tau, s.friction, static_cast<Scalar>(period), record);
+    const Status status =
+        monitor.update(terms, columns, s.qd, s.tau, s.friction, static_cast<Scalar>(period), record);
     return status;
   }
   void run(double seconds) {
@@ -95,7 +97,8 @@ class Bench {
     const auto& from = model::Ur5Arm::kModel;
     for (std::size_t j = 0; j < kN; ++j) {
       to.joints[j].type = from.joints[j].type;
-      for (std::size_t i = 0; i < 9; ++i) to.joints[j].rotation[i] = static_cast<Scalar>(from.joints[j].rotation[i]);
+      for (std::size_t i = 0; i < 9; ++i)
+        to.joints[j].rotation[i] = static_cast<Scalar>(from.joints[j].rotation[i]);
       for (std::size_t i = 0; i < 3; ++i) {
         to.joints[j].position[i] = static_cast<Scalar>(from.joints[j].position[i]);
         to.joints[j].axis[i] = static_cast<Scalar>(from.joints[j].axis[i]);
@@ -125,7 +128,8 @@ TYPED_TEST(ContactMonitorTest, ResidualIsTheTorqueFromOutsideBehindALowPass) {
   bench.push << 3, -5, 4, 2, -1, 0.5;
   bench.run(0.01);
   const double share = 1 - std::exp(-100 * 0.01);
-  for (int i = 0; i < kN; ++i) EXPECT_NEAR(bench.record.residual[i], share * bench.push[i], calm + 0.05 * std::abs(bench.push[i])) << i;
+  for (int i = 0; i < kN; ++i)
+    EXPECT_NEAR(bench.record.residual[i], share * bench.push[i], calm + 0.05 * std::abs(bench.push[i])) << i;
   bench.run(0.5);
   for (int i = 0; i < kN; ++i) EXPECT_NEAR(bench.record.residual[i], bench.push[i], calm) << i;
 }
@@ -166,9 +170,28 @@ TYPED_TEST(ContactMonitorTest, ASlowPushBeyondTheOffsetsOfFreeMotionIsFound) {
   EXPECT_EQ(bench.events[0].direction, -1);
 }
 
+TYPED_TEST(ContactMonitorTest, AContactThatStandsStillWithinFrictionEndsAndALargerOneDoesNot) {
+  for (const double held : {1.0, 3.0}) {  // the offsets of free motion reach to 2
+    Bench<TypeParam> bench(0.3, 0.0, 2.0);
+    bench.run(3.0);
+    bench.push[1] = held;
+    bench.run(2.9);
+    ASSERT_EQ(bench.events.size(), 1u) << held;
+    EXPECT_TRUE(bench.monitor.contact()) << held;
+    bench.run(1.1);
+    if (held < 2.0) {
+      ASSERT_GE(bench.events.size(), 2u);
+      EXPECT_EQ(bench.events[1].event, ContactEvent::kReleased);
+    } else {
+      EXPECT_EQ(bench.events.size(), 1u);
+      EXPECT_TRUE(bench.monitor.contact());
+    }
+  }
+}
+
 TYPED_TEST(ContactMonitorTest, ABodyOnTheFlangeIsALoadChangeAndAPushIsNot) {
-  const InertialParameters<double> body = make_inertial_parameters<double>(
-      1.5, {0.02, 0.05, 0.03}, {0.001, 0, 0.001, 0, 0, 0.001});
+  const InertialParameters<double> body =
+      make_inertial_parameters<double>(1.5, {0.02, 0.05, 0.03}, {0.001, 0, 0.001, 0, 0, 0.001});
   {
     Bench<TypeParam> bench(2.0);  // more than the body's inertia makes, which is not followed
     bench.run(3.0);
@@ -232,8 +255,9 @@ TYPED_TEST(ContactMonitorTest, RefusesSettingsThatMeanNothing) {
   for (auto& joint : good.thresholds.joints) joint.constant = 1;
   Monitor monitor;
   typename Monitor::Record record;
-  EXPECT_EQ(monitor.update({}, Monitor::Observer::Matrix::Zero().template leftCols<4>().eval(), Bench<TypeParam>::Vector::Zero(),
-                           Bench<TypeParam>::Vector::Zero(), Bench<TypeParam>::Vector::Zero(), TypeParam(0.001), record),
+  EXPECT_EQ(monitor.update({}, Monitor::Observer::Matrix::Zero().template leftCols<4>().eval(),
+                           Bench<TypeParam>::Vector::Zero(), Bench<TypeParam>::Vector::Zero(),
+                           Bench<TypeParam>::Vector::Zero(), TypeParam(0.001), record),
             Status::kNotConfigured);
   ASSERT_EQ(monitor.configure(good), Status::kOk);
   const auto refused = [&](auto change) {
@@ -246,7 +270,8 @@ TYPED_TEST(ContactMonitorTest, RefusesSettingsThatMeanNothing) {
   EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[3].speed = -1; }));
   EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[0].rest_speed = 0; }));
   EXPECT_TRUE(refused([](auto& c) { c.thresholds.bandwidth = 0; }));
-  EXPECT_TRUE(refused([](auto& c) { c.thresholds.adaptation = std::numeric_limits<TypeParam>::quiet_NaN(); }));
+  EXPECT_TRUE(
+      refused([](auto& c) { c.thresholds.adaptation = std::numeric_limits<TypeParam>::quiet_NaN(); }));
   EXPECT_TRUE(refused([](auto& c) { c.longest_period = 0; }));
   EXPECT_TRUE(refused([](auto& c) { c.load_share = TypeParam(0.2); }));
 }

@@ -15,7 +15,7 @@ function(run)
   set(err "${err}" PARENT_SCOPE)
 endfunction()
 # The logs and models that the command line names: simulated, and fitted by the first example's command.
-foreach(log train judge empty zero carrying elastic)
+foreach(log train judge touched empty zero carrying elastic)
   if("${head}" MATCHES "(^| )${log}\\.csv" OR ("${head}" MATCHES "--model arm" AND log STREQUAL "train"))
     run(${HEFT} simulate --scenario ${log}.json -o ${log}.csv)
     if(code)

@@ -15,6 +15,7 @@
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/kinematics/geometric_jacobian.hpp"
 #include "heft/core/kinematics/joint_deflection.hpp"
+#include "heft/core/monitor/contact_monitor.hpp"
 #include "support/allocation_counter.hpp"
 
 namespace heft {
@@ -136,6 +137,39 @@ void expect_effects_without_allocation() {
 }
 
 template <typename Scalar>
+void expect_monitor_without_allocation() {
+  constexpr int kN = firmware::kNumJoints;
+  using Arm = StaticArm<Scalar, firmware::PaperArm>;
+  using Vector = typename Arm::Vector;
+  const auto vector = [](const float* values) -> Vector {
+    return Eigen::Map<const Eigen::Matrix<float, kN, 1>>(values).cast<Scalar>();
+  };
+  const auto monitor = std::make_unique<ContactMonitor<Scalar, kN>>();
+  typename ContactMonitor<Scalar, kN>::Config config;
+  for (JointThreshold<Scalar>& joint : config.thresholds.joints) joint.constant = static_cast<Scalar>(0.01);
+  ASSERT_EQ(monitor->configure(config), Status::kOk);
+  int refused = 0, events = 0;
+  const test::AllocationCount spent = allocations_of([&](const LogRow& row) {
+    const Vector q = vector(row.q), qd = vector(row.qd);
+    const auto trig = joint_trigonometry<Arm>(q);
+    LagrangianTerms<Scalar, kN> terms;
+    LoadColumns<Scalar, kN> columns;
+    lagrangian_terms<Arm>(ConstantParameters<Scalar, firmware::PaperArm>{}, trig, q, qd, terms);
+    load_columns<Arm>(trig, q, columns);
+    typename ContactMonitor<Scalar, kN>::Record record;
+    refused += monitor->update(terms, columns, qd, vector(row.tau), Vector::Zero(),
+                               static_cast<Scalar>(0.001), record) == Status::kOk
+                   ? 0
+                   : 1;
+    events += record.event == ContactEvent::kNone ? 0 : 1;
+  });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_EQ(refused, 0);
+  EXPECT_GT(events, 0);  // contacts were looked into
+}
+
+template <typename Scalar>
 void expect_statics_without_allocation() {
   constexpr int kN = firmware::kNumJoints;
   using Vector = JointVector<Scalar, kN>;
@@ -162,6 +196,10 @@ void expect_statics_without_allocation() {
   volatile Scalar used = sum;  // what nobody uses, the compiler may leave out with the calls that made it
   static_cast<void>(used);
 }
+
+TEST_F(Allocation, MonitorInDoubleTakesNothingFromTheHeap) { expect_monitor_without_allocation<double>(); }
+
+TEST_F(Allocation, MonitorInFloatTakesNothingFromTheHeap) { expect_monitor_without_allocation<float>(); }
 
 TEST_F(Allocation, StaticsInDoubleTakeNothingFromTheHeap) { expect_statics_without_allocation<double>(); }
 

@@ -6,6 +6,7 @@
 #include "heft/core/control/terminal_link_cycle.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
+#include "heft/core/dynamics/lagrangian.hpp"
 #include "heft/core/dynamics/lumped_regressor.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/dynamics/terminal_rows.hpp"
@@ -22,6 +23,7 @@
 #include "heft/core/friction/friction.hpp"
 #include "heft/core/kinematics/geometric_jacobian.hpp"
 #include "heft/core/kinematics/joint_deflection.hpp"
+#include "heft/core/monitor/contact_monitor.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft::firmware {
@@ -49,6 +51,11 @@ struct DynamicInstances {
   }
   static void mass(const Arm& arm, const Trig& trig, const Vector& q, MassMatrix<Scalar, N>& matrix) {
     mass_matrix(arm, trig, q, matrix);
+  }
+  static void lagrangian(const Arm& arm, const Trig& trig, const Vector& q, const Vector& qd,
+                         LagrangianTerms<Scalar, N>& terms, LoadColumns<Scalar, N>& columns) {
+    lagrangian_terms(arm, trig, q, qd, terms);
+    load_columns(arm, trig, q, columns);
   }
   static Status acceleration(const MassMatrix<Scalar, N>& matrix, const Vector& bias, const Vector& rotor,
                              const Vector& tau, Vector& qdd) {
@@ -148,6 +155,10 @@ struct StaticInstances {
                      Vector& tau) {
       bias_torque<Arm>(parameters, trig, q, qd, tau);
     }
+    static void lagrangian(const Parameters& parameters, const Trig& trig, const Vector& q, const Vector& qd,
+                           LagrangianTerms<Scalar, kN>& terms) {
+      lagrangian_terms<Arm>(parameters, trig, q, qd, terms);
+    }
     static Status position_velocity(const JointFeedback<Scalar, kN>& feedback, const Parameters& parameters,
                                     bool with_gravity, const JointReference<Scalar, kN>& reference,
                                     const Vector& q, const Vector& qd, Vector& tau, ControlRecord& record) {
@@ -176,6 +187,9 @@ struct StaticInstances {
   static void links(const Trig& trig, const Vector& q, const Vector& qd, const Vector& qdd,
                     LinkRegressor<Scalar, kN>& Y) {
     link_regressor<Arm>(trig, q, qd, qdd, Y);
+  }
+  static void load(const Trig& trig, const Vector& q, LoadColumns<Scalar, kN>& columns) {
+    load_columns<Arm>(trig, q, columns);
   }
   static void full(const Vector& q, const Vector& qd, const Vector& qdd, Scalar sign_width,
                    FullRegressor<Scalar, kN>& Y) {
@@ -263,6 +277,9 @@ namespace heft {
   template class JointAccelerationModel<Scalar, N>; \
   template class DelayedMean<Scalar, N, 8>;         \
   template class StateVariableFilter<Scalar, N>;    \
+  template class MomentumObserver<Scalar, N>;       \
+  template class LoadChangeTest<Scalar, N>;         \
+  template class ContactMonitor<Scalar, N>;         \
   template class JointFeedback<Scalar, N>
 
 using SixFloat = StaticArm<float, firmware::PaperArm>;

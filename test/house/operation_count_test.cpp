@@ -60,6 +60,13 @@ TEST(OperationCount, InformationFormAlongWithComputedTorque) {
   expect_mean(form("information", true), 440, 490);
 }
 
+TEST(OperationCount, ContactMonitorInItsWorstSample) {
+  const auto& monitor = counts().at("contact_monitor");
+  EXPECT_GT(monitor.at("mul").get<double>(), 500);  // the load of a contact was looked into
+  EXPECT_LE(monitor.at("mul").get<double>(), 1800);
+  EXPECT_LE(monitor.at("add").get<double>(), 1600);
+}
+
 TEST(OperationCount, ExactEverySample) { expect_mean(form("factored", false), 1250, 1250); }
 
 TEST(OperationCount, IsWhatTheReadmeSaysToOneDecimal) {

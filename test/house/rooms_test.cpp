@@ -35,21 +35,22 @@ const std::map<std::string, Rooms>& table() {
       {"validate", {"core", "data", "host", "model", "statistics"}},
       {"drive", {"data", "host", "model", "statistics", "validate"}},
       {"payload", {"core", "data", "drive", "host", "model", "statistics", "validate"}},
+      {"monitor", {"core", "data", "host", "model", "statistics", "validate"}},
       {"stiffness", {"data", "host", "model", "statistics"}},
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim"}},
       {"diagnose", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"track", {"core", "host", "model", "sim", "statistics", "validate"}},
       {"report",
-       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "page", "payload", "sim",
-        "statistics", "stiffness", "track", "validate"}},
+       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page", "payload",
+        "sim", "statistics", "stiffness", "track", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/studies",
        {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
         "stiffness", "track", "urdf", "validate"}},
       {"tools/heft",
-       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "page", "payload", "plausibility",
-        "report", "sim", "stiffness", "tools/studies", "track", "urdf", "validate"}}};
+       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page", "payload",
+        "plausibility", "report", "sim", "stiffness", "tools/studies", "track", "urdf", "validate"}}};
   return rooms;
 }
 
@@ -133,7 +134,7 @@ TEST(Rooms, IncludeWhatTheTableSaysAndNothingElse) {
 
 // A question is answered without another one; all are judged by the same scorer. What is said of an answer is above.
 TEST(Rooms, OfQuestionsKnowNoOtherQuestion) {
-  const Rooms questions = {"collision", "diagnose",     "excite",    "identify",
+  const Rooms questions = {"collision", "diagnose",     "excite",    "identify", "monitor",
                            "payload",   "plausibility", "stiffness", "track"};
   const std::map<std::string, Rooms> exceptions = {
       {"excite", {"collision"}}};  // motions that keep clear of the arm

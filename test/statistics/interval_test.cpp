@@ -43,5 +43,16 @@ TEST(Interval, OfTheReciprocalOfWhatMayBeZeroIsOpenAbove) {
   EXPECT_EQ(reciprocal({-2.0, 0.1, -2.2, -1.8}).lower, 0.0);
 }
 
+TEST(CountInterval, IsThatOfTheTables) {
+  // Printed tables of Garwood's interval, 95 %; for zero counted exactly -ln 0.025.
+  EXPECT_EQ(count_interval(0).lower, 0.0);
+  EXPECT_NEAR(count_interval(0).upper, -std::log(0.025), 1e-9);
+  EXPECT_NEAR(count_interval(1).lower, 0.0253, 1e-4);
+  EXPECT_NEAR(count_interval(1).upper, 5.572, 1e-3);
+  EXPECT_NEAR(count_interval(10).lower, 4.795, 1e-3);
+  EXPECT_NEAR(count_interval(10).upper, 18.39, 1e-2);
+  EXPECT_EQ(count_interval(10).value, 10.0);
+}
+
 }  // namespace
 }  // namespace heft::statistics

@@ -10,8 +10,10 @@
 #include "exported/scara.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/effects/effect_feed_forward.hpp"
+#include "heft/core/monitor/contact_monitor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/motion_torque.hpp"
+#include "heft/monitor/monitor.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
 namespace heft {
@@ -44,6 +46,22 @@ model::Robot diagnosed_scara() {
   model::Robot robot = urdf::load_urdf(urdf::resolve_robot("scara"));
   model::apply(model::read_model(HEFT_DIAGNOSED_SCARA), robot);
   return robot;
+}
+
+TEST(ExportedArm, CarriesTheThresholdsOfContactsToTheMonitor) {
+  constexpr ContactThresholds<float, 4> kThresholds = exported::DiagnosedScara::kThresholds.cast<float>();
+  const auto file = monitor::thresholds_of(model::read_model(HEFT_DIAGNOSED_SCARA));
+  ASSERT_TRUE(file.has_value());
+  EXPECT_FLOAT_EQ(kThresholds.bandwidth, static_cast<float>(file->bandwidth));
+  ASSERT_EQ(file->joints.size(), kThresholds.joints.size());
+  for (std::size_t j = 0; j < kThresholds.joints.size(); ++j) {
+    EXPECT_FLOAT_EQ(kThresholds.joints[j].constant, static_cast<float>(file->joints[j].constant));
+    EXPECT_FLOAT_EQ(kThresholds.joints[j].rest_speed, static_cast<float>(file->joints[j].rest_speed));
+  }
+  ContactMonitor<float, 4> core;
+  ContactMonitor<float, 4>::Config config;
+  config.thresholds = kThresholds;
+  EXPECT_EQ(core.configure(config), Status::kOk);
 }
 
 TEST(ExportedArm, HoldsEverythingOfAModel) {

@@ -104,6 +104,23 @@ std::string effects_text(const model::Robot& robot) {
          fmt::format("  static constexpr double kTorqueDelay = {};\n", literal(robot.torque_delay));
 }
 
+/// Thresholds of contacts, for heft::ContactMonitor.
+std::string thresholds_text(const monitor::Thresholds& thresholds) {
+  std::string text = fmt::format(
+      "  /// Thresholds of contacts, for heft::ContactMonitor: constant, speed, load, load rate, reversal, ignorance, offset "
+      "limit,\n  /// rest speed.\n  static constexpr heft::ContactThresholds<double, {}> kThresholds{{\n"
+      "      .bandwidth = {},\n      .adaptation = {},\n      .reversal_time = {},\n      .joints = {{{{\n",
+      thresholds.joints.size(), literal(thresholds.bandwidth), literal(thresholds.adaptation),
+      literal(thresholds.reversal_time));
+  for (const JointThreshold<double>& j : thresholds.joints) {
+    text += fmt::format("          {},\n",
+                        braces(std::array<double, 8>{j.constant, j.speed, j.load, j.load_rate, j.reversal,
+                                                     j.ignorance, j.offset_limit, j.rest_speed},
+                               false));
+  }
+  return text + "      }}};\n";
+}
+
 }  // namespace
 
 std::string type_name_of(const std::string& robot_name) {
@@ -121,7 +138,8 @@ std::string type_name_of(const std::string& robot_name) {
   return std::isdigit(static_cast<unsigned char>(name[0])) ? "Arm" + name : name;
 }
 
-std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names) {
+std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names,
+                       const monitor::Thresholds* thresholds) {
   if (!is_identifier(names.type)) {
     throw InputError(fmt::format("--name: found \"{}\"; expected a C++ type name such as {}", names.type,
                                  type_name_of(robot.name)));
@@ -141,8 +159,9 @@ std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names) {
       "export again.\n"
       "#pragma once\n\n#include <array>\n\n#include \"heft/core/arm_model.hpp\"\n"
       "#include \"heft/core/effects/effects.hpp\"\n#include \"heft/core/effects/elasticity.hpp\"\n"
-      "#include \"heft/core/friction/gear_coupling.hpp\"\n\n",
-      plain(robot.name), robot.num_joints(), plain(names.source_of_truth));
+      "#include \"heft/core/friction/gear_coupling.hpp\"\n{}\n",
+      plain(robot.name), robot.num_joints(), plain(names.source_of_truth),
+      thresholds != nullptr ? "#include \"heft/core/monitor/contact_thresholds.hpp\"\n" : "");
   if (!names.name_space.empty()) text += fmt::format("namespace {} {{\n\n", names.name_space);
   text +=
       fmt::format("/// Chain from {} to {}. SI units; inertia about the link-frame origin.\nstruct {} {{\n",
@@ -178,6 +197,7 @@ std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names) {
   text += fmt::format("  static constexpr std::array<double, 3> kTipPosition{};\n",
                       braces(robot.tip_position, false));
   text += effects_text(robot);
+  if (thresholds != nullptr) text += thresholds_text(*thresholds);
   text += "};\n";
   if (!names.name_space.empty()) text += fmt::format("\n}}  // namespace {}\n", names.name_space);
   return text;

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "heft/model/robot.hpp"
+#include "heft/monitor/monitor.hpp"
 
 namespace heft::tools {
 
@@ -19,8 +20,10 @@ struct ArmHeaderNames {
 /// that the compile-time dynamics take. Entries of rotations and axes within 1e-12 of 0 or ±1 are written as
 /// such, since those are what the compile-time dynamics eliminate. Next to kModel are kCouplings, kEffects and
 /// kElasticities (arrays, empty when there are none), kTorqueDelay, kTipRotation and kTipPosition.
+/// @param thresholds  of contacts, as kThresholds; null: none
 /// @throws InputError when a name is not an identifier.
-std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names);
+std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names,
+                       const monitor::Thresholds* thresholds = nullptr);
 
 /// A type name made from a robot's name: "ur10e-left" gives "Ur10eLeft".
 std::string type_name_of(const std::string& robot_name);

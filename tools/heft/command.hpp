@@ -34,6 +34,7 @@ Action set_up_identify(CommandLine line);
 Action set_up_diagnose(CommandLine line);
 Action set_up_payload(CommandLine line);
 Action set_up_torque_constants(CommandLine line);
+Action set_up_monitor(CommandLine line);
 Action set_up_export(CommandLine line);
 Action set_up_track(CommandLine line);
 Action set_up_stiffness(CommandLine line);

@@ -1,6 +1,7 @@
 /// @file
 /// heft export: a robot and a model as a constexpr C++ header for firmware.
 #include <memory>
+#include <optional>
 #include <string>
 
 #include <fmt/format.h>
@@ -9,6 +10,8 @@
 #include "command.hpp"
 #include "console.hpp"
 #include "heft/host/file.hpp"
+#include "heft/model/model_file.hpp"
+#include "heft/monitor/monitor.hpp"
 #include "options.hpp"
 
 namespace heft::tools {
@@ -31,7 +34,10 @@ void run(const Options& options) {
   if (!options.robot.model.empty()) {
     names.source_of_truth += (options.robot.urdf.empty() ? "" : " and ") + options.robot.model;
   }
-  const std::string header = arm_header(robot, names);
+  std::optional<monitor::Thresholds> thresholds;
+  if (!options.robot.model.empty())
+    thresholds = monitor::thresholds_of(model::read_model(options.robot.model));
+  const std::string header = arm_header(robot, names, thresholds ? &*thresholds : nullptr);
   console.print("{} with {} joints as struct {}\n", robot.name, robot.num_joints(),
                 names.name_space.empty() ? names.type : names.name_space + "::" + names.type);
   host::write_file_atomically(options.output, header);
@@ -54,7 +60,7 @@ Action set_up_export(CommandLine line) {
       "a member kModel of type heft::ArmModel<double, N>, and also kCouplings, kEffects (for\n"
       "heft::EffectFeedForward), kElasticities and kTorqueDelay with what a model holds beyond rigid bodies "
       "and\n"
-      "friction.\n"
+      "friction; and kThresholds (for heft::ContactMonitor) where heft monitor --learn has written them.\n"
       "Example: heft export --urdf ur5e --model fitted.json --namespace app -o ur5e.hpp");
   return [options] { run(*options); };
 }

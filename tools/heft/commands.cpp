@@ -13,6 +13,7 @@ const std::vector<Command>& commands() {
       {"payload", "estimate the load at the flange sample by sample, as a controller would", set_up_payload},
       {"torque-constants", "the torque an ampere gives, from target torque and current or a known load",
        set_up_torque_constants},
+      {"monitor", "find contacts in a log, as a controller would", set_up_monitor},
       {"track", "closed-loop tracking in the simulator, several controllers side by side", set_up_track},
       {"stiffness", "joint stiffness from loads and deflections, or from encoders", set_up_stiffness},
       {"export", "write a robot and a model as a constexpr C++ header for firmware", set_up_export},

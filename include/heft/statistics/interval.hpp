@@ -27,4 +27,8 @@ struct Interval {
 /// infinite without a standard deviation; an upper end there leaves 0 as the lower one.
 Interval reciprocal(const Interval& x);
 
+/// Mean of a Poisson distribution from one count: the exact interval of Garwood (1936). Zero counted gives 0 to 3.69.
+/// @param count  0 or more
+Interval count_interval(long count);
+
 }  // namespace heft::statistics

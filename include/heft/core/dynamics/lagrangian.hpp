@@ -59,8 +59,8 @@ constexpr Outboard<Momentum, Weight> make_outboard(const Momentum& momentum, con
 /// ∂T/∂q_j = (v_j × S_j) · H_j with the spatial velocity v_j, the joint's axis S_j and the momentum H_j of the links
 /// outboard; ∂U/∂q_j is the power of the weight along S_j.
 template <typename Scalar, typename Frame, typename W, typename V, typename Outboard>
-constexpr void add_joint(const Frame& frame, const W& w, const V& v, const Outboard& outboard, Scalar& momentum,
-                         Scalar& gradient) {
+constexpr void add_joint(const Frame& frame, const W& w, const V& v, const Outboard& outboard,
+                         Scalar& momentum, Scalar& gradient) {
   const auto& H = outboard.momentum;
   const auto turned = cross(w, frame.axis);
   const auto of_turn = [&](Scalar& p, Scalar& d) {
@@ -213,7 +213,8 @@ constexpr auto static_load_columns(const JointTrigonometry<Arm>& trig, const G& 
   }();
   for (std::size_t c = 0; c < loads.size(); ++c) {
     constexpr bool kRevolute = Arm::template joint_type<J>() == JointType::kRevolute;
-    columns(J, static_cast<int>(c)) = value<Scalar>(dot(frame.axis, kRevolute ? loads[c].moment : loads[c].force));
+    columns(J, static_cast<int>(c)) =
+        value<Scalar>(dot(frame.axis, kRevolute ? loads[c].moment : loads[c].force));
     const auto inboard = wrench_on_parent(frame, loads[c]);
     loads[c] = {dense<Scalar>(inboard.force), dense<Scalar>(inboard.moment)};
   }
@@ -224,9 +225,9 @@ constexpr auto static_load_columns(const JointTrigonometry<Arm>& trig, const G& 
 
 /// Columns of a body on the last link, compile-time geometry. Cost: some 100 multiplications a joint.
 template <typename Arm>
-requires(Arm::kIsStatic) inline void load_columns(const JointTrigonometry<Arm>& trig,
-                                                  const typename Arm::Vector& q,
-                                                  LoadColumns<typename Arm::Scalar, Arm::kNumJoints>& columns) noexcept {
+requires(Arm::kIsStatic) inline void load_columns(
+    const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q,
+    LoadColumns<typename Arm::Scalar, Arm::kNumJoints>& columns) noexcept {
   structural::static_load_columns<0, Arm>(trig, -Arm::base_acceleration(), q, columns);
 }
 

@@ -71,6 +71,9 @@ class ContactMonitor {
     Scalar confirmation{0};  ///< a deviation above its threshold counts after that time [s]; 0 to 10
     /// A contact ends when all deviations have stayed below half their thresholds for that time [s]; 0 to 10.
     Scalar release{static_cast<Scalar>(0.1)};
+    /// A contact also ends when its deviation has stood still for that long [s], 0.1 to 1000, within the offsets of free
+    /// motion: after a push the friction of a joint at rest holds another torque than before.
+    Scalar stand_still{3};
     /// A load change is decided no earlier after the beginning [s]; 0.1 to 1000.
     Scalar persistence{static_cast<Scalar>(1.5)};
     /// Share of the squared deviation that a body has to explain, 0.5 to 1: 0.9 leaves a push at one link out, whose
@@ -85,14 +88,15 @@ class ContactMonitor {
     Vector deviation = Vector::Zero();  ///< r less the offset of the joint's direction
     Vector threshold = Vector::Zero();  ///< for |deviation|
     std::array<ResidualCircumstance<Scalar>, static_cast<std::size_t>(N)> circumstance{};
-    Vector offset = Vector::Zero();     ///< [N·m, N]
-    bool judged{false};                 ///< false while the filters settle: at the start and after gaps
-    bool contact{false};                ///< something touches the arm
+    Vector offset = Vector::Zero();  ///< [N·m, N]
+    bool judged{false};              ///< false while the filters settle: at the start and after gaps
+    bool contact{false};             ///< something touches the arm
     std::array<bool, static_cast<std::size_t>(N)> above{};  ///< joints whose threshold is exceeded
-    int joint{-1};      ///< whose deviation is largest against its threshold, counted from 0; -1: not judged
-    int direction{0};   ///< of the torque from outside on that joint: 1 along positive q, -1 against
+    int joint{-1};     ///< whose deviation is largest against its threshold, counted from 0; -1: not judged
+    int direction{0};  ///< of the torque from outside on that joint: 1 along positive q, -1 against
     ContactEvent event{ContactEvent::kNone};
-    std::array<Scalar, 4> load{};  ///< kLoadChange: added mass [kg] and first moment in the last link frame [kg·m]
+    std::array<Scalar, 4>
+        load{};  ///< kLoadChange: added mass [kg] and first moment in the last link frame [kg·m]
   };
 
   /// @return kOutOfRange, state kept
@@ -103,6 +107,7 @@ class ContactMonitor {
                  within(t.reversal_time, static_cast<Scalar>(1e-3), Scalar(1000)) &&
                  within(config.confirmation, Scalar(0), Scalar(10)) &&
                  within(config.release, Scalar(0), Scalar(10)) &&
+                 within(config.stand_still, static_cast<Scalar>(0.1), Scalar(1000)) &&
                  within(config.persistence, static_cast<Scalar>(0.1), Scalar(1000)) &&
                  within(config.load_share, static_cast<Scalar>(0.5), Scalar(1));
     for (const JointThreshold<Scalar>& joint : t.joints) valid = valid && joint.is_valid();
@@ -133,7 +138,8 @@ class ContactMonitor {
   /// @param columns   load_columns() at this q; not looked at unless wants_load_columns()
   /// @param qd        velocities, n [rad/s, m/s]
   /// @param tau       torque measured at the motors, n [N·m, N]
-  /// @param friction  what of it the model gives to friction, gears and joint effects, n [N·m, N]
+  /// @param friction  what of it the model gives to friction, gears and joint effects, n [N·m, N]; thresholds of heft were
+  ///                  learnt with a sign of friction 0.01 rad/s (m/s) wide, see velocity_sign
   /// @param period    time since the last sample that was taken, > 0 [s]
   /// @return as MomentumObserver::update; anything but kOk keeps the state, and a record that says nothing
   Status update(const LagrangianTerms<Scalar, N>& terms, const LoadColumns<Scalar, N>& columns,
@@ -184,9 +190,10 @@ class ContactMonitor {
     std::array<std::uint8_t, static_cast<std::size_t>(N)> way{};  ///< 0 against q, 1 at rest, 2 along q
     std::array<Scalar, static_cast<std::size_t>(N)> reversal{};
     Vector explained = Vector::Zero(), rate = Vector::Zero();
+    Vector followed = Vector::Zero();  ///< residual during a contact, followed as an offset would
     LoadChangeTest<Scalar, N> body;
     Scalar settled{0};  ///< time since the start or the last gap [s]
-    Scalar above{0}, below{0};
+    Scalar above{0}, below{0}, still{0};
     bool started{false}, contact{false};
   };
 
@@ -218,7 +225,8 @@ class ContactMonitor {
       const std::size_t i = static_cast<std::size_t>(j);
       const JointThreshold<Scalar>& limits = t.joints[i];
       const auto size = [](Scalar x) { return x < Scalar(0) ? -x : x; };
-      const std::uint8_t way = way_of(qd[j], limits.rest_speed, state_.started ? state_.way[i] : std::uint8_t{1});
+      const std::uint8_t way =
+          way_of(qd[j], limits.rest_speed, state_.started ? state_.way[i] : std::uint8_t{1});
       if (!state_.started || way != state_.way[i]) {
         state_.reversal[i] = Scalar(1);
         // What holds a joint at rest is anything within friction, and another each time.
@@ -249,7 +257,8 @@ class ContactMonitor {
     return value > limit ? limit : value < -limit ? -limit : value;
   }
 
-  void decide(bool with_columns, const LoadColumns<Scalar, N>& columns, Scalar period, Record& record) noexcept {
+  void decide(bool with_columns, const LoadColumns<Scalar, N>& columns, Scalar period,
+              Record& record) noexcept {
     const bool settling = state_.settled < kSettling / config_.thresholds.adaptation;
     if (settling) state_.settled += period;
     record.contact = state_.contact;
@@ -274,17 +283,42 @@ class ContactMonitor {
       if (!above || state_.above < config_.confirmation) return;
       state_.contact = true;
       state_.below = Scalar(0);
+      state_.still = Scalar(0);
+      state_.followed = record.residual;
       state_.body.reset();
       record.event = ContactEvent::kContact;
     } else {
       state_.below = quiet ? state_.below + period : Scalar(0);
       if (quiet && state_.below >= config_.release) {
         end(ContactEvent::kReleased, record);
+      } else if (stands_still(period, record)) {
+        for (int j = 0; j < N; ++j) {
+          const std::size_t i = static_cast<std::size_t>(j);
+          state_.directions[i][state_.way[i]].offset = state_.followed[j];
+        }
+        end(ContactEvent::kReleased, record);
       } else if (with_columns) {
         look_for_load(columns, period, record);
       }
     }
     record.contact = state_.contact;
+  }
+
+  /// Whether every residual has stood still, within the offsets of free motion.
+  bool stands_still(Scalar period, const Record& record) noexcept {
+    using std::exp;
+    const Scalar follow = Scalar(1) - exp(-config_.thresholds.adaptation * period);
+    bool still = true;
+    for (int j = 0; j < N; ++j) {
+      Scalar& followed = state_.followed[j];
+      const Scalar apart = record.residual[j] - followed;
+      const Scalar half = static_cast<Scalar>(0.5) * record.threshold[j];
+      const Scalar limit = config_.thresholds.joints[static_cast<std::size_t>(j)].offset_limit;
+      still = still && apart < half && apart > -half && followed < limit && followed > -limit;
+      followed += follow * apart;
+    }
+    state_.still = still ? state_.still + period : Scalar(0);
+    return state_.still >= config_.stand_still;
   }
 
   void look_for_load(const LoadColumns<Scalar, N>& columns, Scalar period, Record& record) noexcept {

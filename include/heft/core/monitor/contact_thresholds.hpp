@@ -12,9 +12,10 @@ namespace heft {
 /// What the residual of a joint may depend on in free motion.
 template <typename Scalar>
 struct ResidualCircumstance {
-  Scalar speed{0};      ///< |q̇| [rad/s, m/s]
-  Scalar load{0};       ///< |torque that the model explains| [N·m, N]
-  Scalar load_rate{0};  ///< mean |rate of that torque| of late [N·m/s, N/s]: how far off timing and inertia show
+  Scalar speed{0};  ///< |q̇| [rad/s, m/s]
+  Scalar load{0};   ///< |torque that the model explains| [N·m, N]
+  Scalar load_rate{
+      0};  ///< mean |rate of that torque| of late [N·m/s, N/s]: how far off timing and inertia show
   Scalar reversal{0};   ///< e^{−t/T}, t since the joint last turned round, started or stopped
   Scalar ignorance{1};  ///< e^{−A t}, t spent in this direction: how little of the offset there is known yet
 };
@@ -34,8 +35,8 @@ struct JointThreshold {
 
   /// Threshold [N·m, N].
   constexpr Scalar at(const ResidualCircumstance<Scalar>& now) const noexcept {
-    return constant + speed * now.speed + load * now.load + load_rate * now.load_rate + reversal * now.reversal +
-           ignorance * now.ignorance;
+    return constant + speed * now.speed + load * now.load + load_rate * now.load_rate +
+           reversal * now.reversal + ignorance * now.ignorance;
   }
 
   constexpr bool is_valid() const noexcept {
@@ -48,8 +49,8 @@ struct JointThreshold {
 
   template <typename To>
   constexpr JointThreshold<To> cast() const noexcept {
-    return {static_cast<To>(constant),     static_cast<To>(speed),    static_cast<To>(load),
-            static_cast<To>(load_rate),    static_cast<To>(reversal), static_cast<To>(ignorance),
+    return {static_cast<To>(constant),     static_cast<To>(speed),     static_cast<To>(load),
+            static_cast<To>(load_rate),    static_cast<To>(reversal),  static_cast<To>(ignorance),
             static_cast<To>(offset_limit), static_cast<To>(rest_speed)};
   }
 };

@@ -127,7 +127,7 @@ class MomentumObserver {
   Config config_{};
   Vector residual_ = Vector::Zero(), torque_ = Vector::Zero();
   Vector momentum_ = Vector::Zero(), drive_ = Vector::Zero(), tau_ = Vector::Zero();  ///< of the last sample
-  int samples_{0};  ///< in a row, up to 2
+  int samples_{0};                                                                    ///< in a row, up to 2
   bool configured_{false};
 };
 

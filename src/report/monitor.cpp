@@ -1,0 +1,254 @@
+#include "heft/report/monitor.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "heft/host/numbers.hpp"
+#include "heft/host/words.hpp"
+#include "host/json.hpp"
+#include "page_lines.hpp"
+#include "torque_score.hpp"
+
+namespace heft::report {
+namespace {
+
+using monitor::Contact;
+using monitor::Contacts;
+using monitor::Thresholds;
+using nlohmann::ordered_json;
+
+const char* counted(std::size_t count, const char* one, const char* several) {
+  return count == 1 ? one : several;
+}
+
+std::string rate_words(const statistics::Interval& rate) {
+  return fmt::format("{} an hour (95 %: {} to {})", page::number(rate.value, 2), page::number(rate.lower, 2),
+                     page::number(rate.upper, 2));
+}
+
+std::string seconds_words(double seconds) {
+  return seconds < 120 ? fmt::format("{:.3g} s", seconds) : fmt::format("{:.3g} min", seconds / 60.0);
+}
+
+std::size_t touches(const Contacts& found) {
+  return static_cast<std::size_t>(std::count_if(found.contacts.begin(), found.contacts.end(),
+                                                [](const Contact& contact) { return !contact.load_change; }));
+}
+
+std::string what_of(const Contact& contact) {
+  if (!contact.load_change) return "contact";
+  return fmt::format("load change, {:+.2f} kg", contact.load[0]);
+}
+
+page::Table contact_table(const Contacts& found) {
+  page::Table table(
+      {"begin [s]", "end [s]", "what", "first at", "torque from outside", "peak [N·m]", "joints"});
+  for (const Contact& contact : found.contacts) {
+    table.add_row({fmt::format("{:.3f}", contact.begin), fmt::format("{:.3f}", contact.end), what_of(contact),
+                   fmt::format("joint {}", contact.joint + 1),
+                   contact.direction > 0 ? "along +q" : "along -q", page::number(contact.peak, 3),
+                   host::joints_in_words(contact.joints)});
+  }
+  return table;
+}
+
+page::Table judged_table(const Contacts& found) {
+  page::Table table({"joint", "threshold here, median [N·m]", "delay [ms]"});
+  for (Eigen::Index j = 0; j < found.threshold.size(); ++j) {
+    table.add_row({fmt::format("{}", j + 1), page::number(found.threshold[j], 3),
+                   std::isfinite(found.delay[j]) ? fmt::format("{:.0f}", 1e3 * found.delay[j]) : "–"});
+  }
+  return table;
+}
+
+std::string delay_meaning() {
+  return fmt::format(
+      "Delay: until a torque from outside that grows by {:.0f} N·m/s exceeds the threshold; – where it is "
+      "followed as friction first.",
+      monitor::kPushRate);
+}
+
+page::Table threshold_table(const Thresholds& thresholds) {
+  page::Table table({"joint", "constant [N·m]", "per speed [N·m·s/rad]", "per load", "per load rate [s]",
+                     "after a reversal [N·m]", "unknown offset [N·m]", "offset at most [N·m]"});
+  for (std::size_t j = 0; j < thresholds.joints.size(); ++j) {
+    const JointThreshold<double>& joint = thresholds.joints[j];
+    table.add_row({fmt::format("{}", j + 1), page::number(joint.constant, 3), page::number(joint.speed, 3),
+                   page::number(joint.load, 3), page::number(joint.load_rate, 3),
+                   page::number(joint.reversal, 3), page::number(joint.ignorance, 3),
+                   page::number(joint.offset_limit, 3)});
+  }
+  return table;
+}
+
+std::string filters_words(const Thresholds& thresholds) {
+  return fmt::format(
+      "Observer {:.3g}/s ({:.2g} Hz), offsets followed at {:.3g}/s, reversals forgotten over {:.2g} s.",
+      thresholds.bandwidth, thresholds.bandwidth / 6.283185307179586, thresholds.adaptation,
+      thresholds.reversal_time);
+}
+
+std::string false_alarm_words(const Contacts& found) {
+  return fmt::format("False alarms{}: {}.", found.known_free ? " counted in this log" : " to be expected",
+                     rate_words(found.false_alarms));
+}
+
+ordered_json rate_json(const statistics::Interval& rate) {
+  return {{"value", host::number_or_null(rate.value)},
+          {"low", host::number_or_null(rate.lower)},
+          {"high", host::number_or_null(rate.upper)}};
+}
+
+ordered_json thresholds_json(const Thresholds& thresholds) {
+  ordered_json joints = ordered_json::array();
+  for (std::size_t j = 0; j < thresholds.joints.size(); ++j) {
+    const JointThreshold<double>& joint = thresholds.joints[j];
+    joints.push_back({{"joint", j + 1},
+                      {"constant", joint.constant},
+                      {"speed", joint.speed},
+                      {"load", joint.load},
+                      {"load_rate", joint.load_rate},
+                      {"reversal", joint.reversal},
+                      {"ignorance", joint.ignorance},
+                      {"offset_limit", joint.offset_limit},
+                      {"rest_speed", joint.rest_speed}});
+  }
+  return {{"bandwidth", thresholds.bandwidth},
+          {"adaptation", thresholds.adaptation},
+          {"reversal_time", thresholds.reversal_time},
+          {"asked_per_hour", thresholds.asked_rate},
+          {"expected_per_hour", rate_json(thresholds.expected)},
+          {"hours", thresholds.hours},
+          {"logs", thresholds.logs},
+          {"joints", joints}};
+}
+
+ordered_json contact_json(const Contact& contact) {
+  ordered_json joints = ordered_json::array();
+  for (const int joint : contact.joints) joints.push_back(joint + 1);
+  ordered_json json{{"begin", contact.begin},
+                    {"end", contact.end},
+                    {"joints", joints},
+                    {"joint", contact.joint + 1},
+                    {"direction", contact.direction},
+                    {"peak", contact.peak},
+                    {"kind", contact.load_change ? "load_change" : "contact"}};
+  if (contact.load_change) {
+    json["load"] = {{"mass", contact.load[0]},
+                    {"first_moment", {contact.load[1], contact.load[2], contact.load[3]}}};
+  }
+  return json;
+}
+
+ordered_json found_json(const Contacts& found) {
+  ordered_json json{{"robot", found.robot}, {"model", found.model}, {"log", found.log}};
+  put_verdict(json, found.judgement);
+  json["contacts"] = ordered_json::array();
+  for (const Contact& contact : found.contacts) json["contacts"].push_back(contact_json(contact));
+  json["known_free"] = found.known_free;
+  json["judged_seconds"] = found.judged_seconds;
+  json["false_alarms_per_hour"] = rate_json(found.false_alarms);
+  json["thresholds"] = host::json_array(found.threshold);
+  json["delay"] = host::json_array(found.delay);
+  json["learnt"] = thresholds_json(found.thresholds);
+  return json;
+}
+
+page::PlotSpec deviation_plot(const Contacts& found, Eigen::Index joint) {
+  page::PlotSpec spec;
+  spec.title = fmt::format("joint {}", joint + 1);
+  spec.x_label = "time [s]";
+  spec.y_label = "torque from outside [N·m]";
+  const monitor::DeviationTrace& trace = found.trace;
+  spec.series.push_back(page::band("threshold", trace.time, -trace.threshold.col(joint),
+                                   trace.threshold.col(joint), page::Hue::kNeutral));
+  spec.series.push_back(page::line("deviation", trace.time, trace.deviation.col(joint), page::Hue::kBlue));
+  for (const Contact& contact : found.contacts) {
+    if (std::find(contact.joints.begin(), contact.joints.end(), static_cast<int>(joint)) ==
+        contact.joints.end())
+      continue;
+    spec.marks.push_back({page::Mark::Direction::kVertical, contact.begin, ""});
+  }
+  return spec;
+}
+
+}  // namespace
+
+std::string brief(const Thresholds& thresholds) {
+  return fmt::format(
+      "Thresholds from {} of free motion in {} {}: {} false alarms an hour were allowed, {} are to be expected.",
+      seconds_words(3600.0 * thresholds.hours), thresholds.logs.size(),
+      counted(thresholds.logs.size(), "log", "logs"), page::number(thresholds.asked_rate, 2),
+      rate_words(thresholds.expected));
+}
+
+std::string full(const Thresholds& thresholds) {
+  return fmt::format("{}\n{}{}\n{}", brief(thresholds), verdict_text(thresholds.judgement),
+                     filters_words(thresholds), threshold_table(thresholds).to_text(2));
+}
+
+std::string brief(const Contacts& found) {
+  const std::size_t count = touches(found), loads = found.contacts.size() - count;
+  std::string text = count == 0 ? "Nothing touched the arm"
+                                : fmt::format("{} {}", count, counted(count, "contact", "contacts"));
+  const auto first = std::find_if(found.contacts.begin(), found.contacts.end(),
+                                  [](const Contact& contact) { return !contact.load_change; });
+  if (first != found.contacts.end())
+    text += fmt::format(", the first at {:.3f} s on joint {}", first->begin, first->joint + 1);
+  if (loads > 0) text += fmt::format("; {} {} of load", loads, counted(loads, "change", "changes"));
+  return fmt::format("{}, in {} that could be judged.", text, seconds_words(found.judged_seconds));
+}
+
+std::string full(const Contacts& found) {
+  std::string text = fmt::format("{}: {}\n{}", found.log, brief(found), verdict_text(found.judgement));
+  if (!found.contacts.empty()) text += contact_table(found).to_text(2);
+  return text +
+         fmt::format("{}\n{}{}\n", false_alarm_words(found), judged_table(found).to_text(2), delay_meaning());
+}
+
+std::string json(const std::vector<Contacts>& found) {
+  if (found.size() == 1) return text_of(found_json(found.front()));
+  ordered_json list = ordered_json::array();
+  for (const Contacts& one : found) list.push_back(found_json(one));
+  return text_of(list);
+}
+
+std::string json(const Thresholds& thresholds) {
+  ordered_json json;
+  put_verdict(json, thresholds.judgement);
+  json.update(thresholds_json(thresholds));
+  return text_of(json);
+}
+
+page::Page page(const Thresholds& thresholds, const std::vector<Contacts>& found) {
+  std::vector<std::string> logs;
+  for (const Contacts& one : found) logs.push_back(one.log);
+  page::Page page = page::new_page(
+      found.empty() ? "Thresholds of contacts" : fmt::format("{}: contacts", found.front().robot),
+      file_names_of(found.empty() ? thresholds.logs : logs));
+  if (found.size() == 1) {
+    page.verdict(brief(found.front()), found.front().judgement);
+  } else {
+    page.verdict(brief(thresholds), thresholds.judgement);
+  }
+  for (const Contacts& one : found) {
+    add_log_line(page, {one.log, one.log_rate, one.log_seconds, 0.0});
+    if (found.size() > 1) page.heading(file_name_of(one.log)).paragraph(brief(one));
+    if (!one.contacts.empty()) page.table(contact_table(one), "Contacts");
+    page.paragraph(false_alarm_words(one));
+    page.table(judged_table(one), delay_meaning());
+    if (one.trace.time.size() == 0) continue;
+    std::vector<page::PlotSpec> plots;
+    for (Eigen::Index j = 0; j < one.trace.deviation.cols(); ++j) plots.push_back(deviation_plot(one, j));
+    page.plots("Torque from outside and threshold", small(plots));
+  }
+  page.heading("Thresholds");
+  if (found.size() == 1) page.paragraph(brief(thresholds));
+  page.table(threshold_table(thresholds), filters_words(thresholds));
+  return page;
+}
+
+}  // namespace heft::report
