@@ -424,11 +424,18 @@ void LogFile::check_length() const {
   }
 }
 
+/// Columns of the README beyond the channels, which some questions use.
+static bool is_documented(const std::string& name) {
+  const std::string group = name.substr(0, name.find_first_of("0123456789"));
+  return group == "tauref" || group == "iref" || group == "qlink" || group == "taulink";
+}
+
 std::string LogFile::note(const std::vector<std::size_t>& used) const {
   std::string kept;
   for (std::size_t c = 0; c < columns_.size(); ++c) {
     const Column& column = columns_[c];
     if (column.known || column.dropped || std::find(used.begin(), used.end(), c) != used.end()) continue;
+    if (is_documented(column.name)) continue;
     kept += fmt::format("{}{}", kept.empty() ? "" : ", ", column.name);
   }
   if (kept.empty() && dropped_.empty()) return {};

@@ -7,10 +7,10 @@
 
 #include <fmt/format.h>
 
-#include "log_part.hpp"
 #include "heft/host/error.hpp"
 #include "log_file.hpp"
 #include "log_fingerprint.hpp"
+#include "log_part.hpp"
 #include "refuse_unsound.hpp"
 
 namespace heft::data {
@@ -138,17 +138,20 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
   return source;
 }
 
+constexpr const char* kFitted = "the model is fitted to";
+
+/// @param use  what was done with the other logs, as a clause behind "which"
 /// @throws DataError when a log to judge on holds samples that were fitted to
-void refuse_leakage(const std::vector<LogSource>& train, const std::vector<LogSource>& judge) {
+void refuse_leakage(const std::vector<LogSource>& train, const std::vector<LogSource>& judge,
+                    const std::string& use = kFitted) {
   for (const LogSource& judged : judge) {
     for (const LogSource& trained : train) {
       const std::string shared = shared_samples(judged, trained);
       if (shared.empty()) continue;
-      throw DataError(
-          fmt::format("{}: {}, which the model is fitted to: expected a log that the fit has not seen, of "
-                      "another motion; "
-                      "record one, or cut one log in two",
-                      judged.path, shared));
+      throw DataError(fmt::format(
+          "{}: {}, which {}: expected a log that the fit has not seen, of another motion; record one, or cut one "
+          "log in two",
+          judged.path, shared, use));
     }
   }
 }
@@ -291,7 +294,7 @@ LogSet log_set(std::span<const JointSpec> joints, std::vector<Log> train, std::v
 }
 
 void refuse_seen(const LogSet& logs, const std::vector<std::string>& fitted_to,
-                 std::vector<std::string>* notes) {
+                 std::vector<std::string>* notes, const std::string& use) {
   if (logs.judge().empty()) return;
   std::vector<LogSource> seen;
   for (const std::string& path : fitted_to) {
@@ -316,7 +319,7 @@ void refuse_seen(const LogSet& logs, const std::vector<std::string>& fitted_to,
     }
     seen.push_back(std::move(source));
   }
-  refuse_leakage(seen, logs.judge());
+  refuse_leakage(seen, logs.judge(), use.empty() ? kFitted : use);
 }
 
 MotionStream stream(const LogSource& source, const StreamOptions& options) {

@@ -164,7 +164,7 @@ std::vector<Contacts> monitor(const model::ModelFile& file, const model::Robot& 
   }
   std::vector<std::string> notes;
   data::refuse_seen(logs, file.provenance.logs, &notes);
-  data::refuse_seen(logs, thresholds.logs, &notes);
+  data::refuse_seen(logs, thresholds.logs, &notes, "the thresholds were learnt from");
   std::vector<Contacts> all;
   for (const data::LogSource& log : logs.judge()) {
     if (options.progress)

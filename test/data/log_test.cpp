@@ -103,15 +103,22 @@ TEST(Log, TakesNumbersTooSmallForADoubleAsZero) {
 
 TEST(Log, KeepsUnknownColumnsAndSaysSoOnce) {
   std::vector<std::string> notes;
-  const Log log = read("time,q1,tauref1,mode,q2,qlink2\n0,1,5,auto,2,7\n1,1,6,hold,2,8\n", {}, &notes);
+  const Log log = read("time,q1,force1,mode,q2,qlink2\n0,1,5,auto,2,7\n1,1,6,hold,2,8\n", {}, &notes);
   ASSERT_EQ(log.extra.size(), 2u);
-  EXPECT_EQ(log.extra[0].first, "tauref1");
+  EXPECT_EQ(log.extra[0].first, "force1");
   EXPECT_EQ(log.extra[0].second, Eigen::Vector2d(5, 6));
   EXPECT_EQ(log.extra[1].first, "qlink2");
   EXPECT_EQ(log.extra[1].second, Eigen::Vector2d(7, 8));
   ASSERT_EQ(notes.size(), 1u);
-  EXPECT_THAT(notes[0], HasSubstr("columns carried along without use: tauref1, qlink2"));
+  EXPECT_THAT(notes[0], HasSubstr("columns carried along without use: force1;"));
   EXPECT_THAT(notes[0], HasSubstr("ignored because they do not hold numbers only: mode ('auto' in line 2)"));
+}
+
+TEST(Log, SaysNothingOfColumnsThatSomeQuestionUses) {
+  std::vector<std::string> notes;
+  const Log log = read("time,q1,tauref1,iref1,qlink1\n0,1,5,1,2\n1,1,6,2,2\n", {}, &notes);
+  EXPECT_EQ(log.extra.size(), 3u);
+  EXPECT_TRUE(notes.empty());
 }
 
 TEST(Log, LetsGoOfAnUnknownColumnThatTurnsToTextLate) {

@@ -118,9 +118,10 @@ JointLimits limits_of(std::span<const JointSpec> joints);
 /// Refuses to judge a model on logs that it was fitted to before.
 /// @param fitted_to  paths of those logs, as the model file names them
 /// @param notes      gets a line for each that cannot be read, so that only its path was compared; may be null
+/// @param use        what was done with them, as a clause behind "which"; empty: "the model is fitted to"
 /// @throws DataError when a log to judge on is one of them or shares samples with one
 void refuse_seen(const LogSet& logs, const std::vector<std::string>& fitted_to,
-                 std::vector<std::string>* notes = nullptr);
+                 std::vector<std::string>* notes = nullptr, const std::string& use = {});
 
 /// What two logs share: "" or the judged log's relation to the other, such as "a part of train.csv". Rows count as
 /// the same when position and torque agree to the last bit, whatever the time stamps; shared are eight rows or more in
