@@ -1,5 +1,6 @@
 /// Headers that `heft export` wrote while this test was built, against the robots they come from.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -8,8 +9,9 @@
 #include "exported/diagnosed_scara.hpp"
 #include "exported/franka.hpp"
 #include "exported/scara.hpp"
-#include "heft/core/dynamics/inverse_dynamics.hpp"
-#include "heft/core/effects/effect_feed_forward.hpp"
+#include "heft/core/converted.hpp"
+#include "heft/core/denavit_hartenberg.hpp"
+#include "heft/core/dynamics/arm_torque.hpp"
 #include "heft/core/monitor/contact_monitor.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/motion_torque.hpp"
@@ -86,66 +88,67 @@ TEST(ExportedArm, HoldsEverythingOfAModel) {
   EXPECT_EQ(exported::Scara::kCouplings.size(), 0U);
 }
 
-/// Largest difference between what firmware computes from the header and MotionTorque, against the largest torque.
-template <typename Scalar>
-double firmware_error() {
-  using Header = exported::DiagnosedScara;
-  using Arm = StaticArm<Scalar, Header>;
-  using Vector = typename Arm::Vector;
-  model::Robot robot = diagnosed_scara();
-  robot.elasticities.clear();  // their motion is the host's
-  robot.torque_delay = 0.0;
+/// A motion of the SCARA that turns back many times.
+struct Motion {
+  Eigen::VectorXd time;
+  Eigen::MatrixXd q, qd, qdd;
+};
+
+Motion scara_motion() {
   const Eigen::Index rows = 400;
-  Eigen::VectorXd time(rows);
-  Eigen::MatrixXd q(rows, 4), qd(rows, 4), qdd(rows, 4);
+  Motion m{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 4), Eigen::MatrixXd(rows, 4),
+           Eigen::MatrixXd(rows, 4)};
   for (Eigen::Index k = 0; k < rows; ++k) {
-    time[k] = 0.01 * static_cast<double>(k);
+    m.time[k] = 0.01 * static_cast<double>(k);
     for (Eigen::Index j = 0; j < 4; ++j) {
       const double w = 2.0 + static_cast<double>(j), a = j == 2 ? 0.05 : 0.6;
-      q(k, j) = a * std::sin(w * time[k]);
-      qd(k, j) = a * w * std::cos(w * time[k]);
-      qdd(k, j) = -a * w * w * std::sin(w * time[k]);
+      m.q(k, j) = a * std::sin(w * m.time[k]);
+      m.qd(k, j) = a * w * std::cos(w * m.time[k]);
+      m.qdd(k, j) = -a * w * w * std::sin(w * m.time[k]);
     }
   }
-  constexpr double kWidth = 0.05;
-  const Eigen::MatrixXd expected = model::MotionTorque(robot).torque(time, q, qd, qdd, kWidth);
+  return m;
+}
 
-  const ConstantParameters<Scalar, Header> parameters;
-  std::array<JointActuation<Scalar>, 4> actuation;
-  for (std::size_t j = 0; j < 4; ++j) {
-    const auto& from = Header::kModel.actuation[j];
-    actuation[j] = {static_cast<Scalar>(from.rotor_inertia), static_cast<Scalar>(from.coulomb_friction),
-                    static_cast<Scalar>(from.viscous_friction), static_cast<Scalar>(from.friction_offset)};
+/// Largest difference between what firmware computes from the header and MotionTorque, against the largest torque.
+/// @param loaded  with a payload at the flange and a tilted base as well
+template <typename Scalar>
+double firmware_error(bool loaded) {
+  using Torque = ArmTorque<exported::DiagnosedScara, Scalar>;
+  using Vector = typename Torque::Vector;
+  model::Robot robot = diagnosed_scara();
+  // Elastic joints move on the host alone; on both sides their motors count.
+  for (const Elasticity<double>& elasticity : robot.elasticities) {
+    robot.joints[static_cast<std::size_t>(elasticity.joint)].actuation.rotor_inertia +=
+        elasticity.motor_inertia;
   }
-  EffectFeedForward<Scalar, 4, Header::kEffects.size()> effects;
-  EXPECT_EQ(effects.configure(Header::kEffects), Status::kOk);
-  double error = 0.0;
-  for (Eigen::Index k = 0; k < rows; ++k) {
-    const Vector position = q.row(k).template cast<Scalar>(), velocity = qd.row(k).template cast<Scalar>(),
-                 acceleration = qdd.row(k).template cast<Scalar>();
-    const Vector rigid = inverse_dynamics<Arm>(parameters, position, velocity, acceleration);
-    Vector tau = rigid;
-    const auto width = static_cast<Scalar>(kWidth);
-    for (int j = 0; j < 4; ++j) {
-      const JointActuation<Scalar>& joint = actuation[static_cast<std::size_t>(j)];
-      tau[j] += joint.rotor_inertia * acceleration[j] + friction_torque(joint, velocity[j], width);
-    }
-    for (const GearCoupling<double>& c : Header::kCouplings) {
-      const GearCoupling<Scalar> coupling{c.driving,
-                                          c.driven,
-                                          static_cast<Scalar>(c.ratio),
-                                          static_cast<Scalar>(c.rotor_inertia),
-                                          static_cast<Scalar>(c.coulomb_friction),
-                                          static_cast<Scalar>(c.viscous_friction)};
-      const Scalar shared = gear_coupling_torque(
-          coupling, shared_motion(coupling, velocity[c.driving], velocity[c.driven]),
-          shared_motion(coupling, acceleration[c.driving], acceleration[c.driven]), width);
-      tau[c.driven] += shared;
-      tau[c.driving] += coupling.ratio * shared;
-    }
-    EXPECT_EQ(effects.add_torque(static_cast<Scalar>(time[k]), position, velocity, acceleration, rigid,
-                                 actuation, width, tau),
+  robot.elasticities.clear();
+  robot.torque_delay = 0.0;
+  Torque firmware;
+  typename Torque::Config config;
+  config.sign_width = static_cast<Scalar>(0.05);
+  EXPECT_EQ(firmware.configure(config), Status::kOk);
+  if (loaded) {
+    const std::array<double, 3> com{0.02, -0.03, 0.08}, gravity{1.5, -2.0, -9.5};
+    const std::array<double, 6> inertia{0.004, 0.0002, 0.005, -0.0001, 0.0003, 0.003};
+    EXPECT_EQ(firmware.set_payload(Scalar(1.3), converted<Scalar>(com), converted<Scalar>(inertia)),
               Status::kOk);
+    EXPECT_EQ(firmware.set_gravity(converted<Scalar>(gravity)), Status::kOk);
+    robot.gravity = gravity;
+    const PseudoInertia<double> body = moved(to_pseudo_inertia(make_inertial_parameters(1.3, com, inertia)),
+                                             robot.tip_rotation, robot.tip_position);
+    const InertialParameters<double> payload = to_inertial_parameters(body);
+    for (std::size_t i = 0; i < payload.size(); ++i) robot.joints.back().link[i] += payload[i];
+  }
+  const Motion motion = scara_motion();
+  const Eigen::MatrixXd expected = model::MotionTorque(robot).torque(
+      motion.time, motion.q, motion.qd, motion.qdd, static_cast<double>(config.sign_width));
+  double error = 0.0;
+  for (Eigen::Index k = 0; k < motion.time.size(); ++k) {
+    const Vector q = motion.q.row(k).template cast<Scalar>(), qd = motion.qd.row(k).template cast<Scalar>(),
+                 qdd = motion.qdd.row(k).template cast<Scalar>();
+    Vector tau;
+    EXPECT_EQ(firmware.update(Scalar(0.01), q, qd, qdd, tau), Status::kOk);
     error =
         std::max(error, (tau.template cast<double>() - expected.row(k).transpose()).cwiseAbs().maxCoeff());
   }
@@ -153,8 +156,10 @@ double firmware_error() {
 }
 
 TEST(ExportedArm, ComputesTheHostsTorque) {
-  EXPECT_LT(firmware_error<double>(), 1e-12);
-  EXPECT_LT(firmware_error<float>(), 1e-5);
+  for (const bool loaded : {false, true}) {
+    EXPECT_LT(firmware_error<double>(loaded), 1e-12) << loaded;
+    EXPECT_LT(firmware_error<float>(loaded), 1e-5) << loaded;
+  }
 }
 
 TEST(ExportedArm, IsTheRobotOfTheUrdf) {

@@ -178,10 +178,11 @@ struct LinkRegressorSink {
 
 /// Columns for parameters in inner link axes into columns for parameters in user link axes: with h' = T h and
 /// I' = T I Tᵀ, Y h' = (Y T) h and the six inertia columns likewise.
-/// @param T  row-major, user axes to inner axes
+/// @param T      row-major, user axes to inner axes
+/// @param link   whose joint moves it: rows 0 to link are turned
+/// @param first  its first column in Y
 template <typename Scalar, typename Matrix>
-inline void turn_link_columns(const std::array<Scalar, 9>& T, Matrix& Y, int link) noexcept {
-  const int first = kParametersPerLink * link;
+inline void turn_link_columns(const std::array<Scalar, 9>& T, Matrix& Y, int link, int first) noexcept {
   constexpr int kAt[3][3] = {{kIxx, kIxy, kIxz}, {kIxy, kIyy, kIyz}, {kIxz, kIyz, kIzz}};
   for (int row = 0; row <= link; ++row) {
     Scalar h[3];
@@ -261,12 +262,53 @@ inline void link_regressor(const DynamicArm<Scalar, N>& arm,
       }
     }
     if (arm.is_turned(j)) {
-      turn_link_columns(arm.turn(j), Y, j);
+      turn_link_columns(arm.turn(j), Y, j, kParametersPerLink * j);
     }
     if (j + 1 < N) {
       frame = arm.frame(j + 1, trig.joint[static_cast<std::size_t>(j + 1)], q[j + 1]);
       at_joint = a + u_times(u, frame.position);
     }
+  }
+}
+
+/// The last ten columns of link_regressor alone, with run-time geometry: what the joints feel of a body at the last link.
+/// @param Y  n × 10
+/// Cost: 6 joints about 900 multiplications.
+template <typename Scalar, int N>
+inline void last_link_regressor(const DynamicArm<Scalar, N>& arm,
+                                const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
+                                const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
+                                const JointVector<Scalar, N>& qdd,
+                                Eigen::Matrix<Scalar, N, kParametersPerLink>& Y) noexcept {
+  using namespace structural;
+  using V = Dense3<Scalar>;
+  std::array<Probe<V, V>, N> probes;
+  V w = {Scalar(0), Scalar(0), Scalar(0)};
+  V wd = w;
+  V at_joint = arm.base_acceleration();
+  for (int j = 0; j < N; ++j) {
+    const std::size_t i = static_cast<std::size_t>(j);
+    const auto frame = arm.frame(j, trig.joint[i], q[j]);
+    w = link_velocity(frame, w, qd[j]);
+    const auto spin = relative_spin(frame, w, qd[j]);
+    wd = link_angular_acceleration(frame, wd, spin, qdd[j]);
+    const V a = link_acceleration(frame, at_joint, spin, qdd[j]);
+    const auto u = u_matrix(velocity_products(w), wd);
+    for (std::size_t inboard = 0; inboard < i; ++inboard) {
+      probes[inboard] = carried(frame, probes[inboard]);
+    }
+    const auto own = own_probe(frame);
+    probes[i] = {dense<Scalar>(own.z), dense<Scalar>(own.k)};
+    if (j + 1 < N) {
+      at_joint = a + u_times(u, arm.frame(j + 1, trig.joint[i + 1], q[j + 1]).position);
+    } else {
+      for (int row = 0; row < N; ++row) {
+        write_inertial_row<Scalar>(probes[static_cast<std::size_t>(row)], u, wd, a, Y, row, 0);
+      }
+    }
+  }
+  if (arm.is_turned(N - 1)) {
+    turn_link_columns(arm.turn(N - 1), Y, N - 1, 0);
   }
 }
 

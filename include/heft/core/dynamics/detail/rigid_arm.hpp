@@ -1,0 +1,239 @@
+/// @file
+/// The rigid bodies of an arm with a payload and with gravity from anywhere, for both kinds of description.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <tuple>
+#include <utility>
+
+#include <Eigen/Core>
+
+#include "heft/core/arm_geometry.hpp"
+#include "heft/core/converted.hpp"
+#include "heft/core/dynamics/drive_torque.hpp"
+#include "heft/core/dynamics/inverse_dynamics.hpp"
+#include "heft/core/dynamics/regressor.hpp"
+#include "heft/core/dynamics/run_time_arm.hpp"
+
+namespace heft {
+
+namespace detail {
+
+/// What an arm says of itself, converted at compile time.
+template <typename Description>
+struct ArmSource {
+  static constexpr bool kIsStatic = true;
+  static constexpr int kNumJoints = Description::kModel.kNumJoints;
+  static constexpr int kEffects = [] {
+    if constexpr (requires { Description::kEffects; }) {
+      return static_cast<int>(Description::kEffects.size());
+    } else {
+      return 0;
+    }
+  }();
+  static constexpr int kCouplings = [] {
+    if constexpr (requires { Description::kCouplings; }) {
+      return static_cast<int>(Description::kCouplings.size());
+    } else {
+      return 0;
+    }
+  }();
+  template <typename Scalar>
+  static constexpr ArmModel<Scalar, kNumJoints> kModel = converted<Scalar>(Description::kModel);
+
+  /// Its drives, with everything that an exported header holds.
+  template <typename Scalar, typename Drive>
+  static Status configure(Drive& drive, Scalar sign_width) noexcept {
+    Status status = drive.configure(kModel<Scalar>.actuation, sign_width);
+    const auto add_all = [&](const auto& entries) {
+      for (const auto& entry : entries) {
+        status = status == Status::kOk ? drive.add(entry) : status;
+      }
+    };
+    if constexpr (kCouplings > 0) {
+      static constexpr auto kAll = converted_all<Scalar>(Description::kCouplings);
+      add_all(kAll);
+    }
+    if constexpr (kEffects > 0) {
+      static constexpr auto kAll = converted_all<Scalar>(Description::kEffects);
+      add_all(kAll);
+    }
+    if constexpr (requires { Description::kElasticities; }) {
+      if constexpr (Description::kElasticities.size() > 0) {
+        static constexpr auto kAll = converted_all<Scalar>(Description::kElasticities);
+        add_all(kAll);
+      }
+    }
+    return status;
+  }
+};
+
+template <int N, int MaxEffects, int MaxCouplings>
+struct ArmSource<RunTimeArm<N, MaxEffects, MaxCouplings>> {
+  static constexpr bool kIsStatic = false;
+  static constexpr int kNumJoints = N;
+  static constexpr int kEffects = MaxEffects;
+  static constexpr int kCouplings = MaxCouplings;
+};
+
+/// DriveTorque with the room that a description needs.
+template <typename Description, typename Scalar>
+using DriveOf = DriveTorque<Scalar, ArmSource<Description>::kNumJoints, ArmSource<Description>::kEffects,
+                            ArmSource<Description>::kCouplings>;
+
+/// Torque per unit of each inertial parameter of the last link, n × 10.
+template <typename Scalar, int N>
+using LoadColumns = Eigen::Matrix<Scalar, N, kParametersPerLink>;
+
+/// The description with gravity along no axis, so that nothing is folded that a tilted base brings back.
+template <typename Description>
+struct TiltedDescription {
+  static constexpr auto kModel = [] {
+    auto model = Description::kModel;
+    model.gravity = {1.0, 0.0, 0.0};
+    if (first_axis_is_vertical(model)) {
+      model.gravity = {0.0, 1.0, 0.0};
+    }
+    return model;
+  }();
+};
+
+/// Carries the probes of all joints outward along with the inverse dynamics and writes the columns of the last link.
+template <typename Arm, typename... Probes>
+struct LoadColumnsVisitor {
+  using Scalar = typename Arm::Scalar;
+  LoadColumns<Scalar, Arm::kNumJoints>& columns;
+  std::tuple<Probes...> probes;
+
+  template <int J, typename Frame, typename U, typename WD, typename A>
+  constexpr auto step(const Frame& frame, const U& u, const WD& wd, const A& a) const {
+    auto next = std::apply(
+        [&](const auto&... inboard) {
+          return std::make_tuple(structural::carried(frame, inboard)..., structural::own_probe(frame));
+        },
+        probes);
+    if constexpr (J + 1 == Arm::kNumJoints) {
+      std::apply(
+          [&](const auto&... all) {
+            int row = 0;
+            (structural::write_inertial_row<Scalar>(all, u, wd, a, columns, row++, 0), ...);
+          },
+          next);
+    }
+    return make(next);
+  }
+
+ private:
+  template <typename... Next>
+  constexpr LoadColumnsVisitor<Arm, Next...> make(const std::tuple<Next...>& next) const {
+    return {columns, next};
+  }
+};
+
+/// Compile-time geometry.
+template <typename Description, typename Scalar>
+class RigidArm {
+ public:
+  static constexpr int kN = ArmSource<Description>::kNumJoints;
+  using Vector = JointVector<Scalar, kN>;
+
+  /// The arm without payload, as described. Geometry and links are the description's; the rest may be asked for.
+  static constexpr const ArmModel<Scalar, kN>& model() noexcept {
+    return ArmSource<Description>::template kModel<Scalar>;
+  }
+
+  RigidArm() noexcept { set_payload({}); }
+
+  /// @param payload  about the last link frame, finite
+  /// Cost: about 90 multiplications a joint.
+  void set_payload(const InertialParameters<Scalar>& payload) noexcept {
+    std::array<PseudoInertia<Scalar>, kN> links{};
+    links[kN - 1] = to_pseudo_inertia(payload);
+    reduce(kTilted, links);
+    for (std::size_t j = 0; j < links.size(); ++j) {
+      for (std::size_t i = 0; i < 10; ++i) {
+        parameters_.links[j][i] = kBare[j][i] + links[j][i];
+      }
+    }
+  }
+
+  /// @param gravity  in the base frame [m/s²]
+  void set_gravity(const std::array<Scalar, 3>& gravity) noexcept { gravity_ = gravity; }
+
+  void torque(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau) const noexcept {
+    run(q, qd, qdd, tau, structural::NoVisitor{});
+  }
+
+  void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
+                          LoadColumns<Scalar, kN>& columns) const noexcept {
+    run(q, qd, qdd, tau, LoadColumnsVisitor<Arm>{columns, {}});
+  }
+
+ private:
+  using Tilted = TiltedDescription<Description>;
+  using Arm = StaticArm<Scalar, Tilted>;
+  static constexpr ArmModel<Scalar, kN> kTilted = converted<Scalar>(Tilted::kModel);
+  static constexpr std::array<PseudoInertia<Scalar>, kN> kBare = [] {
+    constexpr auto kReduced = reduced_links(Tilted::kModel);
+    std::array<PseudoInertia<Scalar>, kN> out{};
+    for (std::size_t j = 0; j < kReduced.size(); ++j) {
+      out[j] = converted<Scalar>(kReduced[j]);
+    }
+    return out;
+  }();
+
+  template <typename Visitor>
+  void run(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
+           const Visitor& visitor) const noexcept {
+    using namespace structural;
+    const Dense3<Scalar> base = {-gravity_[0], -gravity_[1], -gravity_[2]};
+    static_newton_euler<0, 0, Arm>(parameters_, joint_trigonometry<Arm>(q), Zero3{}, Zero3{}, base, q, qd,
+                                   qdd, tau, visitor);
+  }
+
+  ReducedParameters<Scalar, Tilted> parameters_{};
+  std::array<Scalar, 3> gravity_ = model().gravity;
+};
+
+/// Run-time geometry.
+template <int N, int MaxEffects, int MaxCouplings, typename Scalar>
+class RigidArm<RunTimeArm<N, MaxEffects, MaxCouplings>, Scalar> {
+ public:
+  using Vector = JointVector<Scalar, N>;
+  using Arm = DynamicArm<Scalar, N>;
+
+  void set_model(const ArmModel<Scalar, N>& model) noexcept {
+    model_ = model;
+    arm_.set_model(model);
+  }
+  const ArmModel<Scalar, N>& model() const noexcept { return model_; }
+
+  void set_payload(const InertialParameters<Scalar>& payload) noexcept {
+    InertialParameters<Scalar> last = model_.links[N - 1];
+    for (std::size_t i = 0; i < last.size(); ++i) {
+      last[i] += payload[i];
+    }
+    arm_.set_link(N - 1, last);
+  }
+
+  void set_gravity(const std::array<Scalar, 3>& gravity) noexcept { arm_.set_gravity(gravity); }
+
+  void torque(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau) const noexcept {
+    inverse_dynamics(arm_, joint_trigonometry<Arm>(q), q, qd, qdd, tau);
+  }
+
+  void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
+                          LoadColumns<Scalar, N>& columns) const noexcept {
+    const JointTrigonometry<Arm> trig = joint_trigonometry<Arm>(q);
+    inverse_dynamics(arm_, trig, q, qd, qdd, tau);
+    last_link_regressor(arm_, trig, q, qd, qdd, columns);
+  }
+
+ private:
+  ArmModel<Scalar, N> model_{};
+  Arm arm_;
+};
+
+}  // namespace detail
+}  // namespace heft

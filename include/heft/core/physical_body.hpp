@@ -1,0 +1,109 @@
+/// @file
+/// Whether a body can have given inertial parameters, and the nearest one that can.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include <Eigen/Core>
+
+#include "heft/core/arm_model.hpp"
+#include "heft/core/inertia.hpp"
+#include "heft/core/numeric_range.hpp"
+#include "heft/core/status.hpp"
+#include "heft/core/symmetric_eigen.hpp"
+
+namespace heft {
+namespace detail {
+
+/// Second moments of a body about its centre of mass, Σ_c = Σ − m c cᵀ. @pre mass above zero
+template <typename Scalar>
+Matrix3<Scalar> central_second_moments(const PseudoInertia<Scalar>& s,
+                                       const Eigen::Matrix<Scalar, 3, 1>& c) noexcept {
+  Matrix3<Scalar> about;
+  about << s[kS11], s[kS12], s[kS13], s[kS12], s[kS22], s[kS23], s[kS13], s[kS23], s[kS33];
+  return about - s[kPm] * (c * c.transpose());
+}
+
+}  // namespace detail
+
+/// Whether a body can have these parameters: all zero (no body), or mass above zero and no second moment about the centre
+/// of mass below zero (which is more than the triangle inequalities of the moments of inertia; P. M. Wensing, S. Kim,
+/// J.-J. E. Slotine, IEEE RA-L 3, 2018).
+///
+/// @param p  about a frame's origin, axes of that frame
+/// @return kOk; kNonFiniteInput; kNotPositiveDefinite: no body can
+/// Cost: one symmetric_eigen.
+template <typename Scalar>
+Status check_physical(const InertialParameters<Scalar>& p) noexcept {
+  if (!all_usable(p)) {
+    return Status::kNonFiniteInput;
+  }
+  bool zero = true;
+  for (const Scalar& value : p) {
+    zero = zero && value == Scalar(0);
+  }
+  if (zero) {
+    return Status::kOk;
+  }
+  if (!(p[kMass] > Scalar(0))) {
+    return Status::kNotPositiveDefinite;
+  }
+  const PseudoInertia<Scalar> s = to_pseudo_inertia(p);
+  const Eigen::Matrix<Scalar, 3, 1> c(s[kPhx] / s[kPm], s[kPhy] / s[kPm], s[kPhz] / s[kPm]);
+  SymmetricEigen<Scalar> eigen;
+  if (const Status status = symmetric_eigen(detail::central_second_moments(s, c), eigen);
+      status != Status::kOk) {
+    return status;
+  }
+  // A thin rod has two zeros, and a point mass three: what rounding of the terms of Σ_c leaves is allowed.
+  const Scalar terms = p[kIxx] + p[kIyy] + p[kIzz] + s[kPm] * c.squaredNorm();
+  const Scalar rounding = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon() * terms;
+  return eigen.values.minCoeff() >= -rounding ? Status::kOk : Status::kNotPositiveDefinite;
+}
+
+/// A body near these parameters: mass as given, centre of mass within `reach` of the origin, second moments about it from zero
+/// to m (reach / 2)². Early estimates of a load need not be possible, and feedback through an impossible inertia is
+/// unstable.
+///
+/// @param p      about a frame's origin, axes of that frame; mass zero or below: no body is left, all zero
+/// @param reach  > 0 [m]
+/// @return kNonFiniteInput: p is unchanged
+/// Cost: one symmetric_eigen and about 100 multiplications.
+template <typename Scalar>
+Status make_physical(InertialParameters<Scalar>& p, Scalar reach) noexcept {
+  using Vector = Eigen::Matrix<Scalar, 3, 1>;
+  if (!all_usable(p)) {
+    return Status::kNonFiniteInput;
+  }
+  const Scalar m = p[kMass];
+  if (!(m > Scalar(0))) {
+    p = {};
+    return Status::kOk;
+  }
+  Vector c(p[kMcx] / m, p[kMcy] / m, p[kMcz] / m);
+  const Scalar distance = c.norm();
+  if (!is_finite(distance)) {
+    return Status::kNonFiniteInput;
+  }
+  if (distance > reach) {
+    c *= reach / distance;
+  }
+  const PseudoInertia<Scalar> s = to_pseudo_inertia(p);
+  SymmetricEigen<Scalar> principal;
+  if (const Status status = symmetric_eigen(detail::central_second_moments(s, c), principal);
+      status != Status::kOk) {
+    return status;
+  }
+  const Scalar largest = m * reach * reach / Scalar(4);
+  const Vector moments = principal.values.cwiseMax(Scalar(0)).cwiseMin(largest);
+  const Matrix3<Scalar>& axes = principal.vectors;
+  const Matrix3<Scalar> turned = axes * moments.asDiagonal();
+  const Matrix3<Scalar> second = turned.lazyProduct(axes.transpose()) + m * (c * c.transpose());
+  p = to_inertial_parameters<Scalar>({m, m * c[0], m * c[1], m * c[2], second(0, 0), second(0, 1),
+                                      second(1, 1), second(0, 2), second(1, 2), second(2, 2)});
+  return Status::kOk;
+}
+
+}  // namespace heft

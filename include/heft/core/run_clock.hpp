@@ -1,0 +1,34 @@
+/// @file
+/// Time since the start of a run, as a sum of sample times that loses nothing in single precision.
+#pragma once
+
+#include <cstdint>
+
+namespace heft {
+
+/// Whole seconds as a whole number and the rest as a Scalar: a float of seconds alone stops after some hours at 1 kHz,
+/// when a sample time has become smaller than its last digit.
+template <typename Scalar>
+class RunClock {
+ public:
+  void reset() noexcept { *this = RunClock{}; }
+
+  /// @param dt  ≥ 0 and finite, at most 1e6 [s]
+  void advance(Scalar dt) noexcept {
+    rest_ += dt;
+    if (rest_ >= Scalar(1)) {
+      const auto whole = static_cast<std::uint32_t>(rest_);
+      seconds_ += whole;
+      rest_ -= static_cast<Scalar>(whole);
+    }
+  }
+
+  /// [s], to the last digit of Scalar.
+  Scalar seconds() const noexcept { return static_cast<Scalar>(seconds_) + rest_; }
+
+ private:
+  std::uint32_t seconds_{0};  ///< enough for 136 years
+  Scalar rest_{0};            ///< below 1
+};
+
+}  // namespace heft
