@@ -9,9 +9,9 @@
 #include <Eigen/Core>
 
 #include "heft/core/control/joint_controller.hpp"
+#include "heft/core/dynamics/drive_torque.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
-#include "heft/core/effects/effect_feed_forward.hpp"
-#include "heft/core/friction/gear_coupling.hpp"
+#include "heft/core/dynamics/run_time_arm.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/robot.hpp"
 
@@ -20,33 +20,32 @@ namespace heft::track {
 /// Scale of the smooth Coulomb sign in feed-forward and residual [rad/s, m/s].
 inline constexpr double kSignWidth = 0.02;
 
-/// Effects of a model that a controller has room for.
-inline constexpr int kMaxEffects = 64;
+/// What a controller has room for.
+inline constexpr int kMaxEffects = 64, kMaxCouplings = 8;
 
+/// A robot's model in core, with that room.
 template <int N>
-EffectFeedForward<double, N, kMaxEffects> effects_of(const model::Robot& robot) {
-  EffectFeedForward<double, N, kMaxEffects> effects;
+using ModelOf = RunTimeArm<N, kMaxEffects, kMaxCouplings>;
+
+/// Adds effects and gear couplings of a robot to one of core's models of it.
+/// @throws ModelError
+template <int N, typename Model>
+void add_parts(const model::Robot& robot, Model& model) {
   for (const JointEffect<double>& effect : robot.effects) {
-    if (effects.add(effect) != Status::kOk) {
+    if (model.add(effect) != Status::kOk) {
       throw ModelError(
           fmt::format("tracking: robot \"{}\" has {} effects on {} joints; expected at most {}, each "
                       "of a joint and with finite values",
                       robot.name, robot.effects.size(), N, kMaxEffects));
     }
   }
-  return effects;
-}
-
-/// Adds the torque of gear couplings.
-template <typename Vector>
-void add_couplings(const std::vector<GearCoupling<double>>& couplings, const Vector& qd, const Vector& qdd,
-                   Vector& tau) {
-  for (const GearCoupling<double>& coupling : couplings) {
-    const double shared = gear_coupling_torque(
-        coupling, shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]),
-        shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]), kSignWidth);
-    tau[coupling.driven] += shared;
-    tau[coupling.driving] += coupling.ratio * shared;
+  for (const GearCoupling<double>& coupling : robot.couplings) {
+    if (model.add(coupling) != Status::kOk) {
+      throw ModelError(fmt::format(
+          "tracking: robot \"{}\" has {} gear couplings on {} joints; expected at most {}, each of two "
+          "joints and with finite values",
+          robot.name, robot.couplings.size(), N, kMaxCouplings));
+    }
   }
 }
 
@@ -62,14 +61,18 @@ class ModelFeedForward {
   ModelFeedForward(const model::Robot& nominal, bool friction)
       : nominal_(model::to_arm_model<N>(nominal)),
         actuation_(nominal_.model().actuation),
-        couplings_(nominal.couplings),
-        elasticities_(nominal.elasticities),
-        effects_(effects_of<N>(nominal)) {
-    if (friction) return;
-    for (JointActuation<double>& actuation : actuation_) actuation = {actuation.rotor_inertia, 0, 0, 0};
+        elasticities_(nominal.elasticities) {
+    if (!friction) {
+      for (JointActuation<double>& actuation : actuation_) actuation = {actuation.rotor_inertia, 0, 0, 0};
+    }
+    if (drive_.configure(actuation_, kSignWidth) != Status::kOk) {
+      throw ModelError(
+          fmt::format("tracking: robot \"{}\": friction and rotors: expected finite values", nominal.name));
+    }
+    add_parts<N>(nominal, drive_);
   }
 
-  bool needed() const { return effects_.count() > 0 || !couplings_.empty() || !elasticities_.empty(); }
+  bool needed() const { return drive_.has_effects() || drive_.has_couplings() || !elasticities_.empty(); }
 
   /// Takes the next point of the reference.
   /// @param arm  with the load that is believed to be there
@@ -99,8 +102,8 @@ class ModelFeedForward {
       const int j = elasticity.joint;
       torque[j] += actuation_[static_cast<std::size_t>(j)].rotor_inertia * acceleration[j];
     }
-    add_couplings(couplings_, qd, qdd, torque);
-    return effects_.add_torque(time, q, qd, qdd, load, actuation_, kSignWidth, torque);
+    drive_.add_couplings(qd, qdd, torque);
+    return drive_.add_effects(time, q, qd, load, torque);
   }
 
   // Of the last point.
@@ -112,9 +115,8 @@ class ModelFeedForward {
  private:
   Arm nominal_;
   std::array<JointActuation<double>, static_cast<std::size_t>(N)> actuation_;
-  std::vector<GearCoupling<double>> couplings_;
   std::vector<Elasticity<double>> elasticities_;
-  EffectFeedForward<double, N, kMaxEffects> effects_;
+  DriveTorque<double, N, kMaxEffects, kMaxCouplings> drive_;
   Vector last_load_ = Vector::Zero(), last_change_ = Vector::Zero();
   int points_{0};
 };

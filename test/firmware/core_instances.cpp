@@ -3,7 +3,9 @@
 #include "arms.hpp"
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/control/joint_controller.hpp"
+#include "heft/core/control/terminal_link_controller.hpp"
 #include "heft/core/control/terminal_link_cycle.hpp"
+#include "heft/core/dynamics/arm_torque.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/lagrangian.hpp"
@@ -14,6 +16,7 @@
 #include "heft/core/estimate/covariance_recursion.hpp"
 #include "heft/core/estimate/factored_equations.hpp"
 #include "heft/core/estimate/instruments.hpp"
+#include "heft/core/estimate/load_observer.hpp"
 #include "heft/core/estimate/normal_equations.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/estimate/recursive_least_squares.hpp"
@@ -24,7 +27,9 @@
 #include "heft/core/kinematics/geometric_jacobian.hpp"
 #include "heft/core/kinematics/joint_deflection.hpp"
 #include "heft/core/monitor/contact_monitor.hpp"
+#include "heft/core/physical_body.hpp"
 #include "heft/core/status.hpp"
+#include "heft/core/symmetric_eigen.hpp"
 
 namespace heft::firmware {
 
@@ -297,6 +302,24 @@ HEFT_INSTANTIATE_TERMINAL(SixDouble, 5);
 HEFT_INSTANTIATE_TERMINAL(SevenFloat, 5);
 HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
 
+/// The facades of the loop. An arm known at run time takes more in by a template of its own.
+#define HEFT_INSTANTIATE_FACADES(Scalar)                                                             \
+  template class ArmTorque<firmware::EffectsArm, Scalar>;                                            \
+  template class ArmTorque<firmware::SevenJointArm, Scalar>;                                         \
+  template class ArmTorque<RunTimeArm<6, 8, 1>, Scalar>;                                             \
+  template Status ArmTorque<RunTimeArm<6, 8, 1>, Scalar>::add(const JointEffect<Scalar>&) noexcept;  \
+  template Status ArmTorque<RunTimeArm<6, 8, 1>, Scalar>::add(const GearCoupling<Scalar>&) noexcept; \
+  template class LoadObserver<firmware::EffectsArm, Scalar>;                                         \
+  template class LoadObserver<firmware::SevenJointArm, Scalar>;                                      \
+  template class LoadObserver<RunTimeArm<6, 8, 1>, Scalar>;                                          \
+  template class TerminalLinkController<firmware::EffectsArm, Scalar, 4>;                            \
+  template class TerminalLinkController<firmware::SevenJointArm, Scalar, 5>;                         \
+  template Status symmetric_eigen(const Matrix3<Scalar>&, SymmetricEigen<Scalar>&) noexcept;         \
+  template Status check_physical(const InertialParameters<Scalar>&) noexcept;                        \
+  template Status make_physical(InertialParameters<Scalar>&, Scalar) noexcept
+
+HEFT_INSTANTIATE_FACADES(float);
+HEFT_INSTANTIATE_FACADES(double);
 HEFT_INSTANTIATE_JOINTS(float, 6);
 HEFT_INSTANTIATE_JOINTS(double, 6);
 HEFT_INSTANTIATE_JOINTS(float, 7);

@@ -185,16 +185,13 @@ class PayloadEstimator {
 
   /// The same with the sign of the velocities given.
   Row row(const LinkRegressor<Scalar, N>& Y, const Vector& qd, const Vector& sign, int i) const noexcept {
-    Row w{};
-    for (int c = 0; c < kParametersPerLink; ++c) {
-      w[static_cast<std::size_t>(c)] = Y(i, kParametersPerLink * (N - 1) + c);
-    }
-    if (i >= kFirstFrictionJoint) {
-      const std::size_t first = static_cast<std::size_t>(10 + 2 * (i - kFirstFrictionJoint));
-      w[first] = sign[i];
-      w[first + 1] = qd[i];
-    }
-    return w;
+    return row_of(Y, kParametersPerLink * (N - 1), sign[i], qd[i], i);
+  }
+
+  /// The same from the columns of the last link alone.
+  Row load_row(const Eigen::Matrix<Scalar, N, kParametersPerLink>& columns, const Vector& qd,
+               int i) const noexcept {
+    return row_of(columns, 0, velocity_sign(qd[i], config_.sign_width), qd[i], i);
   }
 
   /// The added body: ten inertial parameters about the last link frame.
@@ -233,6 +230,21 @@ class PayloadEstimator {
   Estimator& estimator() noexcept { return estimator_; }
 
  private:
+  /// @param first  column of the last link's mass
+  template <typename Matrix>
+  static Row row_of(const Matrix& Y, int first, const Scalar& sign, const Scalar& qd, int i) noexcept {
+    Row w{};
+    for (int c = 0; c < kParametersPerLink; ++c) {
+      w[static_cast<std::size_t>(c)] = Y(i, first + c);
+    }
+    if (i >= kFirstFrictionJoint) {
+      const std::size_t friction = static_cast<std::size_t>(10 + 2 * (i - kFirstFrictionJoint));
+      w[friction] = sign;
+      w[friction + 1] = qd;
+    }
+    return w;
+  }
+
   Scalar friction_change(int i, int which) const noexcept {
     return i < kFirstFrictionJoint || i >= N
                ? Scalar(0)

@@ -1,0 +1,680 @@
+/// @file
+/// The load of an arm while it moves, sample by sample.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include <Eigen/Core>
+
+#include "heft/core/arm_geometry.hpp"
+#include "heft/core/dynamics/detail/rigid_arm.hpp"
+#include "heft/core/dynamics/run_time_arm.hpp"
+#include "heft/core/estimate/detail/residual_noise.hpp"
+#include "heft/core/estimate/detail/sample_faults.hpp"
+#include "heft/core/estimate/payload_estimator.hpp"
+#include "heft/core/filter/state_variable_filter.hpp"
+#include "heft/core/numeric_range.hpp"
+#include "heft/core/physical_body.hpp"
+#include "heft/core/run_clock.hpp"
+#include "heft/core/status.hpp"
+
+namespace heft {
+
+/// What is known of the load.
+enum class LoadState : std::uint8_t {
+  kUnknown,     ///< the motion has not shown it yet
+  kChanging,    ///< another load than before, not known yet
+  kNone,        ///< known to be indistinguishable from zero
+  kKnown,       ///< a load that explains the torques
+  kUnexplained  ///< torques that no load explains: contact, a fault, another arm than the model
+};
+
+/// Name of a state, for people.
+constexpr const char* to_string(LoadState state) noexcept {
+  switch (state) {
+    case LoadState::kUnknown: return "unknown";
+    case LoadState::kChanging: return "changing";
+    case LoadState::kNone: return "none";
+    case LoadState::kKnown: return "known";
+    case LoadState::kUnexplained: return "unexplained";
+  }
+  return "unknown state";
+}
+
+/// The ten parameters of a load, each with what is known of it, about the last link frame.
+template <typename Scalar>
+struct LoadEstimate {
+  InertialParameters<Scalar> value{};
+  /// Standard deviations, the correlation of the residual in time included.
+  InertialParameters<Scalar> std{};
+  /// The motion has reduced the prior's standard deviation to less than a tenth. The others hold next to their prior, zero.
+  std::array<bool, 10> excited{};
+  LoadState state{LoadState::kUnknown};
+  Scalar since{0};  ///< data count from here on [s since the first sample]
+};
+
+/// The latest change of load.
+template <typename Scalar>
+struct LoadChange {
+  bool any{false};                ///< false: there was none
+  bool declared{false};           ///< by a call, not seen in the torques
+  Scalar time{0};                 ///< when it was declared or seen [s since the first sample]
+  LoadEstimate<Scalar> before{};  ///< what was known at that time
+};
+
+/// Estimates the load, sample by sample, and follows it when it changes: filters, residual of the arm without load, recursive
+/// least squares (PayloadEstimator), noise learnt from the innovations, change detection, and as its output a body that
+/// can exist, for the controller's model:
+///
+/// @code
+/// LoadObserver<app::Ur10e, float> load;                     // a header of `heft export`: the arm without load
+/// if (load.configure() != Status::kOk) ...
+/// status = load.update(q, qd, tau_measured, dt, record);    // every cycle
+/// arm.set_payload(load.load());                             // see ArmTorque
+/// @endcode
+///
+/// Motion comes from encoder positions through the state-variable filter; the torque, less the friction, couplings and
+/// effects that the arm without load predicts, passes the same filter and keeps the same delay. Friction is subtracted
+/// before the filter because a filtered sign is not the sign of a filtered velocity. A torque that is reported with a sample
+/// acted since the sample before: motion is taken half-way.
+///
+/// Robust: a sample with a number that is not finite is refused and leaves no trace. After dropouts, jumps of a position and
+/// frozen encoders the estimate pauses until the filters have forgotten them; joints at their torque limit, and joints about
+/// whose friction nothing is known (around a reversal, at rest) count less or not at all. An arm at rest teaches nothing after
+/// `longest_rest`: neither does the estimate drift, nor does its certainty grow.
+///
+/// @tparam Description  as of ArmTorque: the arm without load
+///
+/// Cost: bench/operation_count prints it. No allocation, no exception, every loop bounded.
+template <typename Description, typename Scalar>
+class LoadObserver {
+  using Source = detail::ArmSource<Description>;
+
+ public:
+  static constexpr int kNumJoints = Source::kNumJoints;
+  using Vector = JointVector<Scalar, kNumJoints>;
+  using Model = ArmModel<Scalar, kNumJoints>;
+  using Estimator = PayloadEstimator<Scalar, kNumJoints>;
+
+  struct Config {
+    int first_row{0};  ///< k − 1: torques of joints k..n are used, 0 to n − 1
+    /// Poles of the filter that motion and torque pass, see StateVariableFilter [Hz].
+    Scalar filter_hz{20};
+    Scalar update_rate{100};  ///< updates of the estimate a second, > 0 [Hz]
+    /// Rows taken in one sample: the rest of an update waits for the next samples. 0: all at once.
+    int rows_per_sample{0};
+    /// Standard deviation of the mass before anything is known [kg]; 0: a third of the arm's mass.
+    Scalar mass_prior{0};
+    /// Torque residual's standard deviation, a first guess, n [N·m, N]; 0: from friction and weight.
+    Vector noise_std = Vector::Zero();
+    Scalar sign_width{static_cast<Scalar>(0.02)};  ///< of the Coulomb sign, see velocity_sign [rad/s, m/s]
+    /// Slower than this the sign of friction is not known, > 0 [rad/s, m/s].
+    Scalar uncertain_speed{static_cast<Scalar>(0.06)};
+    /// Torque readings of this size and above are taken for clipped, n, > 0 [N·m, N].
+    Vector torque_limit = Vector::Constant(static_cast<Scalar>(1e30));
+    /// load() goes from one load to the next in this time, ≥ 0 [s].
+    Scalar transition_time{static_cast<Scalar>(0.2)};
+    /// All joints slower than uncertain_speed for longer than this say nothing new, > 0 [s].
+    Scalar longest_rest{5};
+    Scalar start_time{0};  ///< age of the run at the first sample, for joints that warm up, 0 to 1e6 [s]
+  };
+
+  /// Treatment of a sample.
+  struct Record {
+    LoadState state{LoadState::kUnknown};
+    bool due{false};        ///< an update of the estimate was due
+    bool estimated{false};  ///< one was finished
+    bool changed{false};    ///< the torques showed another load
+    bool settling{
+        false};  ///< filters settle: after the start, a change, a dropout, a jump; nothing is estimated
+    bool at_rest{false};  ///< longer than `longest_rest`: nothing is estimated
+    std::uint32_t frozen{
+        0};  ///< bit i: position i stands although its velocity does not; nothing is estimated
+    std::uint32_t clipped{0};  ///< bit i: torque i is at its limit, or was, as far as the filter remembers
+  };
+
+  /// Takes the described arm; nothing is known of the load.
+  /// @return kOutOfRange, kNonFiniteInput: state kept
+  Status configure(const Config& config = {}) noexcept requires(Source::kIsStatic) {
+    Drive drive;
+    if (const Status status = Source::template configure<Scalar>(drive, config.sign_width);
+        status != Status::kOk) {
+      return status;
+    }
+    return start(config, drive, {});
+  }
+
+  /// The same for an arm known at run time; add() brings the rest.
+  Status configure(const Model& model, const Config& config = {}) noexcept requires(!Source::kIsStatic) {
+    Drive drive;
+    if (const Status status = drive.configure(model.actuation, config.sign_width); status != Status::kOk) {
+      return status;
+    }
+    Body body;
+    body.set_model(model);
+    return start(config, drive, body);
+  }
+
+  /// A joint effect, a gear coupling or an elastic joint more. Before the first sample.
+  /// @return see DriveTorque; kNotConfigured; state kept unless kOk
+  template <typename Part>
+  Status add(const Part& part) noexcept requires(!Source::kIsStatic) {
+    return configured_ ? front_.drive.add(part) : Status::kNotConfigured;
+  }
+
+  /// Replaces gravity, in the base frame [m/s²]: a tilted or moving base.
+  /// @return kNonFiniteInput: the old one is kept; kNotConfigured
+  Status set_gravity(const std::array<Scalar, 3>& gravity) noexcept {
+    if (!configured_) {
+      return Status::kNotConfigured;
+    }
+    if (!all_usable(gravity)) {
+      return Status::kNonFiniteInput;
+    }
+    body_.set_gravity(gravity);
+    return Status::kOk;
+  }
+
+  /// Takes one sample.
+  /// @param q    encoder positions, n [rad, m]
+  /// @param qd   velocities, n, of any source: their sign decides about friction [rad/s, m/s]
+  /// @param tau  torques that acted since the sample before, n, link side [N·m, N]
+  /// @param dt   since the sample before, refused ones included; of the first sample the nominal one, > 0, at most 1e6 [s]
+  /// @return kNonFiniteInput, kOutOfRange (dt not positive or too short for the filter, or a variance beyond kLargestWeight),
+  ///         kNotConfigured: the sample is refused and leaves no trace but its time
+  Status update(const Vector& q, const Vector& qd, const Vector& tau, Scalar dt, Record& record) noexcept {
+    record = Record{};
+    record.state = state_;
+    if (!configured_) {
+      return Status::kNotConfigured;
+    }
+    if (!is_finite(dt)) {
+      return Status::kNonFiniteInput;
+    }
+    if (!(dt > Scalar(0) && dt <= static_cast<Scalar>(kLongestStep))) {
+      return Status::kOutOfRange;
+    }
+    const Scalar elapsed = missed_ + dt;
+    Status status = Status::kNonFiniteInput;
+    if (all_usable(q) && all_usable(qd) && all_usable(tau)) {
+      if (!front_.started) {
+        begin(q, qd, dt);
+        return Status::kOk;
+      }
+      const Front before = front_;
+      status = take(q, qd, tau, elapsed, record);
+      if (status != Status::kOk) {
+        front_ = before;
+        record = Record{};
+        record.state = state_;
+      }
+    }
+    missed_ = status == Status::kOk || !front_.started ? Scalar(0) : elapsed;
+    missed_ = missed_ < static_cast<Scalar>(kLongestStep) ? missed_ : static_cast<Scalar>(kLongestStep);
+    return status;
+  }
+
+  /// The load that a model should carry, about the last link frame: zero until one is known, always a body that can exist. After
+  /// a change the old one is carried until the new one is known.
+  const InertialParameters<Scalar>& load() const noexcept { return output_; }
+
+  /// What is known, and how well. Silent (state kUnknown or kChanging) until it means something.
+  /// Cost: ten quadratic forms of twelve, 1000 multiplications.
+  LoadEstimate<Scalar> estimate() const noexcept {
+    LoadEstimate<Scalar> out;
+    out.value = estimator_.payload();
+    out.state = state_;
+    out.since = since_;
+    const Scalar wide = widening();
+    for (std::size_t i = 0; i < 10; ++i) {
+      const int at = static_cast<int>(i);
+      out.std[i] = wide * estimator_.standard_deviation(at);
+      out.excited[i] = estimator_.identifiable(at);
+    }
+    return out;
+  }
+
+  LoadState state() const noexcept { return state_; }
+  /// kOk: a load, or that there is none, is known; kNotExcited; kNotConfigured.
+  Status status() const noexcept {
+    return !configured_                                                ? Status::kNotConfigured
+           : state_ == LoadState::kKnown || state_ == LoadState::kNone ? Status::kOk
+                                                                       : Status::kNotExcited;
+  }
+  const LoadChange<Scalar>& last_change() const noexcept { return change_; }
+  /// [s since the first sample]
+  Scalar time() const noexcept { return clock_.seconds(); }
+
+  /// Something was gripped, or taken in place of what was there, just now: what is known does not hold any more. The model
+  /// keeps the load that it carries until the new one is known.
+  /// @return kNotConfigured
+  Status attach() noexcept { return declare(carried_); }
+
+  /// The same where the new load is roughly known: the model takes it up at once, and drops it when the torques show another.
+  /// @return kNonFiniteInput, kNotPositiveDefinite: nothing is declared; kNotConfigured
+  Status attach(const InertialParameters<Scalar>& expected) noexcept {
+    const Status status = check_physical(expected);
+    return status == Status::kOk ? declare(expected) : status;
+  }
+
+  /// The load was put down just now.
+  Status detach() noexcept { return declare({}); }
+
+  /// How much wider intervals are than those of white residuals.
+  Scalar widening() const noexcept {
+    Scalar factor(0);
+    for (int i = config_.first_row; i < kNumJoints; ++i) {
+      const Scalar of_row = noise_[static_cast<std::size_t>(i)].widening();
+      factor = of_row > factor ? of_row : factor;
+    }
+    using std::sqrt;
+    return sqrt(factor);
+  }
+
+  /// The recursion, for variances of combinations.
+  const Estimator& estimator() const noexcept { return estimator_; }
+
+ private:
+  using Body = detail::RigidArm<Description, Scalar>;
+  using Drive = detail::DriveOf<Description, Scalar>;
+  using Filter = StateVariableFilter<Scalar, kNumJoints>;
+  using Recursion = typename Estimator::Estimator;
+  static constexpr double kLongestStep = 1e6;  ///< [s]
+  /// The filters have forgotten the past after so many time constants: (1 + 10 + 50) e^-10, 0.3 %, are left of a step.
+  static constexpr double kSettled = 10;
+  /// Innovations of one row count as up to this many variances, so that one row alone does not decide.
+  static constexpr double kLargestRatio = 200;
+  /// Mean squared innovation, over some ten updates and all rows, that another load gives and noise does not [variances].
+  static constexpr double kSurprise = 20;
+  static constexpr double kSurpriseShare = 0.2, kFitShare = 0.02;
+  /// Loads do not come and go several times a second: what does is something that no load explains [updates].
+  static constexpr int kBetweenChanges = 100;
+  /// Innovations beyond this are another load rather than noise, and are not learnt as noise, unless it lasts [variances,
+  /// updates].
+  static constexpr double kCalm = 10;
+  static constexpr int kPatience = 500;
+  static constexpr int kBeforeLearning = 20;  ///< updates before innovations say what the noise is
+  static constexpr int kBeforeCarrying = 12;  ///< updates before an estimate is handed out
+  static constexpr double kCarryShare = 0.2;  ///< of the way to the estimate, an update
+
+  /// What a sample changes before anything is estimated.
+  struct Front {
+    Drive drive;
+    Filter motion, torque;
+    detail::SampleFaults<Scalar, kNumJoints> faults;
+    Vector doubt = Vector::Ones();  ///< about the level of friction, 0 to 1
+    Vector previous_q = Vector::Zero(), previous_qd = Vector::Zero();
+    Scalar settling{0};  ///< left to wait [s]
+    Scalar rest{0};      ///< all joints have been slow for so long [s]
+    std::int32_t until_update{1};
+    bool started{false};
+  };
+
+  /// An update under way: its rows, of one instant.
+  struct Batch {
+    detail::LoadColumns<Scalar, kNumJoints> columns = detail::LoadColumns<Scalar, kNumJoints>::Zero();
+    Vector qd = Vector::Zero(), residual = Vector::Zero(), variance = Vector::Ones();
+    std::array<bool, static_cast<std::size_t>(kNumJoints)> left_out{}, certain{};
+    int next{kNumJoints}, rows{0};
+    Scalar ratio{0}, unexplained{0}, whole{0};
+  };
+
+  Status start(const Config& config, const Drive& drive, const Body& body) noexcept {
+    const auto positive = [](const Scalar& value) { return value > Scalar(0) && is_usable(value); };
+    const auto not_negative = [](const Scalar& value) { return value >= Scalar(0) && is_usable(value); };
+    if (config.first_row < 0 || config.first_row >= kNumJoints || config.rows_per_sample < 0 ||
+        !positive(config.update_rate) || !not_negative(config.mass_prior) ||
+        !positive(config.uncertain_speed) || !not_negative(config.transition_time) ||
+        !positive(config.longest_rest) ||
+        !(config.start_time >= Scalar(0) && config.start_time <= static_cast<Scalar>(kLongestStep))) {
+      return Status::kOutOfRange;
+    }
+    using std::sqrt;
+    const Model& model = body.model();
+    Scalar weight(0), reach(0);
+    for (std::size_t j = 0; j < model.links.size(); ++j) {
+      weight += model.links[j][kMass];
+      const auto& p = model.joints[j].position;
+      reach += sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+    }
+    const auto at_least = [](const Scalar& value, double least) {
+      return value > static_cast<Scalar>(least) ? value : static_cast<Scalar>(least);
+    };
+    typename Estimator::Config settings;
+    settings.first_row = config.first_row;
+    settings.mass_prior =
+        config.mass_prior > Scalar(0) ? config.mass_prior : at_least(weight / Scalar(3), 0.01);
+    settings.length_prior = at_least(static_cast<Scalar>(0.1) * reach, 0.02);
+    settings.gate = Scalar(0);
+    settings.forgetting_factor = Scalar(1);  // a change starts it again
+    settings.sign_width = config.sign_width;
+    // How much of the last joint's friction a load may change: half of what it has.
+    settings.friction_prior =
+        at_least(static_cast<Scalar>(0.5) * drive.actuation()[kNumJoints - 1].coulomb_friction, 1e-6);
+    for (int i = 0; i < kNumJoints; ++i) {
+      if (!not_negative(config.noise_std[i]) || !(config.torque_limit[i] > Scalar(0))) {
+        return Status::kOutOfRange;
+      }
+      const Scalar guess =
+          config.noise_std[i] > Scalar(0)
+              ? config.noise_std[i]
+              : static_cast<Scalar>(0.05) * drive.actuation()[static_cast<std::size_t>(i)].coulomb_friction +
+                    static_cast<Scalar>(2e-4 * 9.81) * weight;
+      settings.noise_std[i] = at_least(guess, 1e-9);
+    }
+    Front front;
+    if (front.motion.configure(config.filter_hz) != Status::kOk ||
+        front.torque.configure(config.filter_hz) != Status::kOk) {
+      return Status::kOutOfRange;
+    }
+    if (const Status status = estimator_.configure(settings); status != Status::kOk) {
+      return status;
+    }
+    // As configured, for starting again: the factors are still diagonal.
+    for (int i = 0; i < Estimator::kParameters; ++i) {
+      prior_variance_[static_cast<std::size_t>(i)] = estimator_.estimator().variance(i);
+    }
+    config_ = config;
+    omega_ = static_cast<Scalar>(6.283185307179586) * config.filter_hz;
+    settle_time_ = static_cast<Scalar>(kSettled) / omega_;
+    farthest_ = at_least(static_cast<Scalar>(0.5) * reach, 0.1);
+    for (int i = 0; i < kNumJoints; ++i) {
+      noise_[static_cast<std::size_t>(i)].start(settings.noise_std[i]);
+    }
+    body_ = body;
+    front_ = front;
+    front_.drive = drive;
+    batch_ = Batch{};
+    carried_ = output_ = from_ = {};
+    change_ = {};
+    clock_.reset();
+    missed_ = since_ = Scalar(0);
+    fade_ = Scalar(1);
+    surprise_ = Scalar(1);
+    unexplained_ = whole_ = Scalar(0);
+    since_reset_ = uncalm_ = 0;
+    reset_due_ = ever_known_ = false;
+    state_ = LoadState::kUnknown;
+    configured_ = true;
+    return Status::kOk;
+  }
+
+  void begin(const Vector& q, const Vector& qd, const Scalar& dt) noexcept {
+    front_.previous_q = q;
+    front_.previous_qd = qd;
+    front_.started = true;
+    front_.settling = Scalar(2) * settle_time_;
+    front_.faults.start(dt);
+    const Scalar between = Scalar(1) / (dt * config_.update_rate) + static_cast<Scalar>(0.5);
+    update_every_ = between < Scalar(1)     ? 1
+                    : between < Scalar(1e6) ? static_cast<std::int32_t>(between)
+                                            : 1'000'000;
+    front_.until_update = update_every_;
+    // An update is finished before the next one is due.
+    const std::int32_t rows = kNumJoints - config_.first_row;
+    const std::int32_t least = (rows + update_every_ - 1) / update_every_;
+    rows_a_sample_ = config_.rows_per_sample == 0      ? rows
+                     : config_.rows_per_sample > least ? config_.rows_per_sample
+                                                       : least;
+  }
+
+  Status take(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed,
+              Record& record) noexcept {
+    Front& f = front_;
+    const typename detail::SampleFaults<Scalar, kNumJoints>::Found faults =
+        f.faults.look(f.previous_q, f.previous_qd, q, qd, tau, config_.torque_limit, elapsed, omega_);
+    const Vector middle_q = static_cast<Scalar>(0.5) * (q + f.previous_q);
+    const Vector middle_qd = static_cast<Scalar>(0.5) * (qd + f.previous_qd);
+    f.previous_q = q;
+    f.previous_qd = qd;
+    using std::exp;
+    const Scalar forget = exp(-elapsed * omega_ / Scalar(3));
+    bool slow = true;
+    for (int i = 0; i < kNumJoints; ++i) {
+      // Around a reversal and at rest friction is anything between its two levels; the filter remembers that.
+      const bool uncertain =
+          middle_qd[i] < config_.uncertain_speed && middle_qd[i] > -config_.uncertain_speed;
+      f.doubt[i] = uncertain ? Scalar(1) : f.doubt[i] * forget;
+      slow = slow && uncertain;
+    }
+    f.rest = slow ? f.rest + elapsed : Scalar(0);
+    f.rest = f.rest < config_.longest_rest + elapsed ? f.rest : config_.longest_rest + elapsed;
+    const Scalar left = f.settling - elapsed;
+    f.settling = faults.disturbed ? Scalar(2) * settle_time_ : left > Scalar(0) ? left : Scalar(0);
+    if (const Status status = filter(middle_q, middle_qd, tau, elapsed); status != Status::kOk) {
+      return status;
+    }
+    record.frozen = faults.frozen;
+    record.clipped = faults.clipped;
+    record.at_rest = f.rest > config_.longest_rest;
+    if (--f.until_update <= 0) {
+      f.until_update = update_every_;
+      record.due = true;
+      if (!(f.settling > Scalar(0)) && !record.at_rest && record.frozen == 0) {
+        if (const Status status = begin_batch(faults.clipped); status != Status::kOk) {
+          return status;
+        }
+      }
+    }
+    // From here on nothing is refused.
+    clock_.advance(elapsed);
+    take_rows(record);
+    fade(elapsed);
+    record.settling = front_.settling > Scalar(0) || reset_due_;
+    record.state = state_;
+    return Status::kOk;
+  }
+
+  /// Torque of the rigid bodies alone, and the motion, through the same filter.
+  Status filter(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed) noexcept {
+    Front& f = front_;
+    Vector known = Vector::Zero();
+    f.drive.add_friction(qd, known);
+    const Vector without_friction = tau - known;
+    known.setZero();
+    if (f.drive.has_effects()) {
+      Vector load;
+      body_.torque(q, qd, Vector::Zero(), load);
+      RunClock<Scalar> age = clock_;
+      age.advance(config_.start_time);
+      age.advance(elapsed);
+      if (const Status status = f.drive.add_effects(age.seconds(), q, qd, load, known);
+          status != Status::kOk) {
+        return status;
+      }
+    }
+    if (const Status status = f.motion.update(q, elapsed); status != Status::kOk) {
+      return status;
+    }
+    return f.torque.update(without_friction - known, elapsed);
+  }
+
+  /// Rows of this instant. Refused where one of them would be, so that none is taken alone.
+  Status begin_batch(std::uint32_t clipped) noexcept {
+    Batch& b = batch_;
+    b.next = kNumJoints;
+    const Vector& q = front_.motion.value();
+    const Vector& qdd = front_.motion.second_derivative();
+    b.qd = front_.motion.derivative();
+    Vector known;
+    body_.torque_and_columns(q, b.qd, qdd, known, b.columns);
+    b.residual = front_.torque.value() - known;
+    known.setZero();
+    front_.drive.add_inertia(qdd, known);
+    b.residual -= known;
+    for (int i = config_.first_row; i < kNumJoints; ++i) {
+      const std::size_t at = static_cast<std::size_t>(i);
+      const Scalar friction =
+          static_cast<Scalar>(0.5) * front_.doubt[i] * front_.drive.actuation()[at].coulomb_friction;
+      b.variance[i] = noise_[at].variance() + friction * friction;
+      b.certain[at] = front_.doubt[i] < static_cast<Scalar>(0.1);
+      b.left_out[at] = ((clipped >> i) & 1U) != 0;
+      bool usable = is_usable(b.residual[i]);
+      for (int c = 0; c < kParametersPerLink; ++c) {
+        usable = usable && is_usable(b.columns(i, c));
+      }
+      if (!usable) {
+        return Status::kNonFiniteInput;
+      }
+      if (!is_usable_weight(b.variance[i])) {
+        return Status::kOutOfRange;
+      }
+    }
+    if (reset_due_) {
+      // The filters hold the new load only from here on. Nothing is known of it; the model keeps the old one until
+      // something is.
+      static_cast<void>(estimator_.estimator().configure({}, {}, prior_variance_));
+      reset_due_ = false;
+      since_reset_ = 0;
+      since_ = clock_.seconds();
+      surprise_ = Scalar(1);
+      unexplained_ = whole_ = Scalar(0);
+    }
+    b.next = config_.first_row;
+    b.rows = 0;
+    b.ratio = b.unexplained = b.whole = Scalar(0);
+    return Status::kOk;
+  }
+
+  void take_rows(Record& record) noexcept {
+    if (batch_.next >= kNumJoints) {
+      return;
+    }
+    for (int left = rows_a_sample_; left > 0 && batch_.next < kNumJoints; --left) {
+      take_row();
+    }
+    if (batch_.next >= kNumJoints && batch_.rows > 0) {
+      finish(record);
+    }
+  }
+
+  void take_row() noexcept {
+    Batch& b = batch_;
+    const int i = b.next++;
+    const std::size_t at = static_cast<std::size_t>(i);
+    if (b.left_out[at]) {
+      return;
+    }
+    typename Recursion::Record taken;
+    if (estimator_.estimator().update(estimator_.load_row(b.columns, b.qd, i), b.residual[i], b.variance[i],
+                                      taken) != Status::kOk) {
+      return;  // unchanged; cannot be, by the checks of begin_batch
+    }
+    ++b.rows;
+    const Scalar squared = taken.innovation * taken.innovation;
+    b.unexplained += squared / b.variance[i];
+    b.whole += b.residual[i] * b.residual[i] / b.variance[i];
+    const Scalar ratio = squared / taken.innovation_variance;
+    b.ratio += ratio < static_cast<Scalar>(kLargestRatio) ? ratio : static_cast<Scalar>(kLargestRatio);
+    const bool calm = surprise_ < static_cast<Scalar>(kCalm) || uncalm_ > kPatience;
+    if (b.certain[at] && since_reset_ >= kBeforeLearning && (calm || !noise_[at].known())) {
+      noise_[at].learn(taken.innovation, taken.innovation_variance);
+    }
+  }
+
+  void finish(Record& record) noexcept {
+    const Batch& b = batch_;
+    surprise_ += static_cast<Scalar>(kSurpriseShare) * (b.ratio / static_cast<Scalar>(b.rows) - surprise_);
+    since_reset_ = since_reset_ < 1'000'000 ? since_reset_ + 1 : since_reset_;
+    uncalm_ = surprise_ < static_cast<Scalar>(kCalm) ? 0 : uncalm_ <= kPatience ? uncalm_ + 1 : uncalm_;
+    unexplained_ += static_cast<Scalar>(kFitShare) * (b.unexplained - unexplained_);
+    whole_ += static_cast<Scalar>(kFitShare) * (b.whole - whole_);
+    const bool changed = surprise_ > static_cast<Scalar>(kSurprise) && since_reset_ > kBetweenChanges;
+    carry();
+    if (changed) {
+      restart(false);
+    }
+    record.estimated = true;
+    record.changed = changed;
+  }
+
+  /// Hands the estimate to the model, gradually, once enough samples have gone into it; a load whose mass cannot be
+  /// distinguished from zero is none.
+  void carry() noexcept {
+    if (since_reset_ < kBeforeCarrying) {
+      state_ = ever_known_ ? LoadState::kChanging : LoadState::kUnknown;
+      return;
+    }
+    InertialParameters<Scalar> load = estimator_.payload();
+    const bool weighs = !(load[kMass] < Scalar(4) * widening() * estimator_.standard_deviation(kMass));
+    const bool explained = !(unexplained_ > static_cast<Scalar>(0.5) * whole_);
+    state_ = weighs                           ? (explained ? LoadState::kKnown : LoadState::kUnexplained)
+             : estimator_.identifiable(kMass) ? LoadState::kNone
+             : ever_known_                    ? LoadState::kChanging
+                                              : LoadState::kUnknown;
+    ever_known_ = ever_known_ || state_ == LoadState::kKnown || state_ == LoadState::kNone;
+    if (!weighs || !explained || make_physical(load, farthest_) != Status::kOk) {
+      load = {};
+    }
+    for (std::size_t i = 0; i < load.size(); ++i) {
+      carried_[i] += static_cast<Scalar>(kCarryShare) * (load[i] - carried_[i]);
+    }
+    fading_ = true;
+  }
+
+  /// Another load from now on.
+  void restart(bool declared) noexcept {
+    fade(Scalar(0));
+    change_.any = true;
+    change_.declared = declared;
+    change_.time = clock_.seconds();
+    change_.before = estimate();
+    front_.settling = front_.settling > settle_time_ ? front_.settling : settle_time_;
+    reset_due_ = true;
+    from_ = output_;
+    fade_ = Scalar(0);
+    fading_ = false;
+    state_ = LoadState::kChanging;
+  }
+
+  Status declare(const InertialParameters<Scalar>& now) noexcept {
+    if (!configured_) {
+      return Status::kNotConfigured;
+    }
+    batch_.next = kNumJoints;
+    const bool keeps = now == carried_;
+    restart(true);
+    carried_ = now;
+    fading_ = !keeps;
+    return Status::kOk;
+  }
+
+  void fade(const Scalar& elapsed) noexcept {
+    if (!fading_) {
+      return;
+    }
+    if (fade_ < Scalar(1)) {
+      fade_ = config_.transition_time > elapsed ? fade_ + elapsed / config_.transition_time : Scalar(1);
+    }
+    if (!(fade_ < Scalar(1))) {
+      output_ = carried_;
+      return;
+    }
+    for (std::size_t i = 0; i < output_.size(); ++i) {
+      output_[i] = from_[i] + fade_ * (carried_[i] - from_[i]);
+    }
+  }
+
+  Config config_{};
+  Body body_;
+  Front front_;
+  Estimator estimator_;
+  typename Estimator::Row prior_variance_{};
+  std::array<detail::ResidualNoise<Scalar>, static_cast<std::size_t>(kNumJoints)> noise_{};
+  Batch batch_;
+  InertialParameters<Scalar> carried_{}, output_{}, from_{};
+  LoadChange<Scalar> change_{};
+  RunClock<Scalar> clock_;
+  Scalar omega_{1}, settle_time_{0}, farthest_{static_cast<Scalar>(0.5)};
+  Scalar missed_{0};  ///< time of refused samples since the last taken one [s]
+  Scalar since_{0}, fade_{1};
+  Scalar surprise_{1}, unexplained_{0}, whole_{0};
+  std::int32_t update_every_{1}, rows_a_sample_{kNumJoints}, since_reset_{0}, uncalm_{0};
+  LoadState state_{LoadState::kUnknown};
+  bool configured_{false}, reset_due_{false}, ever_known_{false}, fading_{false};
+};
+
+}  // namespace heft
