@@ -8,7 +8,9 @@
 #include <gtest/gtest.h>
 
 #include "firmware/log_table.hpp"
+#include "firmware/online_replay.hpp"
 #include "firmware/replay.hpp"
+#include "heft/core/control/terminal_link_controller.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/estimate/instruments.hpp"
@@ -64,13 +66,36 @@ test::AllocationCount allocations_of(Cycle&& cycle) {
   return total;
 }
 
-template <typename Scalar>
+template <typename Replay, typename Scalar>
 void expect_cycle_without_allocation() {
-  const auto replay = std::make_unique<firmware::Replay<Scalar>>();
+  const auto replay = std::make_unique<Replay>();
   ASSERT_EQ(replay->configure(), Status::kOk);
   int refused = 0;
-  const test::AllocationCount spent =
-      allocations_of([&](const LogRow& row) { refused += replay->step(row) == Status::kOk ? 0 : 1; });
+  const test::AllocationCount spent = allocations_of(
+      [&](const LogRow& row) { refused += replay->step(row, Scalar(1e-3)) == Status::kOk ? 0 : 1; });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_EQ(refused, 0);
+}
+
+template <typename Scalar>
+void expect_controller_without_allocation() {
+  using Controller = TerminalLinkController<firmware::EffectsArm, Scalar, 4>;
+  using Vector = typename Controller::Vector;
+  const auto controller = std::make_unique<Controller>();
+  ASSERT_EQ(controller->configure({}), Status::kOk);
+  int refused = 0;
+  const test::AllocationCount spent = allocations_of([&](const LogRow& row) {
+    const auto vector = [](const float* values) -> Vector {
+      return Eigen::Map<const Eigen::Matrix<float, firmware::kNumJoints, 1>>(values).cast<Scalar>();
+    };
+    typename Controller::Record record;
+    Vector tau = Vector::Zero();
+    refused += controller->update({vector(row.q_ref), vector(row.qd_ref), vector(row.qdd_ref)}, vector(row.q),
+                                  vector(row.tau), Scalar(1e-3), tau, record) == Status::kOk
+                   ? 0
+                   : 1;
+  });
   EXPECT_EQ(spent.operator_new, 0U);
   EXPECT_EQ(spent.malloc, 0U);
   EXPECT_EQ(refused, 0);
@@ -209,9 +234,29 @@ TEST_F(Allocation, EffectsInDoubleTakeNothingFromTheHeap) { expect_effects_witho
 
 TEST_F(Allocation, EffectsInFloatTakeNothingFromTheHeap) { expect_effects_without_allocation<float>(); }
 
-TEST_F(Allocation, CycleInDoubleTakesNothingFromTheHeap) { expect_cycle_without_allocation<double>(); }
+TEST_F(Allocation, CycleInDoubleTakesNothingFromTheHeap) {
+  expect_cycle_without_allocation<firmware::Replay<double>, double>();
+}
 
-TEST_F(Allocation, CycleInFloatTakesNothingFromTheHeap) { expect_cycle_without_allocation<float>(); }
+TEST_F(Allocation, CycleInFloatTakesNothingFromTheHeap) {
+  expect_cycle_without_allocation<firmware::Replay<float>, float>();
+}
+
+TEST_F(Allocation, LoopWithItsLoadInDoubleTakesNothingFromTheHeap) {
+  expect_cycle_without_allocation<firmware::OnlineReplay<double>, double>();
+}
+
+TEST_F(Allocation, LoopWithItsLoadInFloatTakesNothingFromTheHeap) {
+  expect_cycle_without_allocation<firmware::OnlineReplay<float>, float>();
+}
+
+TEST_F(Allocation, TerminalLinkControllerInDoubleTakesNothingFromTheHeap) {
+  expect_controller_without_allocation<double>();
+}
+
+TEST_F(Allocation, TerminalLinkControllerInFloatTakesNothingFromTheHeap) {
+  expect_controller_without_allocation<float>();
+}
 
 TEST_F(Allocation, OtherEstimatorsInDoubleTakeNothingFromTheHeap) {
   expect_other_estimators_without_allocation<double>();

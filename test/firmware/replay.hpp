@@ -43,7 +43,7 @@ class Replay {
   }
 
   /// One sample of the control loop.
-  Status step(const LogRow& row) noexcept {
+  Status step(const LogRow& row, Scalar) noexcept {
     const JointReference<Scalar, kNumJoints> reference = {vector(row.q_ref), vector(row.qd_ref),
                                                           vector(row.qdd_ref)};
     const Vector q = vector(row.q);
@@ -64,7 +64,9 @@ class Replay {
     constexpr int kEstimates = Estimator::kParameters;
     return i < kEstimates ? estimator_.estimate()[static_cast<std::size_t>(i)] : torque_[i - kEstimates];
   }
-  EstimateSource source() const noexcept { return estimator_.source(); }
+  const char* rests_on() const noexcept { return to_string(estimator_.source()); }
+  /// Numbers that nobody would use prove nothing.
+  bool determined() const noexcept { return estimator_.source() == EstimateSource::kInstrumental; }
 
  private:
   // Converted at compile time: an image in single precision has no double arithmetic, in its setup neither.

@@ -1,6 +1,10 @@
 // The image's program: replays the log, prints the results and what they cost, one `key value` a line.
 #include "../log_table.hpp"
+#ifdef HEFT_ONLINE
+#include "../online_replay.hpp"
+#else
 #include "../replay.hpp"
+#endif
 #include "board.hpp"
 
 // The table goes in as it is, aligned for its floats.
@@ -16,7 +20,12 @@ namespace {
 using namespace heft::firmware;
 
 // Static, so that the linker's figures for RAM hold it and the stack does not.
-Replay<HEFT_SCALAR> replay;
+#ifdef HEFT_ONLINE
+using Loop = OnlineReplay<HEFT_SCALAR>;
+#else
+using Loop = Replay<HEFT_SCALAR>;
+#endif
+Loop replay;
 
 template <typename Value>
 void print_line(const char* key, Value value) {
@@ -52,13 +61,14 @@ int firmware_main() {
     return 1;
   }
 
+  const auto period = static_cast<HEFT_SCALAR>(1e-6F * static_cast<float>(header.period_us));
   start_counter();
   const bool counts = counter_counts_instructions();
   std::uint64_t total = 0;
   std::uint32_t worst = 0;
   for (std::uint32_t i = 0; i < header.samples; ++i) {
     const std::uint32_t begin = counter();
-    const heft::Status status = replay.step(rows[i]);
+    const heft::Status status = replay.step(rows[i], period);
     const std::uint32_t ticks = ticks_between(begin, counter());
     if (status != heft::Status::kOk) {
       print_line("refused_sample", std::uint64_t{i});
@@ -83,8 +93,9 @@ int firmware_main() {
     print_line("instructions_mean", total * kInstructionsPerTick / header.samples);
     print_line("instructions_worst", std::uint64_t{worst} * kInstructionsPerTick);
   }
-  print_line("source", heft::to_string(replay.source()));
-  for (int i = 0; i < Replay<HEFT_SCALAR>::kNumResults; ++i) {
+  print_line("source", replay.rests_on());
+  print_line("loop_bytes", std::uint64_t{sizeof(replay)});
+  for (int i = 0; i < Loop::kNumResults; ++i) {
     print("result ");
     print_exact(replay.result(i));
     print("\n");

@@ -55,22 +55,28 @@ class ArmTorque {
   /// @return kOutOfRange, kNonFiniteInput (settings, or numbers of the description): state kept
   Status configure(const Config& config = {}) noexcept requires(Source::kIsStatic) {
     Drive drive;
-    if (const Status status = Source::template configure<Scalar>(drive, config.sign_width);
-        status != Status::kOk) {
-      return status;
+    if (const Status described = Source::template configure<Scalar>(drive, config.sign_width);
+        described != Status::kOk) {
+      return described;
     }
-    return start(config, drive, {});
+    const Status status = start(config, drive);
+    if (status == Status::kOk) {
+      body_ = Body{};
+    }
+    return status;
   }
 
   /// The same for an arm known at run time; add() brings the rest.
   Status configure(const Model& model, const Config& config = {}) noexcept requires(!Source::kIsStatic) {
     Drive drive;
-    if (const Status status = drive.configure(model.actuation, config.sign_width); status != Status::kOk) {
-      return status;
+    if (const Status given = drive.configure(model.actuation, config.sign_width); given != Status::kOk) {
+      return given;
     }
-    Body body;
-    body.set_model(model);
-    return start(config, drive, body);
+    const Status status = start(config, drive);
+    if (status == Status::kOk) {
+      body_.set_model(model);
+    }
+    return status;
   }
 
   /// A joint effect, a gear coupling or an elastic joint more.
@@ -184,11 +190,11 @@ class ArmTorque {
   using Drive = detail::DriveOf<Description, Scalar>;
   static constexpr double kLongestStep = 1e6;  ///< [s]
 
-  Status start(const Config& config, const Drive& drive, const Body& body) noexcept {
+  /// All but the rigid bodies.
+  Status start(const Config& config, const Drive& drive) noexcept {
     if (!(config.start_time >= Scalar(0) && config.start_time <= static_cast<Scalar>(kLongestStep))) {
       return Status::kOutOfRange;
     }
-    body_ = body;
     drive_ = drive;
     payload_ = {};
     start_.reset();

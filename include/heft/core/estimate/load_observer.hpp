@@ -140,22 +140,28 @@ class LoadObserver {
   /// @return kOutOfRange, kNonFiniteInput: state kept
   Status configure(const Config& config = {}) noexcept requires(Source::kIsStatic) {
     Drive drive;
-    if (const Status status = Source::template configure<Scalar>(drive, config.sign_width);
-        status != Status::kOk) {
-      return status;
+    if (const Status described = Source::template configure<Scalar>(drive, config.sign_width);
+        described != Status::kOk) {
+      return described;
     }
-    return start(config, drive, {});
+    const Status status = start(config, drive, Body::model());
+    if (status == Status::kOk) {
+      body_ = Body{};
+    }
+    return status;
   }
 
   /// The same for an arm known at run time; add() brings the rest.
   Status configure(const Model& model, const Config& config = {}) noexcept requires(!Source::kIsStatic) {
     Drive drive;
-    if (const Status status = drive.configure(model.actuation, config.sign_width); status != Status::kOk) {
-      return status;
+    if (const Status given = drive.configure(model.actuation, config.sign_width); given != Status::kOk) {
+      return given;
     }
-    Body body;
-    body.set_model(model);
-    return start(config, drive, body);
+    const Status status = start(config, drive, model);
+    if (status == Status::kOk) {
+      body_.set_model(model);
+    }
+    return status;
   }
 
   /// A joint effect, a gear coupling or an elastic joint more. Before the first sample.
@@ -322,7 +328,8 @@ class LoadObserver {
     Scalar ratio{0}, unexplained{0}, whole{0};
   };
 
-  Status start(const Config& config, const Drive& drive, const Body& body) noexcept {
+  /// All but the rigid bodies.
+  Status start(const Config& config, const Drive& drive, const Model& model) noexcept {
     const auto positive = [](const Scalar& value) { return value > Scalar(0) && is_usable(value); };
     const auto not_negative = [](const Scalar& value) { return value >= Scalar(0) && is_usable(value); };
     if (config.first_row < 0 || config.first_row >= kNumJoints || config.rows_per_sample < 0 ||
@@ -333,7 +340,6 @@ class LoadObserver {
       return Status::kOutOfRange;
     }
     using std::sqrt;
-    const Model& model = body.model();
     Scalar weight(0), reach(0);
     for (std::size_t j = 0; j < model.links.size(); ++j) {
       weight += model.links[j][kMass];
@@ -384,7 +390,6 @@ class LoadObserver {
     for (int i = 0; i < kNumJoints; ++i) {
       noise_[static_cast<std::size_t>(i)].start(settings.noise_std[i]);
     }
-    body_ = body;
     front_ = front;
     front_.drive = drive;
     batch_ = Batch{};
