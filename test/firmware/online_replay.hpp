@@ -49,9 +49,11 @@ class OnlineReplay {
     if (const Status status = observer_.update(q, qd, vector(row.tau), dt, record); status != Status::kOk) {
       return status;
     }
-    if (record.estimated) {
+    // The sample that finishes an update has enough to do.
+    if (new_load_) {
       if (const Status status = torque_.set_payload(observer_.load()); status != Status::kOk) return status;
     }
+    new_load_ = record.estimated;
     const Vector command = commanded_acceleration<Scalar, kNumJoints>(feedback_, reference, q, qd);
     return torque_.update(dt, reference.q, reference.qd, command, tau_);
   }
@@ -74,6 +76,7 @@ class OnlineReplay {
   Torque torque_;
   Feedback feedback_;
   Vector tau_ = Vector::Zero();
+  bool new_load_{false};
 };
 
 }  // namespace heft::firmware

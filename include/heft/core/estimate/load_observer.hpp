@@ -104,7 +104,8 @@ class LoadObserver {
     /// Poles of the filter that motion and torque pass, see StateVariableFilter [Hz].
     Scalar filter_hz{20};
     Scalar update_rate{100};  ///< updates of the estimate a second, > 0 [Hz]
-    /// Rows taken in one sample: the rest of an update waits for the next samples. 0: all at once.
+    /// Rows taken in one sample, so that no sample is long: an update then begins, takes its rows and is finished in
+    /// samples of their own. 0: all in one sample.
     int rows_per_sample{0};
     /// Standard deviation of the mass before anything is known [kg]; 0: a third of the arm's mass.
     Scalar mass_prior{0};
@@ -228,7 +229,6 @@ class LoadObserver {
   const InertialParameters<Scalar>& load() const noexcept { return output_; }
 
   /// What is known, and how well. Silent (state kUnknown or kChanging) until it means something.
-  /// Cost: ten quadratic forms of twelve, 1000 multiplications.
   LoadEstimate<Scalar> estimate() const noexcept {
     LoadEstimate<Scalar> out;
     out.value = estimator_.payload();
@@ -236,9 +236,10 @@ class LoadObserver {
     out.since = since_;
     const Scalar wide = widening();
     for (std::size_t i = 0; i < 10; ++i) {
-      const int at = static_cast<int>(i);
-      out.std[i] = wide * estimator_.standard_deviation(at);
-      out.excited[i] = estimator_.identifiable(at);
+      using std::sqrt;
+      const Scalar variance = estimator_.estimator().covariance(static_cast<int>(i), static_cast<int>(i));
+      out.std[i] = wide * sqrt(variance);
+      out.excited[i] = variance < static_cast<Scalar>(kExcited) * prior_variance_[i];
     }
     return out;
   }
@@ -304,6 +305,8 @@ class LoadObserver {
   static constexpr int kPatience = 500;
   static constexpr int kBeforeLearning = 20;  ///< updates before innovations say what the noise is
   static constexpr int kBeforeCarrying = 12;  ///< updates before an estimate is handed out
+  /// A parameter is known when its variance is below this share of the prior's: a tenth of its standard deviation.
+  static constexpr double kExcited = 0.01;
   static constexpr double kCarryShare = 0.2;  ///< of the way to the estimate, an update
 
   /// What a sample changes before anything is estimated.
@@ -319,12 +322,15 @@ class LoadObserver {
     bool started{false};
   };
 
+  enum class Stage : std::uint8_t { kIdle, kBegun, kReset, kRows, kFinish };
+
   /// An update under way: its rows, of one instant.
   struct Batch {
     detail::LoadColumns<Scalar, kNumJoints> columns = detail::LoadColumns<Scalar, kNumJoints>::Zero();
     Vector qd = Vector::Zero(), residual = Vector::Zero(), variance = Vector::Ones();
     std::array<bool, static_cast<std::size_t>(kNumJoints)> left_out{}, certain{};
-    int next{kNumJoints}, rows{0};
+    int next{0}, rows{0};
+    Stage stage{Stage::kIdle};
     Scalar ratio{0}, unexplained{0}, whole{0};
   };
 
@@ -418,12 +424,12 @@ class LoadObserver {
                     : between < Scalar(1e6) ? static_cast<std::int32_t>(between)
                                             : 1'000'000;
     front_.until_update = update_every_;
-    // An update is finished before the next one is due.
+    // An update is finished before the next one is due: between the samples that begin and finish it.
     const std::int32_t rows = kNumJoints - config_.first_row;
-    const std::int32_t least = (rows + update_every_ - 1) / update_every_;
-    rows_a_sample_ = config_.rows_per_sample == 0      ? rows
-                     : config_.rows_per_sample > least ? config_.rows_per_sample
-                                                       : least;
+    const std::int32_t room = update_every_ - 2;
+    const std::int32_t least = room > 0 ? (rows + room - 1) / room : rows;
+    at_once_ = config_.rows_per_sample == 0 || room < 1;
+    rows_a_sample_ = config_.rows_per_sample > least ? config_.rows_per_sample : least;
   }
 
   Status take(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed,
@@ -466,7 +472,7 @@ class LoadObserver {
     }
     // From here on nothing is refused.
     clock_.advance(elapsed);
-    take_rows(record);
+    go_on(record);
     fade(elapsed);
     record.settling = front_.settling > Scalar(0) || reset_due_;
     record.state = state_;
@@ -500,7 +506,7 @@ class LoadObserver {
   /// Rows of this instant. Refused where one of them would be, so that none is taken alone.
   Status begin_batch(std::uint32_t clipped) noexcept {
     Batch& b = batch_;
-    b.next = kNumJoints;
+    b.stage = Stage::kIdle;
     const Vector& q = front_.motion.value();
     const Vector& qdd = front_.motion.second_derivative();
     b.qd = front_.motion.derivative();
@@ -517,41 +523,62 @@ class LoadObserver {
       b.variance[i] = noise_[at].variance() + friction * friction;
       b.certain[at] = front_.doubt[i] < static_cast<Scalar>(0.1);
       b.left_out[at] = ((clipped >> i) & 1U) != 0;
-      bool usable = is_usable(b.residual[i]);
-      for (int c = 0; c < kParametersPerLink; ++c) {
-        usable = usable && is_usable(b.columns(i, c));
-      }
-      if (!usable) {
+      const Scalar largest = b.columns.row(i).cwiseAbs().sum();
+      if (!is_usable(b.residual[i]) || !is_usable(largest)) {
         return Status::kNonFiniteInput;
       }
       if (!is_usable_weight(b.variance[i])) {
         return Status::kOutOfRange;
       }
     }
-    if (reset_due_) {
-      // The filters hold the new load only from here on. Nothing is known of it; the model keeps the old one until
-      // something is.
-      static_cast<void>(estimator_.estimator().configure({}, {}, prior_variance_));
-      reset_due_ = false;
-      since_reset_ = 0;
-      since_ = clock_.seconds();
-      surprise_ = Scalar(1);
-      unexplained_ = whole_ = Scalar(0);
-    }
+    b.stage = Stage::kBegun;
     b.next = config_.first_row;
     b.rows = 0;
     b.ratio = b.unexplained = b.whole = Scalar(0);
     return Status::kOk;
   }
 
-  void take_rows(Record& record) noexcept {
-    if (batch_.next >= kNumJoints) {
-      return;
+  /// The filters hold the new load only from here on. Nothing is known of it; the model keeps the old one until
+  /// something is.
+  void forget_load() noexcept {
+    static_cast<void>(estimator_.estimator().configure({}, {}, prior_variance_));
+    reset_due_ = false;
+    since_reset_ = 0;
+    since_ = clock_.seconds();
+    surprise_ = Scalar(1);
+    unexplained_ = whole_ = Scalar(0);
+  }
+
+  /// The next stage of an update: it has begun, takes rows, is finished.
+  void go_on(Record& record) noexcept {
+    Batch& b = batch_;
+    if (b.stage == Stage::kBegun) {
+      b.stage = reset_due_ ? Stage::kReset : Stage::kRows;
+      if (!at_once_) {
+        return;
+      }
     }
-    for (int left = rows_a_sample_; left > 0 && batch_.next < kNumJoints; --left) {
-      take_row();
+    if (b.stage == Stage::kReset) {
+      b.stage = Stage::kRows;
+      forget_load();
+      if (!at_once_) {
+        return;
+      }
     }
-    if (batch_.next >= kNumJoints && batch_.rows > 0) {
+    if (b.stage == Stage::kRows) {
+      for (int left = at_once_ ? kNumJoints : rows_a_sample_; left > 0 && b.next < kNumJoints; --left) {
+        take_row();
+      }
+      if (b.next < kNumJoints) {
+        return;
+      }
+      b.stage = b.rows > 0 ? Stage::kFinish : Stage::kIdle;
+      if (!at_once_) {
+        return;
+      }
+    }
+    if (b.stage == Stage::kFinish) {
+      b.stage = Stage::kIdle;
       finish(record);
     }
   }
@@ -604,12 +631,14 @@ class LoadObserver {
       return;
     }
     InertialParameters<Scalar> load = estimator_.payload();
-    const bool weighs = !(load[kMass] < Scalar(4) * widening() * estimator_.standard_deviation(kMass));
+    using std::sqrt;
+    const Scalar variance = estimator_.estimator().covariance(kMass, kMass);
+    const bool weighs = !(load[kMass] < Scalar(4) * widening() * sqrt(variance));
     const bool explained = !(unexplained_ > static_cast<Scalar>(0.5) * whole_);
-    state_ = weighs                           ? (explained ? LoadState::kKnown : LoadState::kUnexplained)
-             : estimator_.identifiable(kMass) ? LoadState::kNone
-             : ever_known_                    ? LoadState::kChanging
-                                              : LoadState::kUnknown;
+    state_ = weighs ? (explained ? LoadState::kKnown : LoadState::kUnexplained)
+             : variance < static_cast<Scalar>(kExcited) * prior_variance_[kMass] ? LoadState::kNone
+             : ever_known_                                                       ? LoadState::kChanging
+                                                                                 : LoadState::kUnknown;
     ever_known_ = ever_known_ || state_ == LoadState::kKnown || state_ == LoadState::kNone;
     if (!weighs || !explained || make_physical(load, farthest_) != Status::kOk) {
       load = {};
@@ -639,7 +668,7 @@ class LoadObserver {
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    batch_.next = kNumJoints;
+    batch_.stage = Stage::kIdle;
     const bool keeps = now == carried_;
     restart(true);
     carried_ = now;
@@ -679,7 +708,7 @@ class LoadObserver {
   Scalar surprise_{1}, unexplained_{0}, whole_{0};
   std::int32_t update_every_{1}, rows_a_sample_{kNumJoints}, since_reset_{0}, uncalm_{0};
   LoadState state_{LoadState::kUnknown};
-  bool configured_{false}, reset_due_{false}, ever_known_{false}, fading_{false};
+  bool at_once_{true}, configured_{false}, reset_due_{false}, ever_known_{false}, fading_{false};
 };
 
 }  // namespace heft

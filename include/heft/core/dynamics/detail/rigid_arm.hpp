@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <tuple>
 #include <utility>
 
@@ -146,15 +147,12 @@ class RigidArm {
   RigidArm() noexcept { set_payload({}); }
 
   /// @param payload  about the last link frame, finite
-  /// Cost: about 90 multiplications a joint.
+  /// Cost: a multiplication for each entry of the reduction (see reduce()) that is not zero, some 20 a joint.
   void set_payload(const InertialParameters<Scalar>& payload) noexcept {
-    std::array<PseudoInertia<Scalar>, kN> links{};
-    links[kN - 1] = to_pseudo_inertia(payload);
-    reduce(kTilted, links);
-    for (std::size_t j = 0; j < links.size(); ++j) {
-      for (std::size_t i = 0; i < 10; ++i) {
-        parameters_.links[j][i] = kBare[j][i] + links[j][i];
-      }
+    const PseudoInertia<Scalar> body = to_pseudo_inertia(payload);
+    parameters_.links = kBare;
+    for (const Share& share : kShares) {
+      parameters_.links[share.link][share.entry] += share.factor * body[share.from];
     }
   }
 
@@ -173,7 +171,50 @@ class RigidArm {
  private:
   using Tilted = TiltedDescription<Description>;
   using Arm = StaticArm<Scalar, Tilted>;
-  static constexpr ArmModel<Scalar, kN> kTilted = converted<Scalar>(Tilted::kModel);
+  /// What an entry of the last link's pseudo-inertia adds to an entry of a reduced one.
+  struct Share {
+    std::uint8_t link, entry, from;
+    Scalar factor;
+  };
+  using Links = std::array<PseudoInertia<double>, static_cast<std::size_t>(kN)>;
+  /// Reduction is linear: that of unit bodies is its matrix.
+  static constexpr std::array<Links, 10> kReductions = [] {
+    std::array<Links, 10> all{};
+    for (std::size_t from = 0; from < all.size(); ++from) {
+      all[from][kN - 1][from] = 1.0;
+      reduce(Tilted::kModel, all[from]);
+    }
+    return all;
+  }();
+  /// Below this a factor is the rounding of a rotation.
+  static constexpr bool counts(double factor) { return factor > 1e-13 || factor < -1e-13; }
+  static constexpr std::size_t kNumShares = [] {
+    std::size_t count = 0;
+    for (const Links& links : kReductions) {
+      for (const PseudoInertia<double>& link : links) {
+        for (const double factor : link) {
+          count += counts(factor) ? 1 : 0;
+        }
+      }
+    }
+    return count;
+  }();
+  static constexpr std::array<Share, kNumShares> kShares = [] {
+    std::array<Share, kNumShares> shares{};
+    std::size_t at = 0;
+    for (std::size_t from = 0; from < kReductions.size(); ++from) {
+      for (std::size_t link = 0; link < static_cast<std::size_t>(kN); ++link) {
+        for (std::size_t entry = 0; entry < 10; ++entry) {
+          const double factor = kReductions[from][link][entry];
+          if (counts(factor)) {
+            shares[at++] = {static_cast<std::uint8_t>(link), static_cast<std::uint8_t>(entry),
+                            static_cast<std::uint8_t>(from), static_cast<Scalar>(factor)};
+          }
+        }
+      }
+    }
+    return shares;
+  }();
   static constexpr std::array<PseudoInertia<Scalar>, kN> kBare = [] {
     constexpr auto kReduced = reduced_links(Tilted::kModel);
     std::array<PseudoInertia<Scalar>, kN> out{};
