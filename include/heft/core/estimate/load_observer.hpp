@@ -12,8 +12,12 @@
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/detail/rigid_arm.hpp"
 #include "heft/core/dynamics/run_time_arm.hpp"
+#include "heft/core/estimate/detail/change_watch.hpp"
+#include "heft/core/estimate/detail/load_fade.hpp"
+#include "heft/core/estimate/detail/load_priors.hpp"
 #include "heft/core/estimate/detail/residual_noise.hpp"
 #include "heft/core/estimate/detail/sample_faults.hpp"
+#include "heft/core/estimate/load_estimate.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/core/numeric_range.hpp"
@@ -22,48 +26,6 @@
 #include "heft/core/status.hpp"
 
 namespace heft {
-
-/// What is known of the load.
-enum class LoadState : std::uint8_t {
-  kUnknown,     ///< the motion has not shown it yet
-  kChanging,    ///< another load than before, not known yet
-  kNone,        ///< known to be indistinguishable from zero
-  kKnown,       ///< a load that explains the torques
-  kUnexplained  ///< torques that no load explains: contact, a fault, another arm than the model
-};
-
-/// Name of a state, for people.
-constexpr const char* to_string(LoadState state) noexcept {
-  switch (state) {
-    case LoadState::kUnknown: return "unknown";
-    case LoadState::kChanging: return "changing";
-    case LoadState::kNone: return "none";
-    case LoadState::kKnown: return "known";
-    case LoadState::kUnexplained: return "unexplained";
-  }
-  return "unknown state";
-}
-
-/// The ten parameters of a load, each with what is known of it, about the last link frame.
-template <typename Scalar>
-struct LoadEstimate {
-  InertialParameters<Scalar> value{};
-  /// Standard deviations, the correlation of the residual in time included.
-  InertialParameters<Scalar> std{};
-  /// The motion has reduced the prior's standard deviation to less than a tenth. The others hold next to their prior, zero.
-  std::array<bool, 10> excited{};
-  LoadState state{LoadState::kUnknown};
-  Scalar since{0};  ///< data count from here on [s since the first sample]
-};
-
-/// The latest change of load.
-template <typename Scalar>
-struct LoadChange {
-  bool any{false};                ///< false: there was none
-  bool declared{false};           ///< by a call, not seen in the torques
-  Scalar time{0};                 ///< when it was declared or seen [s since the first sample]
-  LoadEstimate<Scalar> before{};  ///< what was known at that time
-};
 
 /// Estimates the load, sample by sample, and follows it when it changes: filters, residual of the arm without load, recursive
 /// least squares (PayloadEstimator), noise learnt from the innovations, change detection, and as its output a body that
@@ -226,7 +188,7 @@ class LoadObserver {
 
   /// The load that a model should carry, about the last link frame: zero until one is known, always a body that can exist. After
   /// a change the old one is carried until the new one is known.
-  const InertialParameters<Scalar>& load() const noexcept { return output_; }
+  const InertialParameters<Scalar>& load() const noexcept { return fade_.now(); }
 
   /// What is known, and how well. Silent (state kUnknown or kChanging) until it means something.
   LoadEstimate<Scalar> estimate() const noexcept {
@@ -258,7 +220,7 @@ class LoadObserver {
   /// Something was gripped, or taken in place of what was there, just now: what is known does not hold any more. The model
   /// keeps the load that it carries until the new one is known.
   /// @return kNotConfigured
-  Status attach() noexcept { return declare(carried_); }
+  Status attach() noexcept { return declare(fade_.goal()); }
 
   /// The same where the new load is roughly known: the model takes it up at once, and drops it when the torques show another.
   /// @return kNonFiniteInput, kNotPositiveDefinite: nothing is declared; kNotConfigured
@@ -289,25 +251,14 @@ class LoadObserver {
   using Drive = detail::DriveOf<Description, Scalar>;
   using Filter = StateVariableFilter<Scalar, kNumJoints>;
   using Recursion = typename Estimator::Estimator;
+  using Priors = detail::LoadPriors<Scalar, kNumJoints>;
   static constexpr double kLongestStep = 1e6;  ///< [s]
   /// The filters have forgotten the past after so many time constants: (1 + 10 + 50) e^-10, 0.3 %, are left of a step.
   static constexpr double kSettled = 10;
-  /// Innovations of one row count as up to this many variances, so that one row alone does not decide.
-  static constexpr double kLargestRatio = 200;
-  /// Mean squared innovation, over some ten updates and all rows, that another load gives and noise does not [variances].
-  static constexpr double kSurprise = 20;
-  static constexpr double kSurpriseShare = 0.2, kFitShare = 0.02;
-  /// Loads do not come and go several times a second: what does is something that no load explains [updates].
-  static constexpr int kBetweenChanges = 100;
-  /// Innovations beyond this are another load rather than noise, and are not learnt as noise, unless it lasts [variances,
-  /// updates].
-  static constexpr double kCalm = 10;
-  static constexpr int kPatience = 500;
   static constexpr int kBeforeLearning = 20;  ///< updates before innovations say what the noise is
   static constexpr int kBeforeCarrying = 12;  ///< updates before an estimate is handed out
   /// A parameter is known when its variance is below this share of the prior's: a tenth of its standard deviation.
   static constexpr double kExcited = 0.01;
-  static constexpr double kCarryShare = 0.2;  ///< of the way to the estimate, an update
 
   /// What a sample changes before anything is estimated.
   struct Front {
@@ -345,37 +296,21 @@ class LoadObserver {
         !(config.start_time >= Scalar(0) && config.start_time <= static_cast<Scalar>(kLongestStep))) {
       return Status::kOutOfRange;
     }
-    using std::sqrt;
-    Scalar weight(0), reach(0);
-    for (std::size_t j = 0; j < model.links.size(); ++j) {
-      weight += model.links[j][kMass];
-      const auto& p = model.joints[j].position;
-      reach += sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
-    }
-    const auto at_least = [](const Scalar& value, double least) {
-      return value > static_cast<Scalar>(least) ? value : static_cast<Scalar>(least);
-    };
+    const Priors priors(model, drive.actuation());
     typename Estimator::Config settings;
     settings.first_row = config.first_row;
-    settings.mass_prior =
-        config.mass_prior > Scalar(0) ? config.mass_prior : at_least(weight / Scalar(3), 0.01);
-    settings.length_prior = at_least(static_cast<Scalar>(0.1) * reach, 0.02);
+    settings.mass_prior = config.mass_prior > Scalar(0) ? config.mass_prior : priors.mass;
+    settings.length_prior = priors.length;
+    settings.friction_prior = priors.friction;
     settings.gate = Scalar(0);
     settings.forgetting_factor = Scalar(1);  // a change starts it again
     settings.sign_width = config.sign_width;
-    // How much of the last joint's friction a load may change: half of what it has.
-    settings.friction_prior =
-        at_least(static_cast<Scalar>(0.5) * drive.actuation()[kNumJoints - 1].coulomb_friction, 1e-6);
     for (int i = 0; i < kNumJoints; ++i) {
       if (!not_negative(config.noise_std[i]) || !(config.torque_limit[i] > Scalar(0))) {
         return Status::kOutOfRange;
       }
-      const Scalar guess =
-          config.noise_std[i] > Scalar(0)
-              ? config.noise_std[i]
-              : static_cast<Scalar>(0.05) * drive.actuation()[static_cast<std::size_t>(i)].coulomb_friction +
-                    static_cast<Scalar>(2e-4 * 9.81) * weight;
-      settings.noise_std[i] = at_least(guess, 1e-9);
+      const Scalar noise = config.noise_std[i] > Scalar(0) ? config.noise_std[i] : priors.noise[i];
+      settings.noise_std[i] = Priors::at_least(noise, 1e-9);
     }
     Front front;
     if (front.motion.configure(config.filter_hz) != Status::kOk ||
@@ -392,21 +327,18 @@ class LoadObserver {
     config_ = config;
     omega_ = static_cast<Scalar>(6.283185307179586) * config.filter_hz;
     settle_time_ = static_cast<Scalar>(kSettled) / omega_;
-    farthest_ = at_least(static_cast<Scalar>(0.5) * reach, 0.1);
+    farthest_ = priors.farthest;
     for (int i = 0; i < kNumJoints; ++i) {
       noise_[static_cast<std::size_t>(i)].start(settings.noise_std[i]);
     }
     front_ = front;
     front_.drive = drive;
     batch_ = Batch{};
-    carried_ = output_ = from_ = {};
+    fade_.start(config.transition_time);
+    watch_ = {};
     change_ = {};
     clock_.reset();
     missed_ = since_ = Scalar(0);
-    fade_ = Scalar(1);
-    surprise_ = Scalar(1);
-    unexplained_ = whole_ = Scalar(0);
-    since_reset_ = uncalm_ = 0;
     reset_due_ = ever_known_ = false;
     state_ = LoadState::kUnknown;
     configured_ = true;
@@ -473,7 +405,7 @@ class LoadObserver {
     // From here on nothing is refused.
     clock_.advance(elapsed);
     go_on(record);
-    fade(elapsed);
+    fade_.advance(elapsed);
     record.settling = front_.settling > Scalar(0) || reset_due_;
     record.state = state_;
     return Status::kOk;
@@ -543,10 +475,8 @@ class LoadObserver {
   void forget_load() noexcept {
     static_cast<void>(estimator_.estimator().configure({}, {}, prior_variance_));
     reset_due_ = false;
-    since_reset_ = 0;
+    watch_.restart();
     since_ = clock_.seconds();
-    surprise_ = Scalar(1);
-    unexplained_ = whole_ = Scalar(0);
   }
 
   /// The next stage of an update: it has begun, takes rows, is finished.
@@ -600,21 +530,17 @@ class LoadObserver {
     b.unexplained += squared / b.variance[i];
     b.whole += b.residual[i] * b.residual[i] / b.variance[i];
     const Scalar ratio = squared / taken.innovation_variance;
-    b.ratio += ratio < static_cast<Scalar>(kLargestRatio) ? ratio : static_cast<Scalar>(kLargestRatio);
-    const bool calm = surprise_ < static_cast<Scalar>(kCalm) || uncalm_ > kPatience;
-    if (b.certain[at] && since_reset_ >= kBeforeLearning && (calm || !noise_[at].known())) {
+    const auto most = static_cast<Scalar>(detail::ChangeWatch<Scalar>::kLargestRatio);
+    b.ratio += ratio < most ? ratio : most;
+    const bool learns = b.certain[at] && watch_.updates() >= kBeforeLearning;
+    if (learns && (watch_.calm() || !noise_[at].known())) {
       noise_[at].learn(taken.innovation, taken.innovation_variance);
     }
   }
 
   void finish(Record& record) noexcept {
     const Batch& b = batch_;
-    surprise_ += static_cast<Scalar>(kSurpriseShare) * (b.ratio / static_cast<Scalar>(b.rows) - surprise_);
-    since_reset_ = since_reset_ < 1'000'000 ? since_reset_ + 1 : since_reset_;
-    uncalm_ = surprise_ < static_cast<Scalar>(kCalm) ? 0 : uncalm_ <= kPatience ? uncalm_ + 1 : uncalm_;
-    unexplained_ += static_cast<Scalar>(kFitShare) * (b.unexplained - unexplained_);
-    whole_ += static_cast<Scalar>(kFitShare) * (b.whole - whole_);
-    const bool changed = surprise_ > static_cast<Scalar>(kSurprise) && since_reset_ > kBetweenChanges;
+    const bool changed = watch_.look(b.ratio / static_cast<Scalar>(b.rows), b.unexplained, b.whole);
     carry();
     if (changed) {
       restart(false);
@@ -626,7 +552,7 @@ class LoadObserver {
   /// Hands the estimate to the model, gradually, once enough samples have gone into it; a load whose mass cannot be
   /// distinguished from zero is none.
   void carry() noexcept {
-    if (since_reset_ < kBeforeCarrying) {
+    if (watch_.updates() < kBeforeCarrying) {
       state_ = ever_known_ ? LoadState::kChanging : LoadState::kUnknown;
       return;
     }
@@ -634,7 +560,7 @@ class LoadObserver {
     using std::sqrt;
     const Scalar variance = estimator_.estimator().covariance(kMass, kMass);
     const bool weighs = !(load[kMass] < Scalar(4) * widening() * sqrt(variance));
-    const bool explained = !(unexplained_ > static_cast<Scalar>(0.5) * whole_);
+    const bool explained = watch_.explained();
     state_ = weighs ? (explained ? LoadState::kKnown : LoadState::kUnexplained)
              : variance < static_cast<Scalar>(kExcited) * prior_variance_[kMass] ? LoadState::kNone
              : ever_known_                                                       ? LoadState::kChanging
@@ -643,24 +569,18 @@ class LoadObserver {
     if (!weighs || !explained || make_physical(load, farthest_) != Status::kOk) {
       load = {};
     }
-    for (std::size_t i = 0; i < load.size(); ++i) {
-      carried_[i] += static_cast<Scalar>(kCarryShare) * (load[i] - carried_[i]);
-    }
-    fading_ = true;
+    fade_.approach(load);
   }
 
   /// Another load from now on.
   void restart(bool declared) noexcept {
-    fade(Scalar(0));
     change_.any = true;
     change_.declared = declared;
     change_.time = clock_.seconds();
     change_.before = estimate();
     front_.settling = front_.settling > settle_time_ ? front_.settling : settle_time_;
     reset_due_ = true;
-    from_ = output_;
-    fade_ = Scalar(0);
-    fading_ = false;
+    fade_.hold();
     state_ = LoadState::kChanging;
   }
 
@@ -669,27 +589,9 @@ class LoadObserver {
       return Status::kNotConfigured;
     }
     batch_.stage = Stage::kIdle;
-    const bool keeps = now == carried_;
     restart(true);
-    carried_ = now;
-    fading_ = !keeps;
+    fade_.go_to(now);
     return Status::kOk;
-  }
-
-  void fade(const Scalar& elapsed) noexcept {
-    if (!fading_) {
-      return;
-    }
-    if (fade_ < Scalar(1)) {
-      fade_ = config_.transition_time > elapsed ? fade_ + elapsed / config_.transition_time : Scalar(1);
-    }
-    if (!(fade_ < Scalar(1))) {
-      output_ = carried_;
-      return;
-    }
-    for (std::size_t i = 0; i < output_.size(); ++i) {
-      output_[i] = from_[i] + fade_ * (carried_[i] - from_[i]);
-    }
   }
 
   Config config_{};
@@ -699,16 +601,16 @@ class LoadObserver {
   typename Estimator::Row prior_variance_{};
   std::array<detail::ResidualNoise<Scalar>, static_cast<std::size_t>(kNumJoints)> noise_{};
   Batch batch_;
-  InertialParameters<Scalar> carried_{}, output_{}, from_{};
+  detail::LoadFade<Scalar> fade_;
+  detail::ChangeWatch<Scalar> watch_;
   LoadChange<Scalar> change_{};
   RunClock<Scalar> clock_;
   Scalar omega_{1}, settle_time_{0}, farthest_{static_cast<Scalar>(0.5)};
   Scalar missed_{0};  ///< time of refused samples since the last taken one [s]
-  Scalar since_{0}, fade_{1};
-  Scalar surprise_{1}, unexplained_{0}, whole_{0};
-  std::int32_t update_every_{1}, rows_a_sample_{kNumJoints}, since_reset_{0}, uncalm_{0};
+  Scalar since_{0};   ///< data count from here on [s]
+  std::int32_t update_every_{1}, rows_a_sample_{kNumJoints};
   LoadState state_{LoadState::kUnknown};
-  bool at_once_{true}, configured_{false}, reset_due_{false}, ever_known_{false}, fading_{false};
+  bool at_once_{true}, configured_{false}, reset_due_{false}, ever_known_{false};
 };
 
 }  // namespace heft
