@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <concepts>
 #include <cstdint>
 
 #include <Eigen/Core>
@@ -17,7 +18,7 @@ struct OperationCount {
   std::int64_t add{0};  ///< additions and subtractions
   std::int64_t div{0};
   std::int64_t sqrt{0};
-  std::int64_t trig{0};  ///< single sines, cosines and exponentials
+  std::int64_t trig{0};  ///< single sines and cosines, and calls of libm
   std::int64_t neg{0};   ///< sign changes: folded into additions by any compiler
   std::int64_t cmp{0};   ///< comparisons
 
@@ -55,9 +56,14 @@ class Counted {
   constexpr Counted() = default;
   constexpr Counted(double v)
       : value_(v) {}  // NOLINT(google-explicit-constructor): constants read as in production code
-  constexpr explicit Counted(int v) : value_(v) {}
+  template <std::integral Whole>
+  constexpr explicit Counted(Whole v) : value_(static_cast<double>(v)) {}
   constexpr double value() const { return value_; }
   constexpr explicit operator double() const { return value_; }
+  template <std::integral Whole>
+  constexpr explicit operator Whole() const {
+    return static_cast<Whole>(value_);
+  }
 
   friend Counted operator+(Counted a, Counted b) {
     ++counter().add;
@@ -116,9 +122,18 @@ inline Counted sqrt(Counted a) {
   ++counter().sqrt;
   return Counted(std::sqrt(a.value()));
 }
+/// Functions of libm count as one call each, as a sine does.
 inline Counted exp(Counted a) {
   ++counter().trig;
   return Counted(std::exp(a.value()));
+}
+inline Counted sin(Counted a) {
+  ++counter().trig;
+  return Counted(std::sin(a.value()));
+}
+inline Counted pow(Counted a, Counted b) {
+  ++counter().trig;
+  return Counted(std::pow(a.value(), b.value()));
 }
 inline Counted abs(Counted a) { return Counted(std::abs(a.value())); }
 inline bool isfinite(Counted a) { return std::isfinite(a.value()); }

@@ -15,8 +15,11 @@
 #include <nlohmann/json.hpp>
 
 #include "counting_scalar.hpp"
+#include "heft/core/control/joint_controller.hpp"
 #include "heft/core/control/terminal_link_cycle.hpp"
+#include "heft/core/dynamics/arm_torque.hpp"
 #include "heft/core/estimate/covariance_recursion.hpp"
+#include "heft/core/estimate/load_observer.hpp"
 #include "heft/core/estimate/terminal_link_estimator.hpp"
 #include "heft/core/monitor/contact_monitor.hpp"
 #include "heft/host/error.hpp"
@@ -409,6 +412,65 @@ OperationCount monitor_cost() {
   return worst;
 }
 
+/// A loop that follows its load: LoadObserver, one row a sample, an update every ten; ArmTorque at a commanded acceleration.
+Result control_sample() {
+  Result result{"control sample", false, false, {}, 0, {}, {}, true, 0};
+  OperationCount observing, torque_cost;
+  const auto drive = [&]<typename Scalar>(Scalar, std::vector<double>& last) {
+    LoadObserver<Description, Scalar> observer;
+    ArmTorque<Description, Scalar> arm;
+    JointFeedback<Scalar, kN> feedback;
+    typename LoadObserver<Description, Scalar>::Config config;
+    config.rows_per_sample = 1;
+    config.update_rate = Scalar(20.0);  // of 200 Hz
+    if (observer.configure(config) != Status::kOk || arm.configure() != Status::kOk ||
+        feedback.configure({vector_of<Scalar>({400, 400, 400, 400, 400, 400}),
+                            vector_of<Scalar>({40, 40, 40, 40, 40, 40})}) != Status::kOk) {
+      throw Error("operation count: the loop refused its settings");
+    }
+    JointVector<Scalar, kN> tau;
+    bool new_load = false;
+    for (const Sample& s : samples()) {
+      typename LoadObserver<Description, Scalar>::Record record;
+      const auto q = vector_of<Scalar>(s.q), qd = vector_of<Scalar>(s.qd);
+      Status status = Status::kOk;
+      const OperationCount observer_cost =
+          counted([&] { status = observer.update(q, qd, vector_of<Scalar>(s.tau), Scalar(0.005), record); });
+      const OperationCount own = counted([&] {
+        if (new_load) {
+          status = status == Status::kOk ? arm.set_payload(observer.load()) : status;
+        }
+        new_load = record.estimated;
+        const JointReference<Scalar, kN> reference{q, qd, vector_of<Scalar>(s.instrument)};
+        status = status == Status::kOk
+                     ? arm.update(Scalar(0.005), q, qd,
+                                  commanded_acceleration<Scalar, kN>(feedback, reference, q, qd), tau)
+                     : status;
+      });
+      if (status != Status::kOk) {
+        throw Error("operation count: a sample of the loop was refused");
+      }
+      if constexpr (std::is_same_v<Scalar, Counted>) {
+        OperationCount sample = observer_cost;
+        sample += own;
+        note_worst(result.worst, sample);
+        result.total += sample;
+        observing += observer_cost;
+        torque_cost += own;
+        ++result.count;
+      }
+    }
+    for (int i = 0; i < kN; ++i) last.push_back(number(tau[i]));
+    last.push_back(number(observer.load()[kMass]));
+  };
+  std::vector<double> counting, plain;
+  drive(Counted{}, counting);
+  drive(double{}, plain);
+  result.same_numbers = std::memcmp(counting.data(), plain.data(), plain.size() * sizeof(double)) == 0;
+  result.stages = {{"load_observer", observing}, {"arm_torque", torque_cost}};
+  return result;
+}
+
 template <int First>
 std::vector<Result> all_forms() {
   std::vector<Result> out;
@@ -505,6 +567,22 @@ int main_with(const std::string& json_path) {
   fmt::print(
       "\ncomputed torque of the controller (nominal torque, all six joints): {} mul, {} add, {} trig\n",
       torque.mul, torque.add, torque.trig);
+  const Result loop = control_sample();
+  const double n = static_cast<double>(loop.count);
+  const auto mean = [&](std::int64_t v) { return static_cast<double>(v) / n; };
+  fmt::print(
+      "\none sample of a loop that follows its load (LoadObserver, a row a sample, and ArmTorque), {} joints: {:.0f} mul, "
+      "{:.0f} add, {:.1f} div, {:.1f} trig; worst {} mul, {} add{}\n",
+      kN, mean(loop.total.mul), mean(loop.total.add), mean(loop.total.div), mean(loop.total.trig),
+      loop.worst.mul, loop.worst.add, loop.same_numbers ? "" : "   NOT THE SAME NUMBERS AS DOUBLE");
+  nlohmann::ordered_json stages;
+  for (const auto& [stage, cost] : loop.stages) {
+    stages[stage] = as_json(cost, n);
+  }
+  main_document["control_sample"] = {{"mean", as_json(loop.total, n)},
+                                     {"worst_sample", as_json(loop.worst, 1)},
+                                     {"stages", stages},
+                                     {"same_numbers_as_double", loop.same_numbers}};
   main_document["nominal_torque"] = as_json(torque, 1);
   const OperationCount contacts = monitor_cost();
   fmt::print("contact monitor, worst sample (all six joints): {} mul, {} add, {} trig\n", contacts.mul,

@@ -87,6 +87,14 @@ TEST(OperationCount, IsWhatTheReadmeSaysToOneDecimal) {
   }
 }
 
+TEST(OperationCount, ALoopThatFollowsItsLoad) {
+  const auto& loop = counts().at("control_sample");
+  EXPECT_TRUE(loop.at("same_numbers_as_double").get<bool>());
+  EXPECT_LE(loop.at("mean").at("mul").get<double>(), 2000);
+  EXPECT_LE(loop.at("worst_sample").at("mul").get<double>(), 2700);
+  EXPECT_GT(loop.at("stages").at("load_observer").at("mul").get<double>(), 300);
+}
+
 TEST(OperationCount, WhatIsCountedIsWhatRuns) {
   for (const auto& per_k : counts().at("all_k")) {
     for (const auto& f : per_k.at("forms")) {

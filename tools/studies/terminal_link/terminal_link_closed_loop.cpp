@@ -12,7 +12,7 @@
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/estimate/terminal_link_estimator.hpp"
-#include "heft/core/filter/state_variable_filter.hpp"
+#include "heft/core/filter/aligned_motion.hpp"
 #include "heft/host/parallel.hpp"
 #include "heft/model/robot_of.hpp"
 #include "heft/sim/simulator.hpp"
@@ -145,30 +145,19 @@ struct FilteredSample {
   Vector q, qd, qdd, qdd_desired, sign, tau;  ///< tau less the rotors' share
 };
 
-/// Motion from encoders by the state-variable filter, torque and the sign of the velocity through the same filter: a
-/// filtered sign is not the sign of a filtered velocity.
+/// Motion from encoders, and torque, as TerminalLinkController takes them.
 std::vector<FilteredSample> filtered(const data::Log& log) {
-  StateVariableFilter<double, kN> motion, desired, sign, torque;
-  (void)motion.configure(kFilterHz);
-  (void)desired.configure(kFilterHz);
-  (void)sign.configure(kFilterHz);
-  (void)torque.configure(kFilterHz);
+  AlignedMotion<double, kN> aligned;
+  (void)aligned.configure(kFilterHz, kSignWidth);
   std::vector<FilteredSample> samples;
-  for (Eigen::Index k = 1; k < log.num_samples(); ++k) {
-    // A row's torque acts until the next row: everything is taken half-way between two rows.
-    const Vector q = 0.5 * (log.q.row(k) + log.q.row(k - 1)).transpose();
-    const Vector q_ref = 0.5 * (log.qref.row(k) + log.qref.row(k - 1)).transpose();
-    Vector s;
-    for (int i = 0; i < kN; ++i) s[i] = velocity_sign(0.5 * (log.qd(k, i) + log.qd(k - 1, i)), kSignWidth);
-    const Vector tau = log.tau.row(k - 1).transpose();
-    (void)motion.update(q, kPeriod);
-    (void)desired.update(q_ref, kPeriod);
-    (void)sign.update(s, kPeriod);
-    (void)torque.update(tau, kPeriod);
-    if (log.time[k] < kRamp + 0.5 || k % kDecimation != 0) continue;
-    const Vector& qdd = motion.second_derivative();
-    samples.push_back({motion.value(), motion.derivative(), qdd, desired.second_derivative(), sign.value(),
-                       torque.value() - kRotor.cwiseProduct(qdd)});
+  for (Eigen::Index k = 0; k < log.num_samples(); ++k) {
+    // A row's torque acts until the next row.
+    const Vector tau = log.tau.row(k > 0 ? k - 1 : 0).transpose();
+    (void)aligned.update(log.q.row(k).transpose(), log.qd.row(k).transpose(), log.qref.row(k).transpose(),
+                         tau, kPeriod);
+    if (k == 0 || log.time[k] < kRamp + 0.5 || k % kDecimation != 0) continue;
+    samples.push_back({aligned.q(), aligned.qd(), aligned.qdd(), aligned.qdd_ref(), aligned.sign(),
+                       aligned.tau() - kRotor.cwiseProduct(aligned.qdd())});
   }
   return samples;
 }

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "heft/core/arm_geometry.hpp"
+#include "heft/core/converted.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/friction/friction.hpp"
@@ -200,28 +201,14 @@ inline ReducedParameters<Scalar, Description> corrected_for_payload(
     const ReducedParameters<Scalar, Description>& parameters,
     const InertialParameters<Scalar>& payload) noexcept {
   constexpr int kN = Description::kModel.kNumJoints;
-  ArmModel<Scalar, kN> geometry;
-  for (std::size_t j = 0; j < static_cast<std::size_t>(kN); ++j) {
-    const auto& from = Description::kModel.joints[j];
-    geometry.joints[j].type = from.type;
-    for (std::size_t i = 0; i < 9; ++i) {
-      geometry.joints[j].rotation[i] = static_cast<Scalar>(from.rotation[i]);
-    }
-    for (std::size_t i = 0; i < 3; ++i) {
-      geometry.joints[j].position[i] = static_cast<Scalar>(from.position[i]);
-      geometry.joints[j].axis[i] = static_cast<Scalar>(from.axis[i]);
-    }
-  }
-  for (std::size_t i = 0; i < 3; ++i) {
-    geometry.gravity[i] = static_cast<Scalar>(Description::kModel.gravity[i]);
-  }
+  static constexpr ArmModel<Scalar, kN> kGeometry = converted<Scalar>(Description::kModel);
   ReducedParameters<Scalar, Description> corrected = parameters;
   const PseudoInertia<Scalar> added = to_pseudo_inertia(payload);
   auto& last = corrected.links[static_cast<std::size_t>(kN - 1)];
   for (std::size_t i = 0; i < 10; ++i) {
     last[i] += added[i];
   }
-  reduce(geometry, corrected.links);
+  reduce(kGeometry, corrected.links);
   return corrected;
 }
 

@@ -13,6 +13,7 @@
 #include "heft/core/dynamics/detail/rigid_arm.hpp"
 #include "heft/core/dynamics/run_time_arm.hpp"
 #include "heft/core/estimate/detail/change_watch.hpp"
+#include "heft/core/estimate/detail/load_batch.hpp"
 #include "heft/core/estimate/detail/load_fade.hpp"
 #include "heft/core/estimate/detail/load_priors.hpp"
 #include "heft/core/estimate/detail/residual_noise.hpp"
@@ -43,9 +44,8 @@ namespace heft {
 /// before the filter because a filtered sign is not the sign of a filtered velocity. A torque that is reported with a sample
 /// acted since the sample before: motion is taken half-way.
 ///
-/// Robust: a sample with a number that is not finite is refused and leaves no trace. After dropouts, jumps of a position and
-/// frozen encoders the estimate pauses until the filters have forgotten them; joints at their torque limit, and joints about
-/// whose friction nothing is known (around a reversal, at rest) count less or not at all. An arm at rest teaches nothing after
+/// After dropouts, jumps of a position and frozen encoders the estimate pauses until the filters have forgotten them. Joints at
+/// their torque limit do not count, joints around a reversal or at rest count less. An arm at rest teaches nothing after
 /// `longest_rest`: neither does the estimate drift, nor does its certainty grow.
 ///
 /// @tparam Description  as of ArmTorque: the arm without load
@@ -137,11 +137,8 @@ class LoadObserver {
   /// Replaces gravity, in the base frame [m/s²]: a tilted or moving base.
   /// @return kNonFiniteInput: the old one is kept; kNotConfigured
   Status set_gravity(const std::array<Scalar, 3>& gravity) noexcept {
-    if (!configured_) {
-      return Status::kNotConfigured;
-    }
-    if (!all_usable(gravity)) {
-      return Status::kNonFiniteInput;
+    if (!configured_ || !all_usable(gravity)) {
+      return configured_ ? Status::kNonFiniteInput : Status::kNotConfigured;
     }
     body_.set_gravity(gravity);
     return Status::kOk;
@@ -192,10 +189,7 @@ class LoadObserver {
 
   /// What is known, and how well. Silent (state kUnknown or kChanging) until it means something.
   LoadEstimate<Scalar> estimate() const noexcept {
-    LoadEstimate<Scalar> out;
-    out.value = estimator_.payload();
-    out.state = state_;
-    out.since = since_;
+    LoadEstimate<Scalar> out{estimator_.payload(), {}, {}, state_, since_};
     const Scalar wide = widening();
     for (std::size_t i = 0; i < 10; ++i) {
       using std::sqrt;
@@ -207,7 +201,7 @@ class LoadObserver {
   }
 
   LoadState state() const noexcept { return state_; }
-  /// kOk: a load, or that there is none, is known; kNotExcited; kNotConfigured.
+  /// kOk: a load is known, or that there is none; kNotExcited; kNotConfigured.
   Status status() const noexcept {
     return !configured_                                                ? Status::kNotConfigured
            : state_ == LoadState::kKnown || state_ == LoadState::kNone ? Status::kOk
@@ -234,12 +228,12 @@ class LoadObserver {
 
   /// How much wider intervals are than those of white residuals.
   Scalar widening() const noexcept {
+    using std::sqrt;
     Scalar factor(0);
     for (int i = config_.first_row; i < kNumJoints; ++i) {
       const Scalar of_row = noise_[static_cast<std::size_t>(i)].widening();
       factor = of_row > factor ? of_row : factor;
     }
-    using std::sqrt;
     return sqrt(factor);
   }
 
@@ -252,6 +246,8 @@ class LoadObserver {
   using Filter = StateVariableFilter<Scalar, kNumJoints>;
   using Recursion = typename Estimator::Estimator;
   using Priors = detail::LoadPriors<Scalar, kNumJoints>;
+  using Batch = detail::LoadBatch<Scalar, kNumJoints>;
+  using Stage = typename Batch::Stage;
   static constexpr double kLongestStep = 1e6;  ///< [s]
   /// The filters have forgotten the past after so many time constants: (1 + 10 + 50) e^-10, 0.3 %, are left of a step.
   static constexpr double kSettled = 10;
@@ -271,18 +267,6 @@ class LoadObserver {
     Scalar rest{0};      ///< all joints have been slow for so long [s]
     std::int32_t until_update{1};
     bool started{false};
-  };
-
-  enum class Stage : std::uint8_t { kIdle, kBegun, kReset, kRows, kFinish };
-
-  /// An update under way: its rows, of one instant.
-  struct Batch {
-    detail::LoadColumns<Scalar, kNumJoints> columns = detail::LoadColumns<Scalar, kNumJoints>::Zero();
-    Vector qd = Vector::Zero(), residual = Vector::Zero(), variance = Vector::Ones();
-    std::array<bool, static_cast<std::size_t>(kNumJoints)> left_out{}, certain{};
-    int next{0}, rows{0};
-    Stage stage{Stage::kIdle};
-    Scalar ratio{0}, unexplained{0}, whole{0};
   };
 
   /// All but the rigid bodies.
