@@ -90,8 +90,8 @@ TEST(OperationCount, IsWhatTheReadmeSaysToOneDecimal) {
 TEST(OperationCount, ALoopThatFollowsItsLoad) {
   const auto& loop = counts().at("control_sample");
   EXPECT_TRUE(loop.at("same_numbers_as_double").get<bool>());
-  EXPECT_LE(loop.at("mean").at("mul").get<double>(), 2000);
-  EXPECT_LE(loop.at("worst_sample").at("mul").get<double>(), 2700);
+  EXPECT_LE(loop.at("mean").at("mul").get<double>(), 900);
+  EXPECT_LE(loop.at("worst_sample").at("mul").get<double>(), 1200);
   EXPECT_GT(loop.at("stages").at("load_observer").at("mul").get<double>(), 300);
 }
 
