@@ -16,6 +16,7 @@
 
 #include "counting_scalar.hpp"
 #include "heft/core/control/joint_controller.hpp"
+#include "heft/core/control/terminal_link_controller.hpp"
 #include "heft/core/control/terminal_link_cycle.hpp"
 #include "heft/core/dynamics/arm_torque.hpp"
 #include "heft/core/estimate/covariance_recursion.hpp"
@@ -471,6 +472,61 @@ Result control_sample() {
   return result;
 }
 
+/// TerminalLinkController at k = 5, a sample of the estimator every five cycles.
+Result controller_sample() {
+  Result result{"controller", false, false, {}, 0, {}, {}, true, 0};
+  const auto drive = [&]<typename Scalar>(Scalar, std::vector<double>& last) {
+    TerminalLinkController<Description, Scalar, 4> controller;
+    typename TerminalLinkController<Description, Scalar, 4>::Config config;
+    config.update_rate = Scalar(40.0);  // of 200 Hz
+    if (controller.configure(config) != Status::kOk) {
+      throw Error("operation count: the controller refused its settings");
+    }
+    JointVector<Scalar, kN> tau;
+    for (const Sample& s : samples()) {
+      typename TerminalLinkController<Description, Scalar, 4>::Record record;
+      const auto q = vector_of<Scalar>(s.q);
+      const JointReference<Scalar, kN> reference{q, vector_of<Scalar>(s.qd), vector_of<Scalar>(s.instrument)};
+      Status status = Status::kOk;
+      const OperationCount sample = counted([&] {
+        status = controller.update(reference, q, vector_of<Scalar>(s.tau), Scalar(0.005), tau, record);
+      });
+      if (status != Status::kOk) {
+        throw Error("operation count: a cycle of the controller was refused");
+      }
+      if constexpr (std::is_same_v<Scalar, Counted>) {
+        note_worst(result.worst, sample);
+        result.total += sample;
+        ++result.count;
+      }
+    }
+    for (int i = 0; i < kN; ++i) last.push_back(number(tau[i]));
+  };
+  std::vector<double> counting, plain;
+  drive(Counted{}, counting);
+  drive(double{}, plain);
+  result.same_numbers = std::memcmp(counting.data(), plain.data(), plain.size() * sizeof(double)) == 0;
+  return result;
+}
+
+/// Prints what a facade costs.
+nlohmann::ordered_json facade(const char* words, const Result& result) {
+  const double n = static_cast<double>(result.count);
+  const auto mean = [&](std::int64_t v) { return static_cast<double>(v) / n; };
+  fmt::print("{}, {} joints: {:.0f} mul, {:.0f} add, {:.1f} div, {:.1f} trig; worst {} mul, {} add{}\n",
+             words, kN, mean(result.total.mul), mean(result.total.add), mean(result.total.div),
+             mean(result.total.trig), result.worst.mul, result.worst.add,
+             result.same_numbers ? "" : "   NOT THE SAME NUMBERS AS DOUBLE");
+  nlohmann::ordered_json stages;
+  for (const auto& [stage, cost] : result.stages) {
+    stages[stage] = as_json(cost, n);
+  }
+  return {{"mean", as_json(result.total, n)},
+          {"worst_sample", as_json(result.worst, 1)},
+          {"stages", stages},
+          {"same_numbers_as_double", result.same_numbers}};
+}
+
 template <int First>
 std::vector<Result> all_forms() {
   std::vector<Result> out;
@@ -567,22 +623,12 @@ int main_with(const std::string& json_path) {
   fmt::print(
       "\ncomputed torque of the controller (nominal torque, all six joints): {} mul, {} add, {} trig\n",
       torque.mul, torque.add, torque.trig);
-  const Result loop = control_sample();
-  const double n = static_cast<double>(loop.count);
-  const auto mean = [&](std::int64_t v) { return static_cast<double>(v) / n; };
-  fmt::print(
-      "\none sample of a loop that follows its load (LoadObserver, a row a sample, and ArmTorque), {} joints: {:.0f} mul, "
-      "{:.0f} add, {:.1f} div, {:.1f} trig; worst {} mul, {} add{}\n",
-      kN, mean(loop.total.mul), mean(loop.total.add), mean(loop.total.div), mean(loop.total.trig),
-      loop.worst.mul, loop.worst.add, loop.same_numbers ? "" : "   NOT THE SAME NUMBERS AS DOUBLE");
-  nlohmann::ordered_json stages;
-  for (const auto& [stage, cost] : loop.stages) {
-    stages[stage] = as_json(cost, n);
-  }
-  main_document["control_sample"] = {{"mean", as_json(loop.total, n)},
-                                     {"worst_sample", as_json(loop.worst, 1)},
-                                     {"stages", stages},
-                                     {"same_numbers_as_double", loop.same_numbers}};
+  main_document["control_sample"] =
+      facade("\none sample of a loop that follows its load (LoadObserver, a row a sample, and ArmTorque)",
+             control_sample());
+  main_document["terminal_link_controller"] =
+      facade("one cycle of TerminalLinkController, k = 5, a sample of its estimator every five",
+             controller_sample());
   main_document["nominal_torque"] = as_json(torque, 1);
   const OperationCount contacts = monitor_cost();
   fmt::print("contact monitor, worst sample (all six joints): {} mul, {} add, {} trig\n", contacts.mul,

@@ -87,6 +87,12 @@ TEST(OperationCount, IsWhatTheReadmeSaysToOneDecimal) {
   }
 }
 
+TEST(OperationCount, AControllerThatFeelsItsLoad) {
+  const auto& cycle = counts().at("terminal_link_controller");
+  EXPECT_TRUE(cycle.at("same_numbers_as_double").get<bool>());
+  EXPECT_LE(cycle.at("mean").at("mul").get<double>(), 1500);
+}
+
 TEST(OperationCount, ALoopThatFollowsItsLoad) {
   const auto& loop = counts().at("control_sample");
   EXPECT_TRUE(loop.at("same_numbers_as_double").get<bool>());
