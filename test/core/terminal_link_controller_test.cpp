@@ -249,10 +249,17 @@ TYPED_TEST(TerminalLinkControllerOf, AFlickeringLoadIsOvercome) {
 }
 
 TYPED_TEST(TerminalLinkControllerOf, AnEstimateWithAnImpossibleMassMatrixIsNotUsed) {
-  // Reported torques with the sign of joint 6 the wrong way round: what fits them is a negative inertia.
-  this->run(10.0, Status::kOk, [](Cycle& c) { c.tau[5] = -c.tau[5]; });
-  EXPECT_LT(this->worst, 0.5);
-  EXPECT_TRUE(this->controller.source() == EstimateSource::kPrior || this->worst < 0.1);
+  // Reported torques of joint 6 have the wrong sign: what fits them is a negative inertia about its axis.
+  int refused = 0;
+  for (int k = 0; k < 100; ++k) {
+    this->run(0.1, Status::kOk, [&](Cycle& c) {
+      c.tau[5] = -c.tau[5];
+      refused += this->record.estimate_refused ? 1 : 0;
+    });
+    EXPECT_LT(this->worst, 0.2);
+  }
+  EXPECT_GT(refused, 0);
+  EXPECT_EQ(this->controller.source(), EstimateSource::kPrior);
 }
 
 TYPED_TEST(TerminalLinkControllerOf, RefusesSettingsOutsideTheirRanges) {
