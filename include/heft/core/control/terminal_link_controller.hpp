@@ -335,7 +335,7 @@ class TerminalLinkController {
           measured_drive_.add_couplings(qd, Vector::Zero(), known);
           if (measured_drive_.has_effects()) {
             Vector load;
-            inverse_dynamics<Arm>(arm_, joint_trigonometry<Arm>(at), at, qd, Vector::Zero(), load);
+            bias_torque<Arm>(arm_, joint_trigonometry<Arm>(at), at, qd, load);
             if (const Status status = measured_drive_.add_effects(loop_.clock.seconds(), at, qd, load, known);
                 status != Status::kOk) {
               return status;

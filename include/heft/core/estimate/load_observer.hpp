@@ -404,7 +404,7 @@ class LoadObserver {
     known.setZero();
     if (f.drive.has_effects()) {
       Vector load;
-      body_.torque(q, qd, Vector::Zero(), load);
+      body_.bias(q, qd, load);
       RunClock<Scalar> age = clock_;
       age.advance(config_.start_time);
       age.advance(elapsed);

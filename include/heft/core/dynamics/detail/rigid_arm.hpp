@@ -14,6 +14,7 @@
 #include "heft/core/converted.hpp"
 #include "heft/core/dynamics/drive_torque.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
+#include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/dynamics/run_time_arm.hpp"
 
@@ -163,6 +164,11 @@ class RigidArm {
     run(q, qd, qdd, tau, structural::NoVisitor{});
   }
 
+  /// The torque without acceleration.
+  void bias(const Vector& q, const Vector& qd, Vector& tau) const noexcept {
+    run(q, qd, structural::ZeroVector{}, tau, structural::NoVisitor{});
+  }
+
   void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
                           LoadColumns<Scalar, kN>& columns) const noexcept {
     run(q, qd, qdd, tau, LoadColumnsVisitor<Arm>{columns, {}});
@@ -224,8 +230,8 @@ class RigidArm {
     return out;
   }();
 
-  template <typename Visitor>
-  void run(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
+  template <typename Acceleration, typename Visitor>
+  void run(const Vector& q, const Vector& qd, const Acceleration& qdd, Vector& tau,
            const Visitor& visitor) const noexcept {
     using namespace structural;
     const Dense3<Scalar> base = {-gravity_[0], -gravity_[1], -gravity_[2]};
@@ -262,6 +268,10 @@ class RigidArm<RunTimeArm<N, MaxEffects, MaxCouplings>, Scalar> {
 
   void torque(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau) const noexcept {
     inverse_dynamics(arm_, joint_trigonometry<Arm>(q), q, qd, qdd, tau);
+  }
+
+  void bias(const Vector& q, const Vector& qd, Vector& tau) const noexcept {
+    bias_torque(arm_, joint_trigonometry<Arm>(q), q, qd, tau);
   }
 
   void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
