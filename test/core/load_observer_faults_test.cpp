@@ -92,6 +92,22 @@ TYPED_TEST(LoadObserverFaults, TimeThatStandsOrGoesBackwardsIsRefusedAndLeavesNo
   EXPECT_EQ(this->changes, 0);
 }
 
+/// Refused late, by the filter, when much of the sample has been looked at already.
+TYPED_TEST(LoadObserverFaults, ASampleTooSoonForTheFilterLeavesNoTrace) {
+  for (int n = 0; n < 50; ++n) {
+    this->run(0.001, Status::kOutOfRange, [](OnlineSample& s) {
+      s.q.array() += 1.0;
+      s.qd.setConstant(-3.0);
+      s.tau.setZero();
+      s.dt = 1e-12;
+    });
+    this->run(0.02, Status::kOk);
+    EXPECT_FALSE(this->record.settling);
+    EXPECT_NEAR(this->mass(), TestFixture::kMassOfLoad, 0.1);
+  }
+  EXPECT_EQ(this->changes, 0);
+}
+
 TYPED_TEST(LoadObserverFaults, AFrozenEncoderIsNamedAndTeachesNothing) {
   double stuck = 0.0;
   this->run(0.001, Status::kOk, [&](OnlineSample& s) { stuck = s.q[2]; });

@@ -59,6 +59,9 @@ class AlignedMotion {
     if (!all_usable(q) || !all_usable(qd) || !all_usable(q_ref) || !all_usable(tau)) {
       return Status::kNonFiniteInput;
     }
+    if (started_ && !(dt > Scalar(0))) {
+      return Status::kOutOfRange;
+    }
     const Vector middle = static_cast<Scalar>(0.5) * (q + last_q_);
     const Vector velocity = static_cast<Scalar>(0.5) * (qd + last_qd_);
     const Vector wanted = static_cast<Scalar>(0.5) * (q_ref + last_q_ref_);
