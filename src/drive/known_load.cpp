@@ -5,9 +5,10 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "heft/drive/torque_constants.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/words.hpp"
 #include "heft/statistics/distributions.hpp"
@@ -38,7 +39,7 @@ constexpr double kWidest = 0.1;
 /// the residual itself.
 enum Term : Index { kMass, kMoment, kInertia = 4, kOffset = 10, kCoulomb, kViscous, kResidual, kTerms };
 constexpr Index kFriction = 3;
-using Gram = Eigen::Matrix<double, kTerms, kTerms>;
+using Gram = MatrixXd;  // kTerms × kTerms
 
 /// Products of the terms, by block and joint.
 struct Sums {
@@ -46,7 +47,7 @@ struct Sums {
   std::vector<double> residual_power;     // of each joint over all blocks, for the weights
 
   std::vector<Gram> without(std::size_t left_out) const {
-    std::vector<Gram> total(blocks.front().size(), Gram::Zero());
+    std::vector<Gram> total(blocks.front().size(), Gram::Zero(kTerms, kTerms));
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       if (b == left_out) continue;
       for (std::size_t j = 0; j < total.size(); ++j) total[j] += blocks[b][j];
@@ -79,9 +80,9 @@ void add_log(const model::Robot& robot, const data::LogSource& log, Sums& sums) 
     for (Index k = 0; k < piece.row_time.size(); ++k) {
       const std::size_t block = first_block + static_cast<std::size_t>((piece.row_time[k] - begin) / kBlock);
       if (block >= sums.blocks.size())
-        sums.blocks.resize(block + 1, std::vector<Gram>(static_cast<std::size_t>(n), Gram::Zero()));
+        sums.blocks.resize(block + 1, std::vector<Gram>(static_cast<std::size_t>(n), Gram::Zero(kTerms, kTerms)));
       for (Index j = 0; j < n; ++j) {
-        Eigen::Matrix<double, kTerms, 1> row;
+        VectorXd row(kTerms);
         for (Index p = 0; p < kOffset; ++p)
           row[p] = torque[static_cast<std::size_t>(p) + 1](k, j) - torque[0](k, j);
         const double v = piece.row_qd(k, j);
@@ -103,51 +104,50 @@ struct Solution {
 
 /// Inertia of a point mass about the last link's origin, in the order of a link's parameters [kg·m²]: the load's own
 /// inertia about its centre is not known, and small beside it for a tool or a weight that is held off the flange.
-Eigen::Matrix<double, 6, 1> inertia_of(double mass, const Vector3d& moment) {
+VectorXd inertia_of(double mass, const Vector3d& moment) {
   const Vector3d c = moment / mass;
-  return mass * (Eigen::Matrix<double, 6, 1>() << c.y() * c.y() + c.z() * c.z(), -c.x() * c.y(),
-                 c.x() * c.x() + c.z() * c.z(), -c.x() * c.z(), -c.y() * c.z(), c.x() * c.x() + c.y() * c.y())
-                    .finished();
+  VectorXd inertia(6);
+  inertia << c.y() * c.y() + c.z() * c.z(), -c.x() * c.y(), c.x() * c.x() + c.z() * c.z(), -c.x() * c.z(), -c.y() * c.z(),
+      c.x() * c.x() + c.y() * c.y();
+  return mass * inertia;
 }
 
-/// Terms that a joint is fitted with, load first, given the load; and the noise of what is left.
+/// Slope of one joint's residual on the torque of a load, its own friction fitted beside it.
+/// @return squares of what is left
 double fit_slope(const Gram& gram, double mass, const Vector3d& moment, double& slope) {
-  Eigen::Matrix<double, kTerms, kFriction + 2> combine = Eigen::Matrix<double, kTerms, kFriction + 2>::Zero();
+  // Load, friction and residual as combinations of the terms.
+  MatrixXd combine = MatrixXd::Zero(kTerms, kFriction + 2);
   combine(kMass, 0) = mass;
-  combine.block<3, 1>(kMoment, 0) = moment;
-  combine.block<6, 1>(kInertia, 0) = inertia_of(mass, moment);
+  combine.block(kMoment, 0, 3, 1) = moment;
+  combine.block(kInertia, 0, 6, 1) = inertia_of(mass, moment);
   for (Index f = 0; f < kFriction; ++f) combine(kOffset + f, 1 + f) = 1.0;
   combine(kResidual, kFriction + 1) = 1.0;
-  const Eigen::Matrix<double, kFriction + 2, kFriction + 2> small = combine.transpose() * gram * combine;
-  const Eigen::Matrix<double, kFriction + 1, kFriction + 1> A =
-      small.topLeftCorner<kFriction + 1, kFriction + 1>();
-  const Eigen::Matrix<double, kFriction + 1, 1> r = small.topRightCorner<kFriction + 1, 1>();
-  const Eigen::Matrix<double, kFriction + 1, 1> x = A.completeOrthogonalDecomposition().solve(r);
+  const MatrixXd small = combine.transpose() * gram * combine;
+  const VectorXd r = small.col(kFriction + 1).head(kFriction + 1);
+  const VectorXd x = least_squares(small.topLeftCorner(kFriction + 1, kFriction + 1), r);
   slope = x[0];
   return small(kFriction + 1, kFriction + 1) - x.dot(r);
 }
 
 /// First moment of the load given the slopes, all joints weighted by what they leave; inertia as that of `before`.
-Vector3d fit_moment(const std::vector<Gram>& grams, double mass, const Vector3d& before,
-                    const VectorXd& slope, const VectorXd& noise) {
-  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-  Vector3d r = Vector3d::Zero();
-  const Eigen::Matrix<double, 6, 1> inertia = inertia_of(mass, before);
+Vector3d fit_moment(const std::vector<Gram>& grams, double mass, const Vector3d& before, const VectorXd& slope,
+                    const VectorXd& noise) {
+  MatrixXd A = MatrixXd::Zero(3, 3);
+  VectorXd r = VectorXd::Zero(3);
+  const VectorXd inertia = inertia_of(mass, before);
   for (std::size_t j = 0; j < grams.size(); ++j) {
     const double b = slope[static_cast<Index>(j)];
     const double left = noise[static_cast<Index>(j)];
     if (!std::isfinite(b) || !(left > 0.0)) continue;
     // Friction is taken out of all terms first: G − G_f F⁻¹ G_fᵀ.
     const Gram& G = grams[j];
-    const Eigen::Matrix<double, kTerms, kFriction> Gf = G.middleCols<kFriction>(kOffset);
-    const Eigen::Matrix3d F = G.block<kFriction, kFriction>(kOffset, kOffset);
-    const Gram free = G - Gf * F.completeOrthogonalDecomposition().solve(Gf.transpose());
-    A += b * b / left * free.block<3, 3>(kMoment, kMoment);
-    r += b / left *
-         (free.block<3, 1>(kMoment, kResidual) -
-          b * (mass * free.block<3, 1>(kMoment, kMass) + free.block<3, 6>(kMoment, kInertia) * inertia));
+    const MatrixXd Gf = G.middleCols(kOffset, kFriction);
+    const MatrixXd free = G - Gf * least_squares(G.block(kOffset, kOffset, kFriction, kFriction), Gf.transpose());
+    const auto of_load = [&](Index first, Index count) { return free.block(kMoment, first, 3, count); };
+    A += b * b / left * of_load(kMoment, 3);
+    r += b / left * (of_load(kResidual, 1) - b * (mass * of_load(kMass, 1) + of_load(kInertia, 6) * inertia));
   }
-  return A.completeOrthogonalDecomposition().solve(r);
+  return least_squares(A, r);
 }
 
 Solution solve(const std::vector<Gram>& grams, double mass, const std::optional<Vector3d>& known) {
@@ -207,12 +207,11 @@ TorqueConstants from_known_load(const model::Robot& robot, const data::LogSet& l
     const auto at = static_cast<Index>(j);
     JointConstant constant;
     constant.from = From::kLoad;
-    const double b = all.slope[at], half = factor * std::sqrt(covariance(at, at));
-    if (b > 0.0 && half < kWidest * b) {
+    const auto slope = statistics::Interval::around(all.slope[at], std::sqrt(covariance(at, at)), factor);
+    if (slope.value > 0.0 && slope.half_width() < kWidest * slope.value) {
       const double k = assumed.size() == 1 ? assumed[0] : assumed[j];
-      constant.value = k / b;
-      constant.low = k / (b + half);
-      constant.high = k / (b - half);
+      constant.constant =
+          statistics::reciprocal({slope.value / k, slope.std / k, slope.lower / k, slope.upper / k});
     } else {
       unknown.push_back(static_cast<int>(j));
       constant.missing =

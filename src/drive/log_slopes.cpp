@@ -7,6 +7,7 @@
 
 #include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/median.hpp"
 
 namespace heft::drive {
 
@@ -44,12 +45,6 @@ enum Column : Index {
   kAcceleration,
   kColumns
 };
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Rows of a piece of which all joints have rested for kCalm, and go on to.
 std::vector<bool> calm_rows(const data::MotionChunk& piece) {
@@ -152,7 +147,7 @@ std::vector<Slope> slopes_at_rest(const data::LogSource& log, const std::string&
     for (Index j = 0; j < n; ++j) {
       std::vector<double> ratios;
       const auto end_stretch = [&] {
-        if (!ratios.empty()) of_stretches[static_cast<std::size_t>(j)].push_back(median(ratios));
+        if (!ratios.empty()) of_stretches[static_cast<std::size_t>(j)].push_back(statistics::median(ratios));
         ratios.clear();
       };
       for (Index k = piece.begin; k < piece.begin + piece.count; ++k) {
@@ -171,14 +166,15 @@ std::vector<Slope> slopes_at_rest(const data::LogSource& log, const std::string&
   for (std::size_t j = 0; j < slopes.size(); ++j) {
     std::vector<double>& ratios = of_stretches[j];
     if (ratios.empty()) continue;
-    const double value = median(ratios);
+    const double value = statistics::median(ratios);
     slopes[j].opposite = value < 0.0;
     if (!(value > 0.0)) continue;
     std::vector<double> off;
     for (const double ratio : ratios) off.push_back(std::abs(ratio - value));
     constexpr double kStdOfMedianDeviation = 1.4826;  // of a normal distribution
     slopes[j].value = value;
-    slopes[j].std = kStdOfMedianDeviation * median(off) / std::sqrt(static_cast<double>(ratios.size()));
+    slopes[j].std =
+        kStdOfMedianDeviation * statistics::median(off) / std::sqrt(static_cast<double>(ratios.size()));
     slopes[j].factor = statistics::kNormal95;
   }
   return slopes;

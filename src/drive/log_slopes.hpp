@@ -17,7 +17,8 @@ struct Slope {
   double factor{0.0};  ///< half-width of the 95 % interval in standard deviations
   /// Friction that grows with the load, as a share of the target torque; NaN: not estimated.
   double load_friction{kNaN};
-  bool opposite{false};  ///< the signal falls as the target torque rises: no constant does that, a flipped sign does
+  bool opposite{
+      false};  ///< the signal falls as the target torque rises: no constant does that, a flipped sign does
 
   bool known() const { return value == value; }
 };

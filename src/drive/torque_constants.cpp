@@ -11,6 +11,7 @@
 #include "heft/host/file.hpp"
 #include "heft/host/words.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/median.hpp"
 #include "host/json.hpp"
 #include "log_slopes.hpp"
 
@@ -72,10 +73,9 @@ double contradiction(const std::vector<LogSlopes>& logs, const std::vector<bool>
     for (std::size_t k = 0; k < logs.size(); ++k)
       if (!off[k] && shows(logs[k].slopes[j])) values.push_back(logs[k].slopes[j].value);
     if (values.size() < 3) continue;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    const double error = std::abs(slope.value - *middle);
-    if (error > kContradicts * *middle && error > half_width(slope)) worst = std::max(worst, error / *middle);
+    const double middle = statistics::median(values);
+    const double error = std::abs(slope.value - middle);
+    if (error > kContradicts * middle && error > half_width(slope)) worst = std::max(worst, error / middle);
   }
   return worst;
 }
@@ -124,8 +124,10 @@ JointConstant constant_of(const std::vector<LogSlopes>& logs, const std::vector<
     if (!slope.known()) continue;
     best = std::min(best, half_width(slope) / slope.value);
     if (!shows(slope)) continue;
-    const double value = 1.0 / slope.value;
-    result.logs.push_back({logs[k].log, value, half_width(slope) * value * value, !off[k]});
+    result.logs.push_back(
+        {logs[k].log,
+         statistics::reciprocal(statistics::Interval::around(slope.value, slope.std, slope.factor)),
+         !off[k]});
     if (!off[k]) used.push_back(slope);
   }
   const auto unknown = [&](const std::string& why) {
@@ -139,20 +141,19 @@ JointConstant constant_of(const std::vector<LogSlopes>& logs, const std::vector<
             : "the target torque does not move the current");
   }
   const Combined mean = combine(used);
-  const double factor = used.size() == 1 ? used.front().factor : statistics::kNormal95;
-  const double half = factor * mean.std;
+  const auto slope = statistics::Interval::around(
+      mean.value, mean.std, used.size() == 1 ? used.front().factor : statistics::kNormal95);
   if (mean.between > kScatter * mean.value)
     return unknown(
         fmt::format("the logs differ by {:.0f} % from one to another", 100.0 * mean.between / mean.value));
-  if (half > kWidest * mean.value)
-    return unknown(
-        fmt::format("the interval is ±{:.0f} %, which is too wide to use", 100.0 * half / mean.value));
-  result.value = 1.0 / mean.value;
-  result.low = 1.0 / (mean.value + half);
-  result.high = 1.0 / (mean.value - half);
+  if (slope.half_width() > kWidest * mean.value) {
+    return unknown(fmt::format("the interval is ±{:.0f} %, which is too wide to use",
+                               100.0 * slope.half_width() / mean.value));
+  }
+  result.constant = statistics::reciprocal(slope);
   std::vector<double> friction;
-  for (const Slope& slope : used)
-    if (std::isfinite(slope.load_friction)) friction.push_back(slope.load_friction);
+  for (const Slope& one : used)
+    if (std::isfinite(one.load_friction)) friction.push_back(one.load_friction);
   if (!friction.empty()) {
     double sum = 0.0;
     for (const double share : friction) sum += share;
@@ -204,7 +205,7 @@ bool TorqueConstants::usable() const {
 
 std::vector<double> TorqueConstants::values() const {
   std::vector<double> result;
-  for (const JointConstant& joint : joints) result.push_back(joint.value);
+  for (const JointConstant& joint : joints) result.push_back(joint.constant.value);
   return result;
 }
 
@@ -294,23 +295,18 @@ TorqueConstants from_targets(const data::LogSet& logs) {
   return constants;
 }
 
-std::vector<TorqueScale> torque_scales(const std::vector<data::LogSource>& logs) {
+std::vector<statistics::Interval> torque_scales(const std::vector<data::LogSource>& logs) {
   std::vector<LogSlopes> slopes;
   for (const data::LogSource& log : logs) {
     const Columns columns = columns_of(log);
     if (columns.target && columns.torque) slopes.push_back({log.path, slopes_in_motion(log, "tau")});
   }
-  std::vector<TorqueScale> scales;
+  std::vector<statistics::Interval> scales;
   if (slopes.empty()) return scales;
   const std::vector<bool> off = contradicting(slopes);
   for (std::size_t j = 0; j < slopes.front().slopes.size(); ++j) {
     const JointConstant inverse = constant_of(slopes, off, j, From::kMotion);
-    TorqueScale scale;
-    if (inverse.known()) {
-      scale.value = 1.0 / inverse.value;
-      scale.std = 0.5 * (1.0 / inverse.low - 1.0 / inverse.high) / statistics::kNormal95;
-    }
-    scales.push_back(scale);
+    scales.push_back(inverse.known() ? statistics::reciprocal(inverse.constant) : statistics::Interval{});
   }
   return scales;
 }

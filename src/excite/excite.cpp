@@ -12,6 +12,7 @@
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/host/parallel.hpp"
+#include "heft/statistics/median.hpp"
 #include "limit_check.hpp"
 #include "robot_words.hpp"
 
@@ -28,13 +29,6 @@ constexpr double kMostRows = 2e6;
 /// A good fit is possible below; above, single parameters lose a digit or more to the noise.
 constexpr double kGoodCondition = 30.0;
 
-double median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-}
-
 RandomMotions random_motions(const ExcitationDesign& design, int count) {
   std::vector<ExcitationScore> scores(static_cast<std::size_t>(count));
   host::for_each_parallel(scores.size(), [&](std::size_t i) {
@@ -47,7 +41,7 @@ RandomMotions random_motions(const ExcitationDesign& design, int count) {
     mean_std.push_back(score.mean_std);
     volume_std.push_back(score.volume_std);
   }
-  return {count, median(condition), median(mean_std), median(volume_std)};
+  return {count, statistics::median(condition), statistics::median(mean_std), statistics::median(volume_std)};
 }
 
 }  // namespace

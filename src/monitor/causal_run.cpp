@@ -11,8 +11,8 @@
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/sized.hpp"
+#include "heft/statistics/median.hpp"
 #include "heft/validate/predict.hpp"
-#include "median.hpp"
 
 namespace heft::monitor {
 namespace {
@@ -106,7 +106,7 @@ ContactThresholds<double, N> sized(const Thresholds& thresholds) {
 double median_period(const Eigen::VectorXd& time) {
   std::vector<double> periods;
   for (Index k = 1; k < time.size(); ++k) periods.push_back(time[k] - time[k - 1]);
-  return median_of(std::move(periods));
+  return statistics::median(std::move(periods));
 }
 
 /// One sample's record into the run.

@@ -9,7 +9,7 @@
 #include "heft/model/at_sensor.hpp"
 #include "heft/monitor/monitor.hpp"
 #include "heft/statistics/interval.hpp"
-#include "median.hpp"
+#include "heft/statistics/median.hpp"
 #include "push_delay.hpp"
 
 namespace heft::monitor {
@@ -65,7 +65,7 @@ Eigen::VectorXd median_threshold(const Run& run) {
     for (Index k = 0; k < run.threshold.rows(); ++k) {
       if (run.judged[static_cast<std::size_t>(k)] != 0) values.push_back(run.threshold(k, j));
     }
-    medians[j] = median_of(std::move(values));
+    medians[j] = statistics::median(std::move(values));
   }
   return medians;
 }

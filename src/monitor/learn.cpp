@@ -10,7 +10,7 @@
 #include "heft/model/at_sensor.hpp"
 #include "heft/monitor/monitor.hpp"
 #include "heft/statistics/interval.hpp"
-#include "median.hpp"
+#include "heft/statistics/median.hpp"
 #include "push_delay.hpp"
 #include "threshold_fit.hpp"
 
@@ -104,7 +104,7 @@ double median_threshold(const std::vector<Part>& parts, const JointFit& fit) {
     const Eigen::VectorXd values = fit.level * part.circumstance * fit.shape;
     all.insert(all.end(), values.begin(), values.end());
   }
-  return median_of(std::move(all));
+  return statistics::median(std::move(all));
 }
 
 FreeMotion free_motion_of(const model::Robot& robot, const data::LogSet& logs, Thresholds& result) {

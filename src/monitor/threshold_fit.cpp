@@ -1,4 +1,5 @@
 #include "threshold_fit.hpp"
+#include "heft/statistics/median.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +7,6 @@
 #include <limits>
 
 #include <Eigen/Cholesky>
-
-#include "median.hpp"
 
 namespace heft::monitor {
 namespace {
@@ -53,7 +52,7 @@ constexpr long kMostRows = 30000;
 double median_size(const std::vector<Part>& parts) {
   std::vector<double> all;
   for (const Part& part : parts) all.insert(all.end(), part.size.begin(), part.size.end());
-  return median_of(std::move(all));
+  return statistics::median(std::move(all));
 }
 
 }  // namespace

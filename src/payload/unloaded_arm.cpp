@@ -7,7 +7,6 @@
 #include "heft/drive/torque_constants.hpp"
 #include "heft/host/error.hpp"
 #include "heft/payload/payload.hpp"
-#include "heft/statistics/distributions.hpp"
 #include "host/json.hpp"
 #include "payload_run.hpp"
 #include "recursive_fit.hpp"
@@ -71,21 +70,20 @@ std::vector<statistics::Interval> scales_of(std::vector<data::LogSource> logs,
                                             std::vector<std::string>& notes) {
   if (options.torque_at == data::TorqueAt::kJoint) return {};
   logs.insert(logs.end(), zeros.begin(), zeros.end());
-  const std::vector<drive::TorqueScale> found = drive::torque_scales(logs);
+  const std::vector<statistics::Interval> found = drive::torque_scales(logs);
   std::vector<statistics::Interval> scales;
   bool any = false;
   for (std::size_t j = 0; j < found.size(); ++j) {
-    if (found[j].known() && std::abs(found[j].value - 1.0) > kScaleLimit) {
+    const bool known = std::isfinite(found[j].value);
+    if (known && std::abs(found[j].value - 1.0) > kScaleLimit) {
       notes.push_back(fmt::format(
           "joint {}: the measured torque is {:.2f} times the target torque (tauref{}), more than an error of a torque constant; "
           "target torques are not used",
           j + 1, found[j].value, j + 1));
       return {};
     }
-    any = any || found[j].known();
-    scales.push_back(found[j].known()
-                         ? statistics::Interval::around(found[j].value, found[j].std, statistics::kNormal95)
-                         : statistics::Interval::around(1.0, kUnknownScale, statistics::kNormal95));
+    any = any || known;
+    scales.push_back(known ? found[j] : statistics::Interval::around(1.0, kUnknownScale));
   }
   return any ? scales : std::vector<statistics::Interval>{};
 }
@@ -104,7 +102,7 @@ std::vector<statistics::Interval> scales_of(const model::ModelFile& file) {
       throw ModelError(fmt::format("{}: /{}: expected \"value\" above 0 and \"std\" not below 0, one a joint",
                                    file.path, kScaleField));
     }
-    scales.push_back(statistics::Interval::around(value[j], std[j], statistics::kNormal95));
+    scales.push_back(statistics::Interval::around(value[j], std[j]));
   }
   return scales;
 }

@@ -13,6 +13,7 @@
 
 #include "comparison.hpp"
 #include "heft/host/error.hpp"
+#include "heft/statistics/median.hpp"
 #include "judge.hpp"
 
 namespace heft::plausibility {
@@ -48,12 +49,6 @@ constexpr double kFrictionless = 1.06, kNoiseless = 0.06;
 constexpr double kRounding = 5e-3;
 constexpr Eigen::Index kFewestSamples = 10;
 
-double median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  return 0.5 * (values[(values.size() - 1) / 2] + values[values.size() / 2]);
-}
-
 bool is_known(const std::pair<double, double>& slope) {
   return slope.second < kKnownSlope || slope.second < kKnownLargeSlope * slope.first;
 }
@@ -64,7 +59,7 @@ double median_slope(const std::vector<std::pair<double, double>>& slopes) {
   for (const auto& slope : slopes) {
     if (is_known(slope)) known.push_back(slope.first);
   }
-  return median(known);
+  return statistics::median(known);
 }
 
 std::string degrees(double angle) { return fmt::format("{:+.0f}°", angle * 180.0 / std::numbers::pi); }
@@ -407,9 +402,10 @@ class Judge {
       // What is left of an exact torque is rounding.
       rise.push_back(without > kRounding * comparison_.torque_rms(j) ? without / with : 1.0);
     }
-    if (rise.size() < 2 || median(rise) > kFrictionless || median(left) > kNoiseless) return;
+    if (rise.size() < 2 || statistics::median(rise) > kFrictionless || statistics::median(left) > kNoiseless)
+      return;
     findings_.push_back(
-        {Contradiction::kModelTorque, false, -1, -1, median(rise), 0.0,
+        {Contradiction::kModelTorque, false, -1, -1, statistics::median(rise), 0.0,
          "the torque shows no friction in any joint, as the torque that a controller computes from its own "
          "model; give what the drives measured, or --torque-at joint if sensors behind the "
          "gears measured it"});

@@ -19,7 +19,9 @@ namespace {
 using drive::JointConstant;
 using drive::TorqueConstants;
 
-double half_percent(const JointConstant& joint) { return 50.0 * (joint.high - joint.low) / joint.value; }
+double half_percent(const statistics::Interval& constant) {
+  return 100.0 * constant.half_width() / constant.value;
+}
 
 page::Table constants_table(const TorqueConstants& constants) {
   page::Table table({"joint", "K [N·m/A]", "95 % interval", "±", "from", "logs", "friction by load"});
@@ -32,9 +34,9 @@ page::Table constants_table(const TorqueConstants& constants) {
     const auto used =
         std::count_if(joint.logs.begin(), joint.logs.end(), [](const auto& log) { return log.agrees; });
     table.add_row(
-        {std::to_string(j + 1), fmt::format("{:.3f}", joint.value),
-         fmt::format("{:.3f} to {:.3f}", joint.low, joint.high), fmt::format("{:.2f} %", half_percent(joint)),
-         drive::to_string(joint.from),
+        {std::to_string(j + 1), fmt::format("{:.3f}", joint.constant.value),
+         fmt::format("{:.3f} to {:.3f}", joint.constant.lower, joint.constant.upper),
+         fmt::format("{:.2f} %", half_percent(joint.constant)), drive::to_string(joint.from),
          joint.from == drive::From::kLoad ? std::to_string(constants.logs.size()) : std::to_string(used),
          std::isfinite(joint.load_friction) ? fmt::format("{:.1f} %", 100.0 * joint.load_friction) : ""});
   }
@@ -56,7 +58,7 @@ page::Table logs_table(const TorqueConstants& constants) {
         continue;
       }
       const std::string cell =
-          fmt::format("{:.3f} ± {:.1f} %", log->value, 100.0 * log->half_width / log->value);
+          fmt::format("{:.3f} ± {:.1f} %", log->constant.value, half_percent(log->constant));
       row.push_back(log->agrees ? cell : "(" + cell + ")");
     }
     table.add_row(row);
@@ -78,7 +80,7 @@ std::string option_in_words(const TorqueConstants& constants) {
   std::string list;
   for (const JointConstant& joint : constants.joints) {
     if (!joint.known()) return "";
-    list += fmt::format("{}{:.4g}", list.empty() ? "" : ",", joint.value);
+    list += fmt::format("{}{:.4g}", list.empty() ? "" : ",", joint.constant.value);
   }
   return fmt::format("As an option: --torque-constant {}\n", list);
 }
@@ -97,7 +99,7 @@ std::string brief(const TorqueConstants& constants) {
   for (std::size_t j = 0; j < constants.joints.size(); ++j) {
     if (!constants.joints[j].known()) continue;
     known.push_back(static_cast<int>(j));
-    widest = std::max(widest, half_percent(constants.joints[j]));
+    widest = std::max(widest, half_percent(constants.joints[j].constant));
   }
   if (known.empty()) return "The logs show the torque constant of no joint.";
   return fmt::format("The torque constant{} of {} {} known to ±{:.2g} %{}.", known.size() == 1 ? "" : "s",
@@ -119,9 +121,9 @@ std::string json(const TorqueConstants& constants) {
   for (std::size_t j = 0; j < constants.joints.size(); ++j) {
     const JointConstant& joint = constants.joints[j];
     nlohmann::ordered_json entry{{"joint", j + 1},
-                                 {"value", host::number_or_null(joint.value)},
-                                 {"low", host::number_or_null(joint.low)},
-                                 {"high", host::number_or_null(joint.high)},
+                                 {"value", host::number_or_null(joint.constant.value)},
+                                 {"low", host::number_or_null(joint.constant.lower)},
+                                 {"high", host::number_or_null(joint.constant.upper)},
                                  {"from", joint.known() ? nlohmann::ordered_json(drive::to_string(joint.from))
                                                         : nlohmann::ordered_json(nullptr)},
                                  {"load_friction", host::number_or_null(joint.load_friction)},
@@ -129,8 +131,8 @@ std::string json(const TorqueConstants& constants) {
     entry["logs"] = nlohmann::ordered_json::array();
     for (const drive::LogConstant& log : joint.logs) {
       entry["logs"].push_back({{"log", log.log},
-                               {"value", host::number_or_null(log.value)},
-                               {"half_width_95", host::number_or_null(log.half_width)},
+                               {"value", host::number_or_null(log.constant.value)},
+                               {"half_width_95", host::number_or_null(log.constant.half_width())},
                                {"used", log.agrees}});
     }
     json["joints"].push_back(std::move(entry));

@@ -19,7 +19,7 @@ TEST(TorqueConstants, FromMotionLieInTheirIntervalNinetyFiveTimesOfAHundred) {
     for (const JointConstant& joint : found.joints) {
       if (!joint.known()) continue;
       ++known;
-      if (joint.low <= 10.0 && 10.0 <= joint.high) ++covered;
+      if (joint.constant.lower <= 10.0 && 10.0 <= joint.constant.upper) ++covered;
     }
   }
   EXPECT_EQ(known, 2 * kRuns);

@@ -63,10 +63,10 @@ TEST_F(KnownLoad, GivesTheConstantsOfTheJointsThatCarryIt) {
     if (!joint.known()) continue;
     ++known;
     EXPECT_EQ(joint.from, From::kLoad);
-    EXPECT_NEAR(joint.value, kTrue[j], 0.02 * kTrue[j]) << "joint " << j + 1;
+    EXPECT_NEAR(joint.constant.value, kTrue[j], 0.02 * kTrue[j]) << "joint " << j + 1;
     // Half a percent more: the estimate does not know the load's inertia about its own centre, a sixteenth of the whole.
-    EXPECT_LT(joint.low, 1.005 * kTrue[j]);
-    EXPECT_GT(joint.high, 0.995 * kTrue[j]);
+    EXPECT_LT(joint.constant.lower, 1.005 * kTrue[j]);
+    EXPECT_GT(joint.constant.upper, 0.995 * kTrue[j]);
   }
   EXPECT_GE(known, 3);
 }
@@ -75,7 +75,7 @@ TEST_F(KnownLoad, NeedsItsMassOnly) {
   const TorqueConstants found = from_known_load(robot_, logs(0.002), {2.0, {}}, {kAssumed});
   for (std::size_t j = 1; j < 3; ++j) {
     ASSERT_TRUE(found.joints[j].known()) << found.joints[j].missing;
-    EXPECT_NEAR(found.joints[j].value, kTrue[j], 0.02 * kTrue[j]) << "joint " << j + 1;
+    EXPECT_NEAR(found.joints[j].constant.value, kTrue[j], 0.02 * kTrue[j]) << "joint " << j + 1;
   }
 }
 

@@ -23,10 +23,10 @@ std::vector<int> agreeing(const TorqueConstants& a, const TorqueConstants& b) {
   std::vector<int> joints;
   for (std::size_t j = 0; j < a.joints.size(); ++j) {
     const auto sharp = [](const JointConstant& joint) {
-      return joint.known() && joint.high - joint.low < 0.04 * joint.value;
+      return joint.known() && joint.constant.upper - joint.constant.lower < 0.04 * joint.constant.value;
     };
     if (!sharp(a.joints[j]) || !sharp(b.joints[j])) continue;
-    EXPECT_NEAR(a.joints[j].value / b.joints[j].value, 1.0, 0.02) << "joint " << j + 1;
+    EXPECT_NEAR(a.joints[j].constant.value / b.joints[j].constant.value, 1.0, 0.02) << "joint " << j + 1;
     joints.push_back(static_cast<int>(j));
   }
   return joints;
@@ -41,7 +41,7 @@ TEST(TorqueConstantsMeasured, OfAUr5AgreeBetweenRunsAndWithTheControllersOwn) {
   const double own[] = {10.706, 10.667, 10.208, 11.896};
   for (std::size_t j = 1; j < 5; ++j) {
     ASSERT_TRUE(a.joints[j].known()) << a.joints[j].missing;
-    EXPECT_NEAR(a.joints[j].value, own[j - 1], 0.002 * own[j - 1]) << "joint " << j + 1;
+    EXPECT_NEAR(a.joints[j].constant.value, own[j - 1], 0.002 * own[j - 1]) << "joint " << j + 1;
   }
 }
 

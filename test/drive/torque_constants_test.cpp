@@ -21,7 +21,7 @@ TEST(TorqueConstants, ComeFromTheStandstillOfADriveThatReportsItsTargets) {
   ASSERT_EQ(found.joints.size(), 2U);
   for (const JointConstant& joint : found.joints) {
     EXPECT_EQ(joint.from, From::kStandstill);
-    EXPECT_NEAR(joint.value, 10.7, 1e-6);
+    EXPECT_NEAR(joint.constant.value, 10.7, 1e-6);
   }
   EXPECT_EQ(found.judgement.verdict, host::Verdict::kGood);
 }
@@ -33,17 +33,17 @@ TEST(TorqueConstants, FromMotionAreNotLedAstrayByFrictionThatGrowsWithTheLoad) {
   for (const JointConstant& joint : found.joints) {
     ASSERT_TRUE(joint.known()) << joint.missing;
     EXPECT_EQ(joint.from, From::kMotion);
-    EXPECT_NEAR(joint.value, 10.0, 0.05);
+    EXPECT_NEAR(joint.constant.value, 10.0, 0.05);
     EXPECT_NEAR(joint.load_friction, 0.16, 0.01);
-    EXPECT_LT(joint.low, 10.0);
-    EXPECT_GT(joint.high, 10.0);
+    EXPECT_LT(joint.constant.lower, 10.0);
+    EXPECT_GT(joint.constant.upper, 10.0);
   }
 }
 
 TEST(TorqueConstants, LeaveOutALogWithALoadThatTheControllerDoesNotKnowOf) {
   const TorqueConstants found = from_targets(drive_logs(
       {drive_log({.seed = 1}), drive_log({.unknown_load = 0.25, .seed = 2}), drive_log({.seed = 3})}));
-  EXPECT_NEAR(found.joints[0].value, 10.0, 0.05);
+  EXPECT_NEAR(found.joints[0].constant.value, 10.0, 0.05);
   ASSERT_EQ(found.joints[0].logs.size(), 3U);
   EXPECT_TRUE(found.joints[0].logs[0].agrees);
   EXPECT_FALSE(found.joints[0].logs[1].agrees);
@@ -96,9 +96,9 @@ TEST(TorqueConstants, ScaleOfTorqueIsThatOfTheConstantAssumed) {
   data::Log log = drive_log({.seed = 4});
   log.tau = 10.4 * log.current;  // made with a constant 4 % too large
   const data::LogSet logs = drive_logs({log});
-  const std::vector<TorqueScale> scales = torque_scales(logs.given());
+  const std::vector<statistics::Interval> scales = torque_scales(logs.given());
   ASSERT_EQ(scales.size(), 2U);
-  for (const TorqueScale& scale : scales) EXPECT_NEAR(scale.value, 1.04, 0.005);
+  for (const statistics::Interval& scale : scales) EXPECT_NEAR(scale.value, 1.04, 0.005);
 }
 
 TEST(TorqueConstants, ThatAreMissingAreTakenFromTheCallerOrRefused) {

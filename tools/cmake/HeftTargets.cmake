@@ -66,10 +66,19 @@ function(heft_reuse_headers target name)
   target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:heft_precompiled_warnings>)
 endfunction()
 
-# heft_add_room(NAME SOURCES a.cpp ... PUBLIC libs ... PRIVATE libs ...)
-# A room is a static library heft_NAME, alias heft::NAME, exported as heft::NAME.
+# heft_reuse_cold_headers(TARGET)
+# For a target whose speed nobody notices (options, words, tables, JSON): light optimisation, headers to match.
+function(heft_reuse_cold_headers target)
+  heft_effort(${target} -Og)
+  heft_precompiled(heft_cold_headers EFFORT -Og LIBRARIES Eigen3::Eigen fmt::fmt nlohmann_json::nlohmann_json
+                   HEADERS ${heft_common_headers} <nlohmann/json.hpp>)
+  heft_reuse_headers(${target} heft_cold_headers)
+endfunction()
+
+# heft_add_room(NAME SOURCES a.cpp ... PUBLIC libs ... PRIVATE libs ... [COLD])
+# A room is a static library heft_NAME, alias heft::NAME, exported as heft::NAME. COLD: nobody notices its speed.
 function(heft_add_room name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "COLD" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   add_library(heft_${name} STATIC ${ARG_SOURCES})
   add_library(heft::${name} ALIAS heft_${name})
   set_target_properties(heft_${name} PROPERTIES EXPORT_NAME ${name})
@@ -77,7 +86,9 @@ function(heft_add_room name)
   target_sources(heft_${name} PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}/include FILES ${headers})
   target_compile_features(heft_${name} PUBLIC cxx_std_20)
   target_link_libraries(heft_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE} $<BUILD_INTERFACE:heft_warnings>)
-  if(NOT name STREQUAL "core")  # which is built as firmware builds it
+  if(ARG_COLD)
+    heft_reuse_cold_headers(heft_${name})
+  elseif(NOT name STREQUAL "core")  # which is built as firmware builds it
     heft_precompiled(heft_room_headers LIBRARIES Eigen3::Eigen fmt::fmt HEADERS ${heft_common_headers})
     heft_reuse_headers(heft_${name} heft_room_headers)
   endif()
@@ -114,6 +125,9 @@ function(heft_add_test name)
   cmake_parse_arguments(ARG "OPTIMISED;LIGHT;WHOLE" "TIMEOUT;SLOW" "SOURCES;LIBRARIES;LABELS;DEFINITIONS" ${ARGN})
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
+  endif()
+  if("slow" IN_LIST ARG_LABELS AND NOT HEFT_SLOW)
+    return()
   endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)

@@ -19,6 +19,7 @@
 #include "heft/host/numbers.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/statistics/interval.hpp"
 
 namespace heft::drive {
 
@@ -34,22 +35,21 @@ const char* to_string(From from);
 /// What one log says of one joint.
 struct LogConstant {
   std::string log;
-  double value{kNaN};       ///< [N·m/A]
-  double half_width{kNaN};  ///< of the 95 % interval from this log alone
-  bool agrees{true};        ///< false: it contradicts the other logs and is not used
+  statistics::Interval constant;  ///< from this log alone [N·m/A]
+  bool agrees{true};              ///< false: it contradicts the other logs and is not used
 };
 
 /// The torque constant of one joint.
 struct JointConstant {
-  double value{kNaN};            ///< [N·m/A]; NaN: the logs do not show it
-  double low{kNaN}, high{kNaN};  ///< 95 % interval, the scatter from log to log in it
+  statistics::Interval
+      constant;  ///< [N·m/A], the scatter from log to log in it; NaN: the logs do not show it
   From from{From::kMotion};
   /// Friction that grows with the load, as a share of the target torque; NaN: not estimated.
   double load_friction{kNaN};
   std::vector<LogConstant> logs;  ///< those that show this joint
   std::string missing;  ///< why the value is not known, and the motion that would show it; empty: it is
 
-  bool known() const { return value == value; }
+  bool known() const { return constant.value == constant.value; }
 };
 
 /// Torque constants of an arm.
@@ -108,17 +108,12 @@ struct KnownLoad {
 TorqueConstants from_known_load(const model::Robot& robot, const data::LogSet& logs, const KnownLoad& load,
                                 const std::vector<double>& assumed);
 
-/// How far the measured torque of a log is from the controller's target torque, as a factor: τ = scale · τ_true, τ_true
-/// being what the controller's model gives. NaN for a joint that the log does not show. The rest as from_targets with
-/// the measured torque instead of the current.
-struct TorqueScale {
-  double value{kNaN};  ///< [1]
-  double std{kNaN};    ///< of it, the scatter from log to log included
-  bool known() const { return value == value; }
-};
+/// How far the measured torque of an arm is from the controller's target torque, as a factor: τ = scale · τ_true, τ_true
+/// being what the controller's model gives. The rest as from_targets with the measured torque instead of the current.
 /// @param logs  of one arm, with tau1.. (or i1.. and torque constants) and tauref1..; others are passed over
-/// @return one a joint, empty when no log has target torque
-std::vector<TorqueScale> torque_scales(const std::vector<data::LogSource>& logs);
+/// @return one a joint [1], NaN for a joint that the logs do not show, the scatter from log to log included; empty when no
+///         log has target torque
+std::vector<statistics::Interval> torque_scales(const std::vector<data::LogSource>& logs);
 
 /// Reads what report::json wrote: one a joint [N·m/A], NaN where not known.
 /// @throws InputError, ModelError naming the file and field
