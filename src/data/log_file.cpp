@@ -12,6 +12,7 @@
 
 #include <fmt/ranges.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "csv_fields.hpp"
 
@@ -20,6 +21,10 @@ namespace {
 
 /// Bytes taken from the file at once.
 constexpr std::size_t kBlock = std::size_t{1} << 18;
+
+/// Rows that arrive with times that increase among themselves, but not beyond what was there before: after as many it
+/// is the clock that was set, not a row that is wrong.
+constexpr int kClockSet = 10;
 
 /// Longest line: far more than 10 000 columns take. What is longer is no log, and would fill the memory.
 constexpr std::size_t kLongestLine = std::size_t{1} << 24;
@@ -49,7 +54,8 @@ std::size_t count_fields(const char* line_begin, const char* line_end) {
 
 }  // namespace
 
-LogFile::LogFile(const std::string& path, const LogRequirements& needs) : path_(path), needs_(needs) {
+LogFile::LogFile(const std::string& path, const LogRequirements& needs, Reading reading)
+    : path_(path), needs_(needs), reading_(reading) {
   open();
   read_header();
   find_channels();
@@ -85,15 +91,28 @@ bool LogFile::fill() {
     }
     buffer_.resize(2 * buffer_.size());
   }
-  const std::size_t count = std::fread(buffer_.data() + filled_, 1, buffer_.size() - filled_, file_.get());
+  char* const to = buffer_.data() + filled_;
+  const std::size_t room = buffer_.size() - filled_;
+  std::size_t count = 0;
+  bool failed = false;
+  if (reading_ == Reading::kArriving) {  // fread would wait until the buffer is full
+    ssize_t got = 0;
+    do got = ::read(::fileno(file_.get()), to, room);
+    while (got < 0 && errno == EINTR);
+    failed = got < 0;
+    count = failed ? 0 : static_cast<std::size_t>(got);
+  } else {
+    count = std::fread(to, 1, room, file_.get());
+    failed = count == 0 && std::ferror(file_.get()) != 0;
+  }
   if (count == 0) {
     at_end_ = true;
-    if (std::ferror(file_.get()) != 0) {
+    if (failed) {
       throw DataError(fmt::format("{}: reading stopped: {}; check the disk", path_, std::strerror(errno)));
     }
     return false;
   }
-  if (std::memchr(buffer_.data() + filled_, '\0', count) != nullptr) {
+  if (reading_ == Reading::kWhole && std::memchr(to, '\0', count) != nullptr) {
     fail(line_ + 1,
          "found a zero byte in this line or soon behind it; expected text (CSV); this is a binary file, "
          "text of another encoding than UTF-8, or a log that was not written to its end; convert it");
@@ -333,7 +352,7 @@ bool LogFile::next(double* values) {
     if (!is_blank({line_begin_, static_cast<std::size_t>(line_end_ - line_begin_)})) break;
     if (blank_line == 0) blank_line = line_;
   }
-  if (blank_line != 0) {
+  if (blank_line != 0 && reading_ == Reading::kWhole) {
     fail(blank_line,
          "column 'time': found a blank line between rows; expected {} fields in every row; "
          "remove the blank line",
@@ -359,17 +378,26 @@ bool LogFile::next(double* values) {
   }
   if (at != end && *at == ',') fail_ragged();
 
-  const double time = values[time_column_];
-  if (num_rows_ > 0 && !(time > last_time_)) {
-    fail(line_,
-         "column 'time': found {} after {} (line {}); expected time to increase with every row; "
-         "remove repeated rows or sort the log",
-         time, last_time_, line_ - 1);
-  }
-  last_time_ = time;
+  check_time(values[time_column_]);
   look_at_end_of_line();
   ++num_rows_;
   return true;
+}
+
+void LogFile::check_time(double time) {
+  if (num_rows_ > 0 && !(time > last_time_)) {
+    other_rows_ = other_rows_ > 0 && time > other_time_ ? other_rows_ + 1 : 1;
+    other_time_ = time;
+    if (reading_ == Reading::kWhole || other_rows_ < kClockSet) {
+      fail(line_,
+           "column 'time': found {} after {} (line {}); expected time to increase with every row; "
+           "remove repeated rows or sort the log",
+           time, last_time_, last_line_);
+    }
+  }
+  other_rows_ = 0;
+  last_time_ = time;
+  last_line_ = line_;
 }
 
 /// Throws for a field of a known channel; drops the column otherwise.

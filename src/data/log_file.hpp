@@ -34,12 +34,18 @@ inline constexpr std::array<Channel, 8> kChannels{{
     {"temp", &Log::temperature},
 }};
 
+/// How a log is read.
+enum class Reading {
+  kWhole,  ///< a file that has an end
+  kArriving  ///< rows as they arrive: never waits for more than the next line, goes on behind a row that it refuses
+};
+
 /// Reads one log from front to back. Memory: a buffer of a few lines' length, however long the file.
 class LogFile {
  public:
   /// Opens the file, reads the header and checks it against `needs`. Every column is wanted at first.
   /// @throws DataError
-  LogFile(const std::string& path, const LogRequirements& needs);
+  LogFile(const std::string& path, const LogRequirements& needs, Reading reading = Reading::kWhole);
 
   int num_joints() const { return num_joints_; }
   /// Whether the log has all columns of a channel.
@@ -63,8 +69,10 @@ class LogFile {
 
   /// Reads the next row into values[0..num_columns()); what is not wanted stays as it was.
   /// @return false at the end of the file
-  /// @throws DataError naming the line
+  /// @throws DataError naming the line; of rows that arrive the next call then takes the row behind it
   bool next(double* values);
+  /// Number of the line read last.
+  std::size_t line() const { return line_; }
 
   long num_rows() const { return num_rows_; }
   /// Whether the rows read are as many as needed. @throws DataError
@@ -89,6 +97,7 @@ class LogFile {
 
   void open();
   bool fill();
+  void check_time(double time);
   bool next_line();
   void read_header();
   void find_channels();
@@ -105,6 +114,7 @@ class LogFile {
 
   std::string path_;
   LogRequirements needs_;
+  Reading reading_;
   host::InputFile file_;
   double file_size_{0.0};
   double bytes_read_{0.0};
@@ -124,6 +134,9 @@ class LogFile {
   bool use_current_{false};
   long num_rows_{0};
   double last_time_{0.0};
+  std::size_t last_line_{0};  ///< of the last row taken
+  double other_time_{0.0};    ///< of the last row refused for its time [s]
+  int other_rows_{0};         ///< rows in a row refused for their time, though it increases among them
   std::vector<std::string> dropped_;
 };
 

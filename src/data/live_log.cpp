@@ -1,0 +1,87 @@
+#include "heft/data/live_log.hpp"
+
+#include <cstddef>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "heft/host/error.hpp"
+#include "log_file.hpp"
+
+namespace heft::data {
+
+struct LiveLog::Impl {
+  Impl(const std::string& where, const LogRequirements& needs, std::function<void(const std::string&)> notes)
+      : path(where), tell(std::move(notes)), file(where, needs, Reading::kArriving), row(file.num_columns()) {
+    time = file.find_column("time");
+    q = columns_of("q");
+    if (file.has_channel(&Log::qd)) qd = columns_of("qd");
+    if (needs.torque) tau = columns_of(file.torque_from_current() ? "i" : "tau");
+    std::vector<std::size_t> wanted = q;
+    wanted.insert(wanted.end(), qd.begin(), qd.end());
+    wanted.insert(wanted.end(), tau.begin(), tau.end());
+    file.want_only(wanted);
+  }
+
+  std::vector<std::size_t> columns_of(std::string_view prefix) const {
+    std::vector<std::size_t> columns;
+    for (int joint = 1; joint <= file.num_joints(); ++joint)
+      columns.push_back(file.find_column(fmt::format("{}{}", prefix, joint)));
+    return columns;
+  }
+
+  void fill(const std::vector<std::size_t>& columns, Eigen::VectorXd& to) const {
+    to.resize(static_cast<Eigen::Index>(columns.size()));
+    for (std::size_t k = 0; k < columns.size(); ++k) to[static_cast<Eigen::Index>(k)] = row[columns[k]];
+  }
+
+  void refuse(const DataError& error) {
+    ++refused;
+    if (refused <= kMostNotes) tell(fmt::format("{}; the row is left out", error.what()));
+    if (refused == kMostNotes) tell(fmt::format("{}: further rows that are left out are only counted", path));
+  }
+
+  std::string path;
+  std::function<void(const std::string&)> tell;
+  LogFile file;
+  std::vector<double> row;
+  std::size_t time{0};
+  std::vector<std::size_t> q, qd, tau;
+  long refused{0};
+};
+
+LiveLog::LiveLog(const std::string& path, const LogRequirements& needs,
+                 std::function<void(const std::string&)> tell)
+    : impl_(std::make_unique<Impl>(path, needs, std::move(tell))) {}
+LiveLog::~LiveLog() = default;
+
+bool LiveLog::next(LiveRow& row) {
+  Impl& my = *impl_;
+  for (;;) {
+    const std::size_t line = my.file.line();
+    try {
+      if (!my.file.next(my.row.data())) break;
+    } catch (const DataError& error) {
+      if (my.file.line() == line) throw;  // of the stream, not of a row
+      my.refuse(error);
+      continue;
+    }
+    row.time = my.row[my.time];
+    my.fill(my.q, row.q);
+    my.fill(my.qd, row.qd);
+    my.fill(my.tau, row.tau);
+    if (my.file.torque_from_current()) {
+      for (int joint = 0; joint < my.file.num_joints(); ++joint)
+        row.tau[joint] *= my.file.torque_constant(joint);
+    }
+    return true;
+  }
+  if (my.refused > kMostNotes) my.tell(fmt::format("{}: {} rows were left out", my.path, my.refused));
+  return false;
+}
+
+long LiveLog::refused() const { return impl_->refused; }
+
+}  // namespace heft::data
