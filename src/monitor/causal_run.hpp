@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "causal_sample.hpp"
 #include "heft/data/log.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
@@ -15,14 +16,10 @@
 
 namespace heft::monitor {
 
-/// Circumstances of a threshold: constant, speed, load, load rate, reversal, ignorance.
-inline constexpr int kCircumstances = 6;
-
 /// What a log gives to core: measured as it is, what is derived derived causally.
 struct Signals {
   Eigen::VectorXd time;                  ///< [s]
   Eigen::MatrixXd q, qd, tau, friction;  ///< samples × n
-  Eigen::MatrixXd motor_inertia;         ///< n × n
   bool velocity_derived{false};
 };
 

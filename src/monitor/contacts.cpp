@@ -21,23 +21,10 @@ using Eigen::Index;
 constexpr double kMostContact = 0.5;
 
 Contact contact_of(const Run& run, const Signals& signals, Index from, Index to) {
-  Contact contact;
-  contact.begin = signals.time[from];
-  contact.end = signals.time[to];
-  double most = 0.0;
-  for (Index j = 0; j < run.deviation.cols(); ++j) {
-    const double share = std::abs(run.deviation(from, j)) / run.threshold(from, j);
-    if (share > most) {
-      most = share;
-      contact.joint = static_cast<int>(j);
-      contact.direction = run.deviation(from, j) < 0 ? -1 : 1;
-    }
-    bool above = false;
-    for (Index k = from; k <= to && !above; ++k) above = std::abs(run.deviation(k, j)) > run.threshold(k, j);
-    if (above) contact.joints.push_back(static_cast<int>(j));
-  }
-  contact.peak = run.deviation.col(contact.joint).segment(from, to - from + 1).cwiseAbs().maxCoeff();
-  return contact;
+  OpenContact open(signals.time[from], run.deviation.row(from), run.threshold.row(from));
+  for (Index k = from + 1; k <= to; ++k)
+    open.add(signals.time[k], run.deviation.row(k), run.threshold.row(k));
+  return open.contact();
 }
 
 std::vector<Contact> contacts_of(const Run& run, const Signals& signals) {
@@ -158,10 +145,7 @@ Contacts monitor_log(const model::ModelFile& file, const model::Robot& robot, co
 std::vector<Contacts> monitor(const model::ModelFile& file, const model::Robot& robot,
                               const data::LogSet& logs, const Thresholds& thresholds,
                               const Options& options) {
-  if (thresholds.joints.size() != robot.joints.size()) {
-    throw ModelError(fmt::format("thresholds of contacts: found {} joints; expected {}, as robot \"{}\" has",
-                                 thresholds.joints.size(), robot.joints.size(), robot.name));
-  }
+  check_joints(thresholds, robot);
   std::vector<std::string> notes;
   data::refuse_seen(logs, file.provenance.logs, &notes);
   data::refuse_seen(logs, thresholds.logs, &notes, "the thresholds were learnt from");

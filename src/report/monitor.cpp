@@ -33,9 +33,26 @@ std::string seconds_words(double seconds) {
   return seconds < 120 ? fmt::format("{:.3g} s", seconds) : fmt::format("{:.3g} min", seconds / 60.0);
 }
 
-std::size_t touches(const Contacts& found) {
-  return static_cast<std::size_t>(std::count_if(found.contacts.begin(), found.contacts.end(),
+std::size_t touches(const std::vector<Contact>& contacts) {
+  return static_cast<std::size_t>(std::count_if(contacts.begin(), contacts.end(),
                                                 [](const Contact& contact) { return !contact.load_change; }));
+}
+
+/// How many contacts, the first of them, and how many changes of load.
+std::string count_words(const std::vector<Contact>& contacts) {
+  const std::size_t count = touches(contacts), loads = contacts.size() - count;
+  std::string text = count == 0 ? "Nothing touched the arm"
+                                : fmt::format("{} {}", count, counted(count, "contact", "contacts"));
+  const auto first = std::find_if(contacts.begin(), contacts.end(),
+                                  [](const Contact& contact) { return !contact.load_change; });
+  if (first != contacts.end())
+    text += fmt::format(", the first at {:.3f} s on joint {}", first->begin, first->joint + 1);
+  if (loads > 0) text += fmt::format("; {} {} of load", loads, counted(loads, "change", "changes"));
+  return text;
+}
+
+const char* direction_words(const Contact& contact) {
+  return contact.direction > 0 ? "along +q" : "along -q";
 }
 
 std::string what_of(const Contact& contact) {
@@ -48,9 +65,8 @@ page::Table contact_table(const Contacts& found) {
       {"begin [s]", "end [s]", "what", "first at", "torque from outside", "peak [N·m]", "joints"});
   for (const Contact& contact : found.contacts) {
     table.add_row({fmt::format("{:.3f}", contact.begin), fmt::format("{:.3f}", contact.end), what_of(contact),
-                   fmt::format("joint {}", contact.joint + 1),
-                   contact.direction > 0 ? "along +q" : "along -q", page::number(contact.peak, 3),
-                   host::joints_in_words(contact.joints)});
+                   fmt::format("joint {}", contact.joint + 1), direction_words(contact),
+                   page::number(contact.peak, 3), host::joints_in_words(contact.joints)});
   }
   return table;
 }
@@ -191,15 +207,47 @@ std::string full(const Thresholds& thresholds) {
 }
 
 std::string brief(const Contacts& found) {
-  const std::size_t count = touches(found), loads = found.contacts.size() - count;
-  std::string text = count == 0 ? "Nothing touched the arm"
-                                : fmt::format("{} {}", count, counted(count, "contact", "contacts"));
-  const auto first = std::find_if(found.contacts.begin(), found.contacts.end(),
-                                  [](const Contact& contact) { return !contact.load_change; });
-  if (first != found.contacts.end())
-    text += fmt::format(", the first at {:.3f} s on joint {}", first->begin, first->joint + 1);
-  if (loads > 0) text += fmt::format("; {} {} of load", loads, counted(loads, "change", "changes"));
-  return fmt::format("{}, in {} that could be judged.", text, seconds_words(found.judged_seconds));
+  return fmt::format("{}, in {} that could be judged.", count_words(found.contacts),
+                     seconds_words(found.judged_seconds));
+}
+
+std::string brief(const monitor::LiveContact& event) {
+  const Contact& contact = event.contact;
+  if (!event.ended) {
+    return fmt::format("{:.3f} s: contact begins on joint {}, {}, {} N·m (threshold {})", contact.begin,
+                       contact.joint + 1, direction_words(contact), page::number(contact.peak, 3),
+                       page::number(event.threshold, 3));
+  }
+  return fmt::format("{:.3f} s: {} since {:.3f} s on joint {}, {}, peak {} N·m, {}", contact.end,
+                     contact.load_change ? what_of(contact) + "," : "contact ends,", contact.begin,
+                     contact.joint + 1, direction_words(contact), page::number(contact.peak, 3),
+                     host::joints_in_words(contact.joints));
+}
+
+std::string brief(const monitor::LiveSummary& summary) {
+  return fmt::format("{}, in {} of {} that could be judged; {} samples taken, {} refused.",
+                     count_words(summary.contacts), seconds_words(summary.judged_seconds),
+                     seconds_words(summary.seconds), summary.samples, summary.refused);
+}
+
+std::string json(const monitor::LiveContact& event) {
+  ordered_json line{{"event", event.ended ? "ends" : "begins"},
+                    {"time", event.ended ? event.contact.end : event.contact.begin}};
+  line.update(contact_json(event.contact));
+  if (!event.ended) line.erase("end");
+  line["threshold"] = event.threshold;
+  return line.dump();
+}
+
+std::string json(const monitor::LiveSummary& summary) {
+  ordered_json line{{"event", "end_of_stream"},
+                    {"seconds", summary.seconds},
+                    {"judged_seconds", summary.judged_seconds},
+                    {"samples", summary.samples},
+                    {"refused", summary.refused}};
+  line["contacts"] = ordered_json::array();
+  for (const Contact& contact : summary.contacts) line["contacts"].push_back(contact_json(contact));
+  return line.dump();
 }
 
 std::string full(const Contacts& found) {

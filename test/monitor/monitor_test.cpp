@@ -70,6 +70,56 @@ TEST_F(Monitor, FindsPushesWithTheirJointAndDirectionAndNothingElse) {
   EXPECT_TRUE(found.usable());
 }
 
+TEST_F(Monitor, RowsThatArriveGiveTheContactsOfTheLog) {
+  data::Log pushed = run_;
+  push(pushed, 1, 3.0, 10.0, 10.6);
+  const Thresholds thresholds = learnt();
+  for (const bool velocity : {true, false}) {
+    if (!velocity) pushed.qd.resize(0, 0);
+    const Contacts found = monitor(file_, arm_, set({}, {pushed}), thresholds).front();
+    LiveContacts live(file_, arm_, thresholds);
+    std::vector<LiveContact> events;
+    double began = 0.0;
+    for (Eigen::Index k = 0; k < pushed.time.size(); ++k) {
+      data::LiveRow row{pushed.time[k], pushed.q.row(k), {}, pushed.tau.row(k)};
+      if (velocity) row.qd = pushed.qd.row(k);
+      for (const LiveContact& event : live.push(row)) {
+        events.push_back(event);
+        if (!event.ended) began = row.time;
+      }
+    }
+    const LiveSummary summary = live.end();
+    ASSERT_EQ(found.contacts.size(), 1U);
+    ASSERT_EQ(summary.contacts.size(), 1U);
+    ASSERT_EQ(events.size(), 2U);
+    EXPECT_EQ(began, found.contacts[0].begin);
+    EXPECT_EQ(events[1].contact.end, found.contacts[0].end);
+    EXPECT_NEAR(events[1].contact.peak, found.contacts[0].peak, 1e-9);
+    EXPECT_EQ(events[1].contact.joints, found.contacts[0].joints);
+    EXPECT_NEAR(summary.judged_seconds, found.judged_seconds, 1e-9);
+    EXPECT_EQ(summary.samples, pushed.time.size());
+  }
+}
+
+TEST_F(Monitor, AClockThatIsSetEndsTheContactAndStartsAnew) {
+  data::Log pushed = run_;
+  push(pushed, 1, 3.0, 10.0, 10.6);
+  LiveContacts live(file_, arm_, learnt());
+  std::vector<LiveContact> events;
+  const auto push_rows = [&](double until, double shift) {
+    for (Eigen::Index k = 0; pushed.time[k] < until; ++k) {
+      const data::LiveRow row{pushed.time[k] + shift, pushed.q.row(k), pushed.qd.row(k), pushed.tau.row(k)};
+      for (const LiveContact& event : live.push(row)) events.push_back(event);
+    }
+  };
+  push_rows(10.3, 0.0);
+  ASSERT_EQ(events.size(), 1U);
+  push_rows(9.0, -5.0);
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_TRUE(events[1].ended);
+  EXPECT_NEAR(live.end().judged_seconds, 10.3 + 9.0, 2.0);
+}
+
 // White torque noise of 0.2 % of each joint's largest torque: 0.1 N·m at the elbow. No dry friction, whose turning
 // round costs the rest of the arms a tenth of a second.
 TEST(MonitorOfSixJoints, FindsAGrowingTorqueAtTheElbowWithinTwentyMilliseconds) {

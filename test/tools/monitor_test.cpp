@@ -1,6 +1,13 @@
 /// heft monitor as a user runs it: what it refuses, and what it writes for others.
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
+
+#include <sys/wait.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -41,6 +48,16 @@ class MonitorCommand : public ::testing::Test {
     return run_heft(arguments, folder_->path(""));
   }
 
+  static std::string read(const std::string& name) { return host::read_file(folder_->path(name), "output"); }
+  /// heft with `input` on its standard input.
+  static Outcome piped(const std::string& arguments, const std::string& input) {
+    host::write_file_atomically(folder_->path("piped.in"), input);
+    const std::string command = "cd " + test::shell_quote(folder_->path("")) + " && cat piped.in | " +
+                                test::shell_quote(HEFT_COMMAND) + " " + arguments + " >piped.out 2>piped.err";
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("piped.out"), read("piped.err")};
+  }
+
   static test::TemporaryFolder* folder_;
 };
 test::TemporaryFolder* MonitorCommand::folder_ = nullptr;
@@ -61,6 +78,97 @@ TEST_F(MonitorCommand, WritesContactsWithTheFieldsThatScriptsRelyOn) {
     EXPECT_TRUE(json.at("false_alarms_per_hour").contains(field));
   EXPECT_EQ(json.at("thresholds").size(), 4U);
   EXPECT_EQ(json.at("delay").size(), 4U);
+}
+
+/// The lines of a text, without their line feeds.
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+TEST_F(MonitorCommand, AStreamGivesTheContactsOfTheLog) {
+  const Outcome whole = run({"monitor", "--model", "watched.json", "--log", "touched.csv", "--json", "-"});
+  const Outcome live = piped("monitor - --model watched.json --json -", read("touched.csv"));
+  ASSERT_EQ(live.exit_code, 0) << live.err;
+  const std::vector<std::string> lines = lines_of(live.out);
+  ASSERT_EQ(lines.size(), 5U) << live.out;  // two contacts begin and end; the summary
+  const nlohmann::json contacts = nlohmann::json::parse(whole.out).at("contacts");
+  ASSERT_EQ(contacts.size(), 2U);
+  EXPECT_EQ(nlohmann::json::parse(lines[4]).at("contacts"), contacts);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const nlohmann::json begins = nlohmann::json::parse(lines[2 * k]),
+                         ends = nlohmann::json::parse(lines[2 * k + 1]);
+    EXPECT_EQ(begins.at("event"), "begins");
+    EXPECT_EQ(begins.at("time"), contacts[k].at("begin"));
+    EXPECT_EQ(begins.at("joint"), contacts[k].at("joint"));
+    EXPECT_EQ(begins.at("direction"), contacts[k].at("direction"));
+    EXPECT_EQ(ends.at("event"), "ends");
+    EXPECT_EQ(ends.at("time"), contacts[k].at("end"));
+    EXPECT_EQ(ends.at("peak"), contacts[k].at("peak"));
+  }
+}
+
+TEST_F(MonitorCommand, AStreamTellsOfAContactWithTheRowThatShowsIt) {
+  const Outcome whole = run({"monitor", "--model", "watched.json", "--log", "touched.csv", "--json", "-"});
+  const double begin = nlohmann::json::parse(whole.out).at("contacts").at(0).at("begin").get<double>();
+  const std::string command = "cd " + test::shell_quote(folder_->path("")) + " && " +
+                              test::shell_quote(HEFT_COMMAND) +
+                              " monitor - --model watched.json >live.out 2>live.err";
+  std::FILE* const recorder = ::popen(command.c_str(), "w");
+  ASSERT_NE(recorder, nullptr);
+  const std::vector<std::string> rows = lines_of(read("touched.csv"));
+  std::size_t row = 0;
+  const auto write_one = [&] { std::fprintf(recorder, "%s\n", rows[row++].c_str()); };
+  write_one();
+  while (std::atof(rows[row].c_str()) < begin - 1e-9) write_one();
+  std::fflush(recorder);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(read("live.out"), "");
+  write_one();  // the row whose sample begins the contact, and none behind it
+  std::fflush(recorder);
+  std::string told;
+  for (int wait = 0; wait < 200 && told.empty(); ++wait) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    told = read("live.out");
+  }
+  EXPECT_THAT(told, HasSubstr("contact begins on joint"));
+  EXPECT_EQ(lines_of(told).size(), 1U) << told;
+  const int status = ::pclose(recorder);
+  EXPECT_EQ(WIFEXITED(status) ? WEXITSTATUS(status) : -1, 0) << read("live.err");
+  EXPECT_THAT(read("live.out"), HasSubstr("1 contact, the first at"));
+}
+
+TEST_F(MonitorCommand, AStreamOutlivesRowsThatCannotBeUsed) {
+  std::vector<std::string> rows = lines_of(read("touched.csv"));
+  const std::string good = rows[400];
+  const std::string rest = good.substr(good.find(','));
+  // Lines 401 to 405 of what is read: too few fields, not a number, time that goes back, nothing, a field too many.
+  rows.insert(rows.begin() + 400, {"3.99,1", "nan" + rest, "0.001" + rest, "", good + ",7"});
+  std::string text;
+  for (const std::string& row : rows) text += row + "\n";
+  text += rows.back().substr(0, 12);  // the recorder was stopped inside a row
+  const Outcome clean = piped("monitor - --model watched.json --json -", read("touched.csv"));
+  const Outcome live = piped("monitor - --model watched.json --json -", text);
+  EXPECT_EQ(live.exit_code, 0) << live.err;
+  for (const char* where : {"-:401: ", "-:402: column 'time'", "-:403: column 'time'", "-:405: "})
+    EXPECT_THAT(live.err, HasSubstr(where));
+  const nlohmann::json a = nlohmann::json::parse(lines_of(clean.out).back()),
+                       b = nlohmann::json::parse(lines_of(live.out).back());
+  EXPECT_EQ(b.at("contacts"), a.at("contacts"));
+  EXPECT_EQ(b.at("samples"), a.at("samples"));
+  EXPECT_EQ(b.at("refused").get<int>() - a.at("refused").get<int>(), 5);
+}
+
+TEST_F(MonitorCommand, AStreamThatIsNoLogEndsAtItsHeader) {
+  const Outcome live = piped("monitor - --model watched.json", "hello\n1\n");
+  EXPECT_EQ(live.exit_code, 3);
+  EXPECT_THAT(live.err, AllOf(HasSubstr("-:1: "), HasSubstr("expected")));
+  EXPECT_EQ(piped("monitor - --model watched.json --log touched.csv", "").exit_code, 2);
+  EXPECT_EQ(piped("monitor - --model watched.json --json out.json", "").exit_code, 2);
+  EXPECT_EQ(piped("monitor - --model watched.json --report out.html", "").exit_code, 2);
+  EXPECT_EQ(piped("monitor touched.csv --model watched.json", "").exit_code, 2);
 }
 
 TEST_F(MonitorCommand, RefusesLogsThatItKnowsAlready) {

@@ -9,11 +9,13 @@
 
 #include "command.hpp"
 #include "console.hpp"
+#include "heft/data/live_log.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/monitor/monitor.hpp"
 #include "heft/report/monitor.hpp"
+#include "live_stream.hpp"
 #include "options.hpp"
 
 namespace heft::tools {
@@ -23,6 +25,7 @@ struct Options {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
+  std::string stream;
   std::vector<std::string> learn;
   std::string output;
   double rate{1.0};
@@ -49,6 +52,22 @@ data::LogSet open(const Options& options, const LoadedRobot& loaded, const model
                                                        : loaded.fit && loaded.fit->torque_at == "joint";
   if (!options.torque_at_given && at_joint) files.torque_at = TorqueAt::kJoint;
   return open_logs(loaded.robot, files);
+}
+
+/// Rows from standard input as they arrive.
+void run_live(const Options& options) {
+  const LoadedRobot loaded = load_robot_and_fit(options.robot);
+  const model::ModelFile file = model::read_model(options.robot.model);
+  monitor::LiveContacts contacts(file, loaded.robot, known_thresholds(file));
+  for (const std::string& line : contacts.notes()) note(line);
+  data::LiveLog rows(options.stream, live_needs(options.log, loaded.robot), note);
+  LiveOutput output(options.result);
+  for (data::LiveRow row; output.is_read() && rows.next(row);) {
+    for (const monitor::LiveContact& event : contacts.push(row))
+      output.print(report::brief(event), report::json(event));
+  }
+  const monitor::LiveSummary summary = contacts.end(rows.refused());
+  output.print(report::brief(summary), report::json(summary));
 }
 
 void run(const Options& options) {
@@ -86,6 +105,7 @@ void run(const Options& options) {
 
 Action set_up_monitor(CommandLine line) {
   auto options = std::make_shared<Options>();
+  add_stream_argument(line, options->stream);
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
   add_accept_torque_option(line, options->log);
@@ -107,12 +127,15 @@ Action set_up_monitor(CommandLine line) {
   add_result_options(line, options->result);
   line.parse_complete_callback([options, line] {
     options->torque_at_given = line.count("--torque-at") > 0;
+    if (!options->stream.empty()) {
+      refuse_with_stream(line, options->result, {"--log", "--learn", "--free", "--output", "--torque-at"});
+    }
     if (options->robot.model.empty()) {
       throw UsageError(
           "contacts are what a model of the arm does not explain: give one with --model MODEL.json; heft identify or heft "
           "diagnose makes it");
     }
-    if (options->learn.empty() && options->log.logs.empty()) {
+    if (options->stream.empty() && options->learn.empty() && options->log.logs.empty()) {
       throw UsageError(
           "give a log to look for contacts in with --log LOG.csv, or logs to learn from with --learn FREE.csv");
     }
@@ -128,8 +151,9 @@ Action set_up_monitor(CommandLine line) {
       "heft::ContactMonitor\n"
       "with the header of heft export. With one log --json gives one object, with several a list.\n"
       "Example: heft monitor --model arm.json --learn free-a.csv --learn free-b.csv -o watched.json\n"
-      "         heft monitor --model watched.json --log run.csv --report contacts.html");
-  return [options] { run(*options); };
+      "         heft monitor --model watched.json --log run.csv --report contacts.html\n"
+      "         recorder | heft monitor - --model watched.json");
+  return [options] { options->stream.empty() ? run(*options) : run_live(*options); };
 }
 
 }  // namespace heft::tools

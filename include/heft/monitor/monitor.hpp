@@ -13,6 +13,7 @@
 
 #include <array>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,7 @@
 #include <Eigen/Core>
 
 #include "heft/core/monitor/contact_thresholds.hpp"
+#include "heft/data/live_log.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
@@ -121,5 +123,52 @@ struct Contacts {
 std::vector<Contacts> monitor(const model::ModelFile& file, const model::Robot& robot,
                               const data::LogSet& logs, const Thresholds& thresholds,
                               const Options& options = {});
+
+/// What a row of a live stream brought about.
+struct LiveContact {
+  bool ended{false};      ///< false: it begins
+  Contact contact;        ///< so far
+  double threshold{0.0};  ///< of Contact::joint when it began [N·m, N]
+};
+
+/// What a live stream held, from its first row on.
+struct LiveSummary {
+  double seconds{0.0}, judged_seconds{0.0};  ///< [s]; the latter without start and gaps, where filters settle
+  long samples{0};                           ///< taken
+  long refused{0};                           ///< refused, by the filters or by whoever read the rows
+  std::vector<Contact> contacts;             ///< one that lasted to the end ends there
+};
+
+/// Finds contacts while rows arrive, with the code that monitor() runs over a log: what begins or ends with a row is known
+/// before the next one. The first kFirstRows give the sample period and are gone through together, while nothing could
+/// be judged yet.
+///
+/// @code
+/// monitor::LiveContacts live(file, robot, *monitor::thresholds_of(file));
+/// data::LiveLog rows("-", {.num_joints = robot.num_joints(), .torque = true}, tell);
+/// for (data::LiveRow row; rows.next(row);)
+///   for (const monitor::LiveContact& event : live.push(row)) std::puts(report::brief(event).c_str());
+/// @endcode
+class LiveContacts {
+ public:
+  static constexpr std::size_t kFirstRows = 6;
+
+  /// @param file   whose parameters the robot has
+  /// @throws ModelError when the thresholds are those of another robot
+  LiveContacts(const model::ModelFile& file, const model::Robot& robot, const Thresholds& thresholds);
+  ~LiveContacts();
+
+  /// Takes a row. One whose time is not beyond that of the row before starts anew: the clock was set.
+  /// @return what begins or ends with it; mostly nothing
+  std::vector<LiveContact> push(const data::LiveRow& row);
+  /// The stream ends. @param refused  rows that did not get here
+  LiveSummary end(long refused = 0);
+  /// What a user should know of model and thresholds.
+  const std::vector<std::string>& notes() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace heft::monitor

@@ -19,6 +19,13 @@ std::string full(const monitor::Thresholds& thresholds);
 std::string brief(const monitor::Contacts& found);
 /// All of it for a terminal, as `heft monitor` prints it.
 std::string full(const monitor::Contacts& found);
+/// What began or ended in a live stream: one line, as `heft monitor -` prints it.
+std::string brief(const monitor::LiveContact& event);
+/// What the stream held: one line.
+std::string brief(const monitor::LiveSummary& summary);
+/// The same as one line of JSON each; fields in tools/README.md.
+std::string json(const monitor::LiveContact& event);
+std::string json(const monitor::LiveSummary& summary);
 /// One JSON object, for several logs a list; its fields are described in src/report/README.md.
 std::string json(const std::vector<monitor::Contacts>& found);
 /// Only thresholds: no log was judged.
