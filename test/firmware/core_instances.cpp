@@ -2,6 +2,7 @@
 // stack gates see header-only code too.
 #include "arms.hpp"
 #include "heft/core/arm_geometry.hpp"
+#include "heft/core/control/adaptive_controller.hpp"
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/control/terminal_link_controller.hpp"
 #include "heft/core/control/terminal_link_cycle.hpp"
@@ -10,6 +11,7 @@
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/lagrangian.hpp"
 #include "heft/core/dynamics/lumped_regressor.hpp"
+#include "heft/core/dynamics/reference_dynamics.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/dynamics/terminal_rows.hpp"
 #include "heft/core/effects/effect_feed_forward.hpp"
@@ -285,6 +287,8 @@ namespace heft {
   template class MomentumObserver<Scalar, N>;       \
   template class LoadChangeTest<Scalar, N>;         \
   template class ContactMonitor<Scalar, N>;         \
+  template class ReferenceDynamics<Scalar, N>;      \
+  template class AdaptiveController<Scalar, N>;     \
   template class JointFeedback<Scalar, N>
 
 using SixFloat = StaticArm<float, firmware::PaperArm>;
