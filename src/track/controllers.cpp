@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <Eigen/Core>
 
+#include "heft/core/control/adaptive_controller.hpp"
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
@@ -18,6 +19,12 @@
 
 namespace heft::track {
 namespace {
+
+/// Where a property is taken along a reference.
+constexpr int kPoints = 50;
+/// Least of ControllerSettings::load_response that a gain is made for, 1 kg at 0.2 m on a joint of 1 kg·m² [m²/s⁴/kg]: what is
+/// felt less needs no faster adaptation.
+constexpr double kLeastResponse = 4.0;
 
 /// The robot with what has a place in its actuation put there: rotor inertia, offset, motors behind elastic joints.
 model::Robot with_actuation_of_effects(model::Robot robot) {
@@ -77,6 +84,7 @@ class TrackingController final : public sim::Controller {
     if (method == Method::kEstimated) {
       observer_ = std::make_unique<LoadObserver<N>>(nominal, settings, std::move(trace));
     }
+    if (method == Method::kAdaptive) set_up_adaptation(settings, config.torque_limit);
   }
 
   void control(double t, const sim::Measurement& m, Eigen::Ref<Eigen::VectorXd> torque) override {
@@ -88,7 +96,9 @@ class TrackingController final : public sim::Controller {
     Vector tau = Vector::Zero();
     ControlRecord record;
     Status status = Status::kOk;
-    if (method_ == Method::kPd || method_ == Method::kPdGravity) {
+    if (method_ == Method::kAdaptive) {
+      status = adaptive(t, m.sample_time, reference, q, qd, tau);
+    } else if (method_ == Method::kPd || method_ == Method::kPdGravity) {
       Vector wanted = feedback_.feedback(reference, q, qd);
       if (method_ == Method::kPdGravity) {
         Vector gravity;
@@ -100,9 +110,7 @@ class TrackingController final : public sim::Controller {
       if (observer_) {
         // A refused sample leaves the load as it was.
         static_cast<void>(observer_->sample(m));
-        InertialParameters<double> last = nominal_.links[N - 1];
-        for (std::size_t i = 0; i < last.size(); ++i) last[i] += observer_->load()[i];
-        arm_.set_link(N - 1, last);
+        carry(observer_->load());
       }
       status = beyond_.needed() ? extended(t, m.sample_time, reference, q, qd, tau, record)
                                 : computed_torque(feedback_, arm_, friction_, reference, q, qd, tau, record);
@@ -112,6 +120,47 @@ class TrackingController final : public sim::Controller {
   }
 
  private:
+  /// Poles of the error as computed torque has them. They are real, so that a damping ratio below 1 counts as 1.
+  void set_up_adaptation(const ControllerSettings& settings, const Vector& torque_limit) {
+    const double w = 2 * std::numbers::pi * settings.bandwidth_hz;
+    const double damping = std::max(1.0, settings.damping_ratio);
+    const double apart = std::sqrt(damping * damping - 1);
+    typename AdaptiveController<double, N>::Config config;
+    config.position_rate.setConstant(w * (damping - apart));
+    config.damping_rate = w * (damping + apart);
+    config.torque_limit = torque_limit;
+    // The fastest that brings the mass in without overshoot.
+    config.mass_gain =
+        config.damping_rate * config.damping_rate / (4 * std::max(kLeastResponse, settings.load_response));
+    if (adaptation_.configure(config, nominal_) != Status::kOk) {
+      throw ModelError(
+          fmt::format("tracking: adaptive control with bandwidth {} Hz, damping ratio {}: expected positive "
+                      "values and a model with finite numbers",
+                      settings.bandwidth_hz, settings.damping_ratio));
+    }
+  }
+
+  /// Puts a load on the last link of the arm that the model is.
+  void carry(const InertialParameters<double>& load) {
+    InertialParameters<double> last = nominal_.links[N - 1];
+    for (std::size_t i = 0; i < last.size(); ++i) last[i] += load[i];
+    arm_.set_link(N - 1, last);
+  }
+
+  /// Adaptive control of the links, everything else that the model holds fed forward.
+  Status adaptive(double t, double sample_time, const JointReference<double, N>& reference, const Vector& q,
+                  const Vector& qd, Vector& tau) {
+    if (beyond_.needed()) {
+      carry(adaptation_.load());
+      if (const Status status = beyond_.update(t, sample_time, arm_, reference); status != Status::kOk)
+        return status;
+    }
+    typename AdaptiveController<double, N>::Record record;
+    return adaptation_.update(reference, q - beyond_.deflection, qd - beyond_.rate,
+                              friction_.torque(reference.qd + beyond_.rate) + beyond_.torque, sample_time,
+                              tau, record);
+  }
+
   /// Computed torque for the links of elastic joints, everything else that the model holds fed forward.
   Status extended(double t, double sample_time, const JointReference<double, N>& reference, const Vector& q,
                   const Vector& qd, Vector& tau, ControlRecord& record) {
@@ -135,6 +184,7 @@ class TrackingController final : public sim::Controller {
   JointFeedback<double, N> feedback_;
   FrictionFeedForward<double, N> friction_;
   std::unique_ptr<LoadObserver<N>> observer_;
+  AdaptiveController<double, N> adaptation_;
 };
 
 }  // namespace
@@ -145,6 +195,7 @@ const char* to_string(Method method) {
     case Method::kPdGravity: return "PD + gravity";
     case Method::kComputedTorque: return "computed torque, nominal";
     case Method::kEstimated: return "computed torque, estimated";
+    case Method::kAdaptive: return "adaptive";
   }
   return "unknown";
 }
@@ -165,7 +216,6 @@ Eigen::VectorXd mean_inertia(const model::Robot& robot, const sim::Reference& re
   const model::Dynamics dynamics(robot);
   const int n = robot.num_joints();
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(n), q(n), qd(n), qdd(n);
-  constexpr int kPoints = 50;
   for (int k = 0; k < kPoints; ++k) {
     reference.evaluate(duration * k / kPoints, q, qd, qdd);
     sum += dynamics.mass_matrix(q).diagonal();
@@ -173,6 +223,23 @@ Eigen::VectorXd mean_inertia(const model::Robot& robot, const sim::Reference& re
   sum /= kPoints;
   for (int i = 0; i < n; ++i) sum[i] += robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia;
   return sum;
+}
+
+double load_response(const model::Robot& robot, const sim::Reference& reference, double duration) {
+  model::Robot loaded = robot;
+  loaded.joints.back().link[kMass] += 1.0;
+  const model::Dynamics bare(robot), carrying(loaded);
+  const int n = robot.num_joints();
+  Eigen::VectorXd q(n), qd(n), qdd(n), rotor(n);
+  for (int i = 0; i < n; ++i) rotor[i] = robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia;
+  double largest = 0;
+  for (int k = 0; k < kPoints; ++k) {
+    reference.evaluate(duration * k / kPoints, q, qd, qdd);
+    const Eigen::VectorXd felt = carrying.inverse_dynamics(q, qd, qdd) - bare.inverse_dynamics(q, qd, qdd);
+    const Eigen::VectorXd inertia = bare.mass_matrix(q).diagonal() + rotor;
+    largest = std::max(largest, (felt.array().square() / inertia.array()).sum());
+  }
+  return largest;
 }
 
 std::shared_ptr<sim::Controller> make_controller(Method method, const model::Robot& nominal,

@@ -20,8 +20,8 @@
 namespace heft::track {
 namespace {
 
-constexpr std::array<Method, 4> kMethods = {Method::kPd, Method::kPdGravity, Method::kComputedTorque,
-                                            Method::kEstimated};
+constexpr std::array<Method, 5> kMethods = {Method::kPd, Method::kPdGravity, Method::kComputedTorque,
+                                            Method::kEstimated, Method::kAdaptive};
 /// After a load event the estimate gets this long before errors count [s].
 constexpr double kSettling = 1.0;
 
@@ -184,6 +184,7 @@ Tracking track(const sim::Scenario& scenario, const Options& options) {
   result.settings = read_settings(scenario, result.notes);
   result.settings.torque_limit = base.torque_limit;
   result.settings.inertia = mean_inertia(nominal, *base.reference, base.duration);
+  result.settings.load_response = load_response(nominal, *base.reference, base.duration);
 
   take_load_events(base, simulate(base, nominal, options, result), result);
 

@@ -59,8 +59,8 @@ Action set_up_track(CommandLine line) {
   add_result_options(line, options->result);
   line.footer(
       std::string(kScenarioKeys) +
-      "Compares PD, PD with gravity, computed torque with nominal values and computed torque with the load that is\n"
-      "estimated while the arm moves. Adaptive control is not in this version.\n"
+      "Compares PD, PD with gravity, computed torque with nominal values, computed torque with the load that is estimated\n"
+      "while the arm moves, and adaptive control of the load (Slotine and Li, 1987), all with the same bandwidth.\n"
       "The scenario's controller may be of kind \"track\": bandwidth_hz (3), damping_ratio (1), "
       "friction_feed_forward (true),\n"
       "rows (1: torques of joints k..n go to the estimator), filter_hz (20), mass_prior [kg] (a third of the arm's mass),\n"

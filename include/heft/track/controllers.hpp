@@ -19,7 +19,8 @@ enum class Method {
   kPd,              ///< position-velocity feedback
   kPdGravity,       ///< with the gravity torque of the nominal arm
   kComputedTorque,  ///< the nominal arm
-  kEstimated        ///< computed torque with the load that is estimated while the arm moves
+  kEstimated,       ///< computed torque with the load that is estimated while the arm moves
+  kAdaptive         ///< Slotine and Li's adaptive control of the load, see AdaptiveController
 };
 const char* to_string(Method method);
 
@@ -39,6 +40,9 @@ struct ControllerSettings {
   double mass_prior{0.0};
   /// First guess of the torque residual's standard deviation; size 0: from friction and weight.
   Eigen::VectorXd noise;
+  /// Of kAdaptive: largest sum over joints of y²/M along the motion, where a joint of inertia M feels 1 kg at the last link as
+  /// y [N·m/kg]. It sets the gain of the adaptation [m²/s⁴/kg].
+  double load_response{50.0};
 };
 
 /// The estimate over time, one entry an update.
@@ -54,6 +58,9 @@ struct LoadTrace {
 
 /// Mean diagonal of the nominal mass matrix with rotors along a reference, n.
 Eigen::VectorXd mean_inertia(const model::Robot& robot, const sim::Reference& reference, double duration);
+
+/// ControllerSettings::load_response of a robot along a reference.
+double load_response(const model::Robot& robot, const sim::Reference& reference, double duration);
 
 /// A controller for the simulator.
 /// @param nominal  the arm as the controller believes it to be, without load: friction, rotors, gear couplings,

@@ -74,9 +74,9 @@ struct Tracking {
   bool usable() const { return judgement.usable(); }
 };
 
-/// Runs the scenario under PD, PD with gravity, computed torque with nominal values, and computed torque with the load that
-/// is estimated while the arm moves, all with the same bandwidth. A controller of kind "track" in the scenario sets what
-/// they share.
+/// Runs the scenario under PD, PD with gravity, computed torque with nominal values, computed torque with the load that is
+/// estimated while the arm moves, and adaptive control of the load, all with the same bandwidth. A controller of kind "track"
+/// in the scenario sets what they share.
 ///
 /// @throws ModelError for a scenario without reference, settings outside their ranges, a model of another robot
 Tracking track(const sim::Scenario& scenario, const Options& options = {});
