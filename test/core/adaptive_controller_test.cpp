@@ -186,9 +186,11 @@ class Adaptive : public ::testing::Test {
     Controller controller;
   };
 
-  static Outcome run(const Config& config, double seconds, const Eigen::Vector2d& disturbance = {0, 0}) {
+  static Outcome run(const Config& config, double seconds, const Eigen::Vector2d& disturbance = {0, 0},
+                     const InertialParameters<Scalar>& believed = {}) {
     Outcome out;
     EXPECT_EQ(out.controller.configure(config, planar_arm<Scalar>()), Status::kOk);
+    EXPECT_EQ(out.controller.set_load(believed), Status::kOk);
     Plant plant(some_load());
     const double dt = 1e-3;
     typename Controller::Record record;
@@ -239,8 +241,11 @@ TYPED_TEST(Adaptive, FindsTheFirstMomentThatTheMotionShows) {
 TYPED_TEST(Adaptive, ADisturbanceInsideTheDeadZoneMovesNothing) {
   auto config = this->usual();
   config.dead_zone.setConstant(TypeParam(5));  // s stays below it with load and disturbance
-  const auto outcome = this->run(config, 5, {0.5, -0.5});
-  EXPECT_EQ(outcome.controller.load(), InertialParameters<TypeParam>{});
+  InertialParameters<TypeParam> believed{};
+  believed[kMass] = TypeParam(0.7);
+  believed[kIxx] = believed[kIyy] = believed[kIzz] = TypeParam(0.002);
+  const auto outcome = this->run(config, 5, {0.5, -0.5}, believed);
+  EXPECT_EQ(outcome.controller.load(), believed);
 }
 
 TYPED_TEST(Adaptive, DoesNotWindUpWhileATorqueIsCut) {

@@ -61,7 +61,7 @@ class AdaptiveController {
     /// comes in without overshoot up to κ² M / (4 y²).
     Scalar mass_gain{2};
     /// Size of a load, > 0 [m]: Γ of the first moments is that of the mass times its square, of the inertia times its fourth power.
-    Scalar size{static_cast<Scalar>(0.1)};
+    Scalar size{static_cast<Scalar>(0.2)};
     Scalar largest_mass{50};                 ///< > 0 [kg]
     Scalar reach{static_cast<Scalar>(0.5)};  ///< of the centre of mass from the last link frame, > 0 [m]
     /// Of s, > 0 [rad/s, m/s]: what noise and unmodelled friction cause.
