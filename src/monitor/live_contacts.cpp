@@ -5,7 +5,7 @@
 #include "heft/host/numbers.hpp"
 #include "heft/model/at_sensor.hpp"
 #include "heft/monitor/monitor.hpp"
-#include "median.hpp"
+#include "heft/statistics/median.hpp"
 
 namespace heft::monitor {
 
@@ -32,7 +32,7 @@ struct LiveContacts::Impl {
   void start(std::vector<LiveContact>& events) {
     std::vector<double> periods;
     for (std::size_t k = 1; k < first.size(); ++k) periods.push_back(first[k].time - first[k - 1].time);
-    core.emplace(robot, thresholds, median_of(std::move(periods)), first.front().time);
+    core.emplace(robot, thresholds, statistics::median(std::move(periods)), first.front().time);
     for (const data::LiveRow& row : first) take(row, events);
     first.clear();
   }
