@@ -24,9 +24,11 @@ constexpr double kWidestLog = 0.25;
 constexpr double kWidest = 0.1;
 /// Scatter from log to log beyond which they do not show one constant [1].
 constexpr double kScatter = 0.05;
-/// A log whose constant is off by more than this from the median of at least three, and by more than its interval,
-/// contradicts the others [1]: ten times the scatter between logs of a drive that is well known.
+/// A log whose constant is off by more than this from the median of at least three, and by more than kSurely times what
+/// both intervals allow, contradicts the others [1]: ten times the scatter between logs of a drive that is well known.
 constexpr double kContradicts = 0.05;
+/// Three standard deviations instead of two: every log is asked about every joint.
+constexpr double kSurely = 1.5;
 
 /// Signals that stand for the current, the better first.
 constexpr const char* kTargetCurrent = "iref";
@@ -69,13 +71,17 @@ double contradiction(const std::vector<LogSlopes>& logs, const std::vector<bool>
   for (std::size_t j = 0; j < logs[log].slopes.size(); ++j) {
     const Slope& slope = logs[log].slopes[j];
     if (!shows(slope)) continue;
-    std::vector<double> values;
-    for (std::size_t k = 0; k < logs.size(); ++k)
-      if (!off[k] && shows(logs[k].slopes[j])) values.push_back(logs[k].slopes[j].value);
+    std::vector<double> values, widths;
+    for (std::size_t k = 0; k < logs.size(); ++k) {
+      if (off[k] || !shows(logs[k].slopes[j])) continue;
+      values.push_back(logs[k].slopes[j].value);
+      widths.push_back(half_width(logs[k].slopes[j]));
+    }
     if (values.size() < 3) continue;
     const double middle = statistics::median(values);
+    const double allowed = kSurely * std::hypot(half_width(slope), statistics::median(widths));
     const double error = std::abs(slope.value - middle);
-    if (error > kContradicts * middle && error > half_width(slope)) worst = std::max(worst, error / middle);
+    if (error > kContradicts * middle && error > allowed) worst = std::max(worst, error / middle);
   }
   return worst;
 }
