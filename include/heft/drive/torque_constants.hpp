@@ -83,7 +83,7 @@ data::LogSet open_logs(const std::vector<std::string>& paths);
 /// A constant from the measured current is as right as the model behind τ_ref: a load that the controller does not know of
 /// shows as too small a constant in all joints that carry it.
 ///
-/// Cost: two passes over each log, memory independent of its length.
+/// Cost: up to eight passes over each log, memory independent of its length.
 /// @throws DataError when no log has target torque with a current
 TorqueConstants from_targets(const data::LogSet& logs);
 
