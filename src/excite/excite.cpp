@@ -19,7 +19,6 @@
 namespace heft::excite {
 
 using Eigen::Index;
-using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 namespace {
@@ -45,31 +44,6 @@ RandomMotions random_motions(const ExcitationDesign& design, int count) {
 }
 
 }  // namespace
-
-model::Robot with_payload(model::Robot robot, const Payload& payload) {
-  if (!(payload.mass >= 0.0) || !std::isfinite(payload.mass) || !payload.com.allFinite()) {
-    throw ModelError(
-        fmt::format("payload: found a mass of {} kg and a centre at ({}, {}, {}) m, expected finite numbers "
-                    "and at least 0 kg",
-                    payload.mass, payload.com.x(), payload.com.y(), payload.com.z()));
-  }
-  if (payload.mass == 0.0 || robot.joints.empty()) return robot;
-  const Vector3d c = vector_of(robot.tip_position) + matrix_of(robot.tip_rotation) * payload.com;
-  const double m = payload.mass;
-  const Eigen::Matrix3d inertia = m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
-  InertialParameters<double>& link = robot.joints.back().link;
-  link[kMass] += m;
-  link[kMcx] += m * c.x();
-  link[kMcy] += m * c.y();
-  link[kMcz] += m * c.z();
-  link[kIxx] += inertia(0, 0);
-  link[kIxy] += inertia(0, 1);
-  link[kIyy] += inertia(1, 1);
-  link[kIxz] += inertia(0, 2);
-  link[kIyz] += inertia(1, 2);
-  link[kIzz] += inertia(2, 2);
-  return robot;
-}
 
 SpaceRecord in_space(const model::Robot& robot, const MotionLimits& limits, const data::Log& log) {
   const LimitCheck check(robot, limits);
@@ -169,7 +143,7 @@ std::vector<Options::Given> given_motions(const data::LogSet& logs, std::vector<
 
 ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, const Options& options) {
   ExcitingMotion motion;
-  motion.robot = with_payload(robot, options.payload);
+  motion.robot = model::with_load(robot, options.payload);
   ExcitationOptions search = options.search;
   search.sample_rate = options.rate;
   search.structure = structure_of(robot, options);

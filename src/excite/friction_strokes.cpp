@@ -210,7 +210,7 @@ FrictionMotion friction_strokes(const model::Robot& robot, const MotionLimits& l
                                 const FrictionOptions& options) {
   check_options(robot, options);
   FrictionMotion motion;
-  motion.robot = with_payload(robot, options.payload);
+  motion.robot = model::with_load(robot, options.payload);
   const LimitCheck check(motion.robot, limits);
   motion.limits = check.limits;
   motion.pose = options.pose.size() > 0 ? options.pose : roomiest_pose(check, options.seed);

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "heft/excite/motion.hpp"
-#include "heft/model/dynamics.hpp"
+#include "heft/sim/following.hpp"
 #include "limit_check.hpp"
 #include "robot_words.hpp"
 
@@ -16,27 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kSampleRate = 500.0, kLogRate = 100.0;  // [Hz]
-constexpr double kNatural = 50.0;                        // of the closed loop [rad/s]
-constexpr double kSignWidth = 2e-3;                      // of the friction fed forward [rad/s, m/s]
-constexpr Index kShapeStride = 5;                        // rows of the log between two checks of the shapes
-
-/// Computed torque from the arm's own model.
-class ComputedTorque final : public sim::Controller {
- public:
-  explicit ComputedTorque(const model::Robot& robot) : dynamics_(robot) {}
-  void control(double, const sim::Measurement& now, Eigen::Ref<VectorXd> torque) override {
-    const VectorXd wanted =
-        now.qdd_ref + kNatural * kNatural * (now.q_ref - now.q) + 2.0 * kNatural * (now.qd_ref - now.qd);
-    torque = dynamics_.inverse_dynamics(now.q, now.qd, wanted);
-    // Friction, rotors, couplings and effects as the reference moves.
-    torque += dynamics_.joint_torque(now.q_ref, now.qd_ref, now.qdd_ref, kSignWidth) -
-              dynamics_.inverse_dynamics(now.q_ref, now.qd_ref, now.qdd_ref);
-  }
-
- private:
-  model::Dynamics dynamics_;
-};
+constexpr Index kShapeStride = 5;  // rows of the log between two checks of the shapes
 
 class MotionReference final : public sim::Reference {
  public:
@@ -75,26 +55,6 @@ std::string passed_limit(const LimitCheck& check, const Samples& motion, const d
   return "";
 }
 
-/// A simulated arm that follows a reference under computed torque with its own model and friction.
-sim::SimulationSettings replay_settings(const model::Robot& robot,
-                                        std::shared_ptr<const sim::Reference> reference, double duration) {
-  const int n = robot.num_joints();
-  sim::SimulationSettings settings;
-  settings.robot = robot;
-  settings.loads = sim::friction_of(robot);
-  settings.duration = duration;
-  settings.sample_rate = kSampleRate;
-  settings.log_rate = kLogRate;
-  settings.initial_position.resize(n);
-  VectorXd qd(n), qdd(n);
-  reference->evaluate(0.0, settings.initial_position, qd, qdd);
-  settings.initial_velocity = qd;
-  settings.reference = std::move(reference);
-  settings.controller = std::make_shared<ComputedTorque>(robot);
-  settings.sensors.encoder_quantum = VectorXd::Constant(n, 2e-5);
-  return settings;
-}
-
 }  // namespace
 
 std::shared_ptr<const sim::Reference> reference_of(const PiecewiseMotion& motion, int num_joints) {
@@ -104,7 +64,7 @@ std::shared_ptr<const sim::Reference> reference_of(const PiecewiseMotion& motion
 sim::SimulationResult replay(const model::Robot& robot, const data::Log& motion) {
   const double begin = motion.time[0], duration = motion.time[motion.num_samples() - 1] - begin;
   const auto reference = sim::make_sampled(motion.time.array() - begin, motion.q, motion.qd, motion.qdd);
-  return sim::simulate(replay_settings(robot, reference, duration));
+  return sim::simulate(sim::following(robot, reference, duration));
 }
 
 Rehearsal rehearse(const model::Robot& robot, const MotionLimits& limits, const PiecewiseMotion& motion) {
@@ -119,7 +79,7 @@ Rehearsal rehearse(const model::Robot& robot, const MotionLimits& limits, const 
   const LimitCheck in_motion(robot, allowed, kShareOfClearance);
 
   result.log =
-      sim::simulate(replay_settings(robot, reference_of(motion, robot.num_joints()), motion.duration())).log;
+      sim::simulate(sim::following(robot, reference_of(motion, robot.num_joints()), motion.duration())).log;
   const Samples moved{result.log.q, result.log.qd, result.log.qdd};
   result.tracking_error = (result.log.q - result.log.qref).cwiseAbs().maxCoeff();
   result.use = check.use_of(moved, result.log.tau);

@@ -16,29 +16,6 @@ using Eigen::VectorXd;
 
 std::string millimetres(double metres) { return page::number(1e3 * metres, 3) + " mm"; }
 
-std::vector<page::PlotSpec> joint_plots(const VectorXd& time, const MatrixXd& values, const VectorXd& lower,
-                                        const VectorXd& upper, const std::string& label) {
-  std::vector<page::PlotSpec> plots;
-  for (Index j = 0; j < values.cols(); ++j) {
-    page::PlotSpec spec;
-    spec.title = fmt::format("Joint {}", j + 1);
-    spec.x_label = "time [s]";
-    spec.y_label = label;
-    spec.series.push_back(page::line("motion", time, values.col(j)));
-    const Eigen::Vector2d ends(time[0], time[time.size() - 1]);
-    for (const double limit : {lower[j], upper[j]}) {
-      if (!std::isfinite(limit)) continue;
-      page::Series series =
-          page::line("limit", ends, Eigen::Vector2d::Constant(limit), page::Hue::kVermillion);
-      series.style = page::Style::kDashed;
-      if (spec.series.size() > 1) series.label.clear();  // one entry in the legend
-      spec.series.push_back(series);
-    }
-    plots.push_back(std::move(spec));
-  }
-  return plots;
-}
-
 /// One quantity over time with its limit, as designed and as simulated.
 void add_curve(const std::string& title, const std::string& label, const data::Log& log,
                const VectorXd& designed, const excite::Motion& motion, const VectorXd& simulated,
@@ -75,6 +52,29 @@ std::string floor_text(const excite::Motion& motion) {
 }
 
 }  // namespace
+
+std::vector<page::PlotSpec> joint_plots(const VectorXd& time, const MatrixXd& values, const VectorXd& lower,
+                                        const VectorXd& upper, const std::string& label) {
+  std::vector<page::PlotSpec> plots;
+  for (Index j = 0; j < values.cols(); ++j) {
+    page::PlotSpec spec;
+    spec.title = fmt::format("Joint {}", j + 1);
+    spec.x_label = "time [s]";
+    spec.y_label = label;
+    spec.series.push_back(page::line("motion", time, values.col(j)));
+    const Eigen::Vector2d ends(time[0], time[time.size() - 1]);
+    for (const double limit : {lower[j], upper[j]}) {
+      if (!std::isfinite(limit)) continue;
+      page::Series series =
+          page::line("limit", ends, Eigen::Vector2d::Constant(limit), page::Hue::kVermillion);
+      series.style = page::Style::kDashed;
+      if (spec.series.size() > 1) series.label.clear();  // one entry in the legend
+      spec.series.push_back(series);
+    }
+    plots.push_back(std::move(spec));
+  }
+  return plots;
+}
 
 nlohmann::ordered_json rows_of(const MatrixXd& values) {
   nlohmann::ordered_json array = nlohmann::ordered_json::array();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -13,6 +14,10 @@ namespace heft::report {
 
 nlohmann::ordered_json rows_of(const Eigen::MatrixXd& values);
 std::string percent_text(double share);
+/// A plot a joint of values over time with their limits; rows are times.
+std::vector<page::PlotSpec> joint_plots(const Eigen::VectorXd& time, const Eigen::MatrixXd& values,
+                                        const Eigen::VectorXd& lower, const Eigen::VectorXd& upper,
+                                        const std::string& label);
 
 /// Largest values a joint and their share of the limit.
 page::Table limit_table(const excite::Motion& motion);

@@ -128,7 +128,7 @@ TEST(Design, RefusesWhereThereIsNoSafeMotionAndNamesTheLimit) {
 
 TEST(Design, PayloadCountsInTheTorques) {
   const model::Robot robot = urdf::load_urdf(path_of("ur5e"));
-  const model::Robot loaded = with_payload(robot, {3.0, Vector3d(0.0, 0.0, 0.1)});
+  const model::Robot loaded = model::with_load(robot, {3.0, Vector3d(0.0, 0.0, 0.1)});
   // Stretched out level: the weight at its distance from the shoulder, on top of the bare arm's torque.
   const VectorXd level = VectorXd::Zero(6);
   const double more =

@@ -177,7 +177,8 @@ TEST_P(Golden, CommandsPrintAndWriteWhatTheyDid) {
   EXPECT_GT(run, 0) << "no command of chain " << GetParam();
 }
 
-INSTANTIATE_TEST_SUITE_P(Chains, Golden, testing::Values("fit", "load", "stiff", "motion", "whole", "drive", "help"),
+INSTANTIATE_TEST_SUITE_P(Chains, Golden,
+                         testing::Values("fit", "load", "stiff", "motion", "path", "whole", "drive", "help"),
                          [](const auto& chain) { return std::string(chain.param); });
 
 }  // namespace

@@ -39,18 +39,20 @@ const std::map<std::string, Rooms>& table() {
       {"stiffness", {"data", "host", "model", "statistics"}},
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim", "statistics"}},
+      {"retime", {"data", "host", "model", "sim"}},
       {"diagnose", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"track", {"core", "host", "model", "sim", "statistics", "validate"}},
       {"report",
        {"data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page", "payload",
-        "sim", "statistics", "stiffness", "track", "validate"}},
+        "retime", "sim", "statistics", "stiffness", "track", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/studies",
        {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
         "stiffness", "track", "urdf", "validate"}},
       {"tools/heft",
        {"data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page", "payload",
-        "plausibility", "report", "sim", "stiffness", "tools/studies", "track", "urdf", "validate"}}};
+        "plausibility", "report", "retime", "sim", "stiffness", "tools/studies", "track", "urdf",
+        "validate"}}};
   return rooms;
 }
 
@@ -134,8 +136,8 @@ TEST(Rooms, IncludeWhatTheTableSaysAndNothingElse) {
 
 // A question is answered without another one; all are judged by the same scorer. What is said of an answer is above.
 TEST(Rooms, OfQuestionsKnowNoOtherQuestion) {
-  const Rooms questions = {"collision", "diagnose",     "excite",    "identify", "monitor",
-                           "payload",   "plausibility", "stiffness", "track"};
+  const Rooms questions = {"collision", "diagnose",     "excite", "identify",  "monitor",
+                           "payload",   "plausibility", "retime", "stiffness", "track"};
   const std::map<std::string, Rooms> exceptions = {
       {"excite", {"collision"}}};  // motions that keep clear of the arm
   for (const auto& [room, needs] : table()) {

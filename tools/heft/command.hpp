@@ -37,6 +37,7 @@ Action set_up_torque_constants(CommandLine line);
 Action set_up_monitor(CommandLine line);
 Action set_up_export(CommandLine line);
 Action set_up_track(CommandLine line);
+Action set_up_retime(CommandLine line);
 Action set_up_stiffness(CommandLine line);
 Action set_up_reproduce(CommandLine line);
 Action set_up_demo(CommandLine line);

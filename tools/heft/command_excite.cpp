@@ -51,18 +51,6 @@ VectorXd vector_of(const std::vector<double>& values) {
   return Eigen::Map<const VectorXd>(values.data(), static_cast<Index>(values.size()));
 }
 
-excite::Payload payload_of(const std::vector<double>& values) {
-  excite::Payload payload;
-  if (values.empty()) return payload;
-  if (values.size() != 1 && values.size() != 4) {
-    throw UsageError(fmt::format(
-        "--payload: found {} numbers; expected MASS or MASS,X,Y,Z [kg, m in the tip frame]", values.size()));
-  }
-  payload.mass = values[0];
-  if (values.size() == 4) payload.com = {values[1], values[2], values[3]};
-  return payload;
-}
-
 /// The motion of logs already taken.
 std::vector<excite::Options::Given> given_of(const Options& options, const model::Robot& robot) {
   if (options.given.empty()) return {};
@@ -250,10 +238,7 @@ void add_arm_options(CommandLine line, Options& options) {
                   "present pose of the arm: a safe way from there to the motion and back is added")
       .type_name("Q,Q,...")
       .delimiter(',');
-  line.add_option("--payload", options.payload,
-                  "load on the flange, included in every torque [kg; m in the tip frame]")
-      .type_name("MASS[,X,Y,Z]")
-      .delimiter(',');
+  add_payload_option(line, options.payload);
   line.add_option("--speeds", options.friction.speeds, "--for friction: number of speeds of each joint")
       .type_name("N")
       .between(1, 50)

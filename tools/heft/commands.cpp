@@ -15,6 +15,8 @@ const std::vector<Command>& commands() {
        set_up_torque_constants},
       {"monitor", "find contacts in a log, as a controller would", set_up_monitor},
       {"track", "closed-loop tracking in the simulator, several controllers side by side", set_up_track},
+      {"retime", "the fastest motion along a path under limits of torque, velocity and acceleration",
+       set_up_retime},
       {"stiffness", "joint stiffness from loads and deflections, or from encoders", set_up_stiffness},
       {"export", "write a robot and a model as a constexpr C++ header for firmware", set_up_export},
       {"reproduce", "rebuild a publication's tables and figures", set_up_reproduce},

@@ -232,4 +232,23 @@ void add_output_option(CommandLine line, std::string& output, const std::string&
       .required(required);
 }
 
+void add_payload_option(CommandLine line, std::vector<double>& payload) {
+  line.add_option("--payload", payload,
+                  "load on the flange, included in every torque [kg; m in the tip frame]")
+      .type_name("MASS[,X,Y,Z]")
+      .delimiter(',');
+}
+
+model::PointLoad payload_of(const std::vector<double>& values) {
+  model::PointLoad payload;
+  if (values.empty()) return payload;
+  if (values.size() != 1 && values.size() != 4) {
+    throw UsageError(fmt::format(
+        "--payload: found {} numbers; expected MASS or MASS,X,Y,Z [kg, m in the tip frame]", values.size()));
+  }
+  payload.mass = values[0];
+  if (values.size() == 4) payload.com = {values[1], values[2], values[3]};
+  return payload;
+}
+
 }  // namespace heft::tools

@@ -16,6 +16,7 @@
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
+#include "heft/model/point_load.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/page/page.hpp"
 
@@ -104,5 +105,10 @@ void write_each(std::initializer_list<std::function<void()>> files);
 /// -o/--output, a file.
 void add_output_option(CommandLine line, std::string& output, const std::string& meaning,
                        bool required = true);
+
+/// --payload, a point mass at the flange.
+void add_payload_option(CommandLine line, std::vector<double>& payload);
+/// @throws UsageError for a number of values that is neither 0, 1 (the mass) nor 4 (with its place)
+model::PointLoad payload_of(const std::vector<double>& values);
 
 }  // namespace heft::tools

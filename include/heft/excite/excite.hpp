@@ -16,18 +16,13 @@
 #include "heft/excite/motion.hpp"
 #include "heft/excite/motion_limits.hpp"
 #include "heft/host/verdict.hpp"
+#include "heft/model/point_load.hpp"
 #include "heft/model/robot.hpp"
 
 namespace heft::excite {
 
 /// A load on the flange.
-struct Payload {
-  double mass{0.0};                              ///< [kg], ≥ 0
-  Eigen::Vector3d com{Eigen::Vector3d::Zero()};  ///< in the tip frame [m]
-};
-/// The robot with a load that is a point mass fixed to its tip.
-/// @throws ModelError for a mass that is negative or not finite
-model::Robot with_payload(model::Robot robot, const Payload& payload);
+using Payload = model::PointLoad;
 
 /// Purpose of a motion, and the pose of the arm before it. Limits are separate: limits_of, read_limits.
 struct Options {

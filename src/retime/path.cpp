@@ -1,0 +1,212 @@
+/// Paths: splines through waypoints and through what a log holds.
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "heft/host/error.hpp"
+#include "heft/retime/retime.hpp"
+
+namespace heft::retime {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Distance of two points of a log's path [rad, m]: at encoder steps of 1e-4 rad the spline's curvature errs by 1 rad/rad².
+constexpr double kSpacing = 0.02;
+/// Most points of a log's path; beyond, the spacing grows.
+constexpr Index kMostPoints = 1500;
+/// A log whose positions stay within this of one another stands still [rad, m].
+constexpr double kStandstill = 2.0 * kSpacing;
+/// A row further from the chord than this share of the spacing gets a point of its own: the tip of a reversal.
+constexpr double kCorner = 0.1;
+/// Positions may exceed a joint's range by rounding and encoder steps [rad, m].
+constexpr double kRangeTolerance = 1e-3;
+/// Places between two points at which a path is looked at.
+constexpr int kLooks = 16;
+
+/// Second derivatives at the points of a cubic spline, 0 at both ends (tridiagonal elimination).
+MatrixXd spline_curvature(const VectorXd& s, const MatrixXd& points) {
+  const Index last = s.size() - 1;
+  MatrixXd second = MatrixXd::Zero(points.rows(), points.cols());
+  VectorXd ratio = VectorXd::Zero(points.rows());
+  for (Index k = 1; k < last; ++k) {
+    const double before = s[k] - s[k - 1], after = s[k + 1] - s[k];
+    const double pivot = 2.0 * (before + after) - before * ratio[k - 1];
+    ratio[k] = after / pivot;
+    const auto bend =
+        6.0 * ((points.row(k + 1) - points.row(k)) / after - (points.row(k) - points.row(k - 1)) / before);
+    second.row(k) = (bend - before * second.row(k - 1)) / pivot;
+  }
+  for (Index k = last - 1; k >= 1; --k) second.row(k) -= ratio[k] * second.row(k + 1);
+  return second;
+}
+
+Path spline(MatrixXd points) {
+  Path path;
+  path.s = VectorXd::Zero(points.rows());
+  for (Index k = 1; k < points.rows(); ++k)
+    path.s[k] = path.s[k - 1] + (points.row(k) - points.row(k - 1)).norm();
+  path.curvature = spline_curvature(path.s, points);
+  path.points = std::move(points);
+  return path;
+}
+
+/// Of a point from the line between two others, at the foot of which `share` is left.
+double distance_from_chord(const VectorXd& point, const VectorXd& from, const VectorXd& to,
+                           double* share = nullptr) {
+  const VectorXd way = to - from;
+  const double along = std::clamp((point - from).dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
+  if (share != nullptr) *share = along;
+  return (point - from - along * way).norm();
+}
+
+void refuse_outside(const model::Robot& robot, const Path& path) {
+  VectorXd q, dq, ddq;
+  for (Index k = 0; k + 1 < path.s.size(); ++k) {
+    for (int look = 0; look <= kLooks; ++look) {
+      path.evaluate(path.s[k] + (path.s[k + 1] - path.s[k]) * look / kLooks, q, dq, ddq);
+      for (Index j = 0; j < q.size(); ++j) {
+        const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+        if (q[j] >= joint.lower - kRangeTolerance && q[j] <= joint.upper + kRangeTolerance) continue;
+        throw DataError(fmt::format(
+            "{}: joint {} ({}): the path through the points reaches {:.4g} between points {} and {}; expected {:.4g} to "
+            "{:.4g} [rad, m]; move these points or add one between them",
+            path.source, j + 1, joint.name, q[j], k + 1, k + 2, joint.lower, joint.upper));
+      }
+    }
+  }
+}
+
+/// Rows of a log that the path goes through.
+struct Picked {
+  std::vector<Index> rows;
+  double spacing{kSpacing};
+};
+
+/// First to last row in which the log moves.
+std::pair<Index, Index> moving_rows(const data::Log& log) {
+  constexpr double kLeft = 0.1 * kSpacing;
+  Index first = 0, last = log.num_samples() - 1;
+  while (first < last && (log.q.row(first + 1) - log.q.row(0)).norm() < kLeft) ++first;
+  while (last > first && (log.q.row(last - 1) - log.q.row(log.num_samples() - 1)).norm() < kLeft) --last;
+  return {first, last};
+}
+
+Picked pick_rows(const data::Log& log, Index first, Index last, double spacing) {
+  Picked picked{{first}, spacing};
+  const auto add = [&](Index to) {
+    const Index from = picked.rows.back();
+    Index corner = from;
+    double furthest = kCorner * spacing;
+    for (Index row = from + 1; row < to; ++row) {
+      const double distance = distance_from_chord(log.q.row(row), log.q.row(from), log.q.row(to));
+      if (distance > furthest) furthest = distance, corner = row;
+    }
+    if (corner != from) picked.rows.push_back(corner);
+    picked.rows.push_back(to);
+  };
+  for (Index row = first + 1; row < last; ++row) {
+    if ((log.q.row(row) - log.q.row(picked.rows.back())).norm() >= spacing) add(row);
+  }
+  // The last point is the log's; one just before it would bend the spline.
+  if (picked.rows.size() > 1 && (log.q.row(last) - log.q.row(picked.rows.back())).norm() < 0.5 * spacing)
+    picked.rows.pop_back();
+  if ((log.q.row(last) - log.q.row(picked.rows.back())).norm() > 0.0) add(last);
+  return picked;
+}
+
+/// Largest distance of the log's rows from the path.
+double deviation_of(const Path& path, const data::Log& log, const std::vector<Index>& rows) {
+  double largest = 0.0, share = 0.0;
+  VectorXd q, dq, ddq;
+  for (std::size_t k = 0; k + 1 < rows.size(); ++k) {
+    const auto at = static_cast<Index>(k);
+    for (Index row = rows[k] + 1; row < rows[k + 1]; ++row) {
+      const VectorXd point = log.q.row(row);
+      distance_from_chord(point, path.points.row(at), path.points.row(at + 1), &share);
+      path.evaluate(path.s[at] + share * (path.s[at + 1] - path.s[at]), q, dq, ddq);
+      largest = std::max(largest, (point - q).norm());
+    }
+  }
+  return largest;
+}
+
+void refuse_other_joints(const model::Robot& robot, const std::string& source, Index joints) {
+  if (joints == robot.num_joints()) return;
+  throw DataError(
+      fmt::format("{}: found {} joints; expected {} of robot \"{}\"; give positions of this robot", source,
+                  joints, robot.num_joints(), robot.name));
+}
+
+}  // namespace
+
+void Path::evaluate(double at, VectorXd& q, VectorXd& dq, VectorXd& ddq) const {
+  const auto next = std::upper_bound(s.begin(), s.end(), at);
+  const Index k = std::clamp<Index>(next - s.begin() - 1, 0, s.size() - 2);
+  const double h = s[k + 1] - s[k], b = std::clamp((at - s[k]) / h, 0.0, 1.0), a = 1.0 - b;
+  q = a * points.row(k) + b * points.row(k + 1) +
+      h * h / 6.0 * ((a * a * a - a) * curvature.row(k) + (b * b * b - b) * curvature.row(k + 1));
+  dq = (points.row(k + 1) - points.row(k)) / h +
+       h / 6.0 * ((1.0 - 3.0 * a * a) * curvature.row(k) + (3.0 * b * b - 1.0) * curvature.row(k + 1));
+  ddq = a * curvature.row(k) + b * curvature.row(k + 1);
+}
+
+Path through(const model::Robot& robot, const data::Log& waypoints) {
+  const std::string source = waypoints.path.empty() ? "waypoints" : waypoints.path;
+  refuse_other_joints(robot, source, waypoints.q.cols());
+  if (waypoints.num_samples() < 2) {
+    throw DataError(fmt::format("{}: found {} waypoint; expected two or more; add rows", source,
+                                waypoints.num_samples()));
+  }
+  for (Index k = 0; k + 1 < waypoints.q.rows(); ++k) {
+    // Below, the path's direction would be rounding.
+    if ((waypoints.q.row(k + 1) - waypoints.q.row(k)).norm() > 1e-6) continue;
+    throw DataError(fmt::format(
+        "{}: points {} and {} are the same; expected another position in each row, as a path has no time to wait; remove one",
+        source, k + 1, k + 2));
+  }
+  Path path = spline(waypoints.q);
+  path.source = source;
+  VectorXd q, dq, ddq;
+  for (Index k = 0; k + 1 < path.s.size(); ++k) {
+    for (int look = 1; look < kLooks; ++look) {
+      path.evaluate(path.s[k] + (path.s[k + 1] - path.s[k]) * look / kLooks, q, dq, ddq);
+      path.deviation =
+          std::max(path.deviation, distance_from_chord(q, path.points.row(k), path.points.row(k + 1)));
+    }
+  }
+  refuse_outside(robot, path);
+  return path;
+}
+
+Path along(const model::Robot& robot, const data::LogSource& log) {
+  std::vector<std::string> notes;
+  const data::Log rows = data::read(log, &notes);
+  refuse_other_joints(robot, log.path, rows.q.cols());
+  const VectorXd travel = rows.q.colwise().maxCoeff() - rows.q.colwise().minCoeff();
+  const auto [first, last] = moving_rows(rows);
+  Picked picked = pick_rows(rows, first, last, kSpacing);
+  while (static_cast<Index>(picked.rows.size()) > kMostPoints)
+    picked = pick_rows(rows, first, last, 2.0 * picked.spacing);
+  if (!(travel.maxCoeff() > kStandstill) || picked.rows.size() < 2) {
+    throw DataError(fmt::format(
+        "{}: no joint moves more than {} rad or m; expected a motion to take the path from; give a log in which the arm moves",
+        log.path, kStandstill));
+  }
+  MatrixXd points(static_cast<Index>(picked.rows.size()), rows.q.cols());
+  for (Index k = 0; k < points.rows(); ++k)
+    points.row(k) = rows.q.row(picked.rows[static_cast<std::size_t>(k)]);
+  Path path = spline(std::move(points));
+  path.source = log.path;
+  path.from_log = true;
+  path.duration = rows.time[last] - rows.time[first];
+  path.deviation = deviation_of(path, rows, picked.rows);
+  path.notes = std::move(notes);
+  refuse_outside(robot, path);
+  return path;
+}
+
+}  // namespace heft::retime
