@@ -28,7 +28,9 @@ page::Table limit_table(const Retiming& found) {
   page::Table table({"joint", "torque limit [N·m, N]", "used [%]", "velocity limit [rad/s, m/s]", "used [%]",
                      "acceleration limit [rad/s², m/s²]", "used [%]"});
   const auto limit = [](double value) { return std::isfinite(value) ? page::number(value, 4) : "–"; };
-  const auto used = [](double share, double of) { return std::isfinite(of) ? percent_text(share) : "–"; };
+  const auto used = [](double share, double of) {
+    return std::isfinite(of) ? fmt::format("{:.1f}", 100.0 * share) : "–";
+  };
   for (Index j = 0; j < found.torque.size(); ++j) {
     table.add_row({std::to_string(j + 1), limit(found.torque[j]), used(found.torque_use[j], found.torque[j]),
                    limit(found.velocity[j]), used(found.velocity_use[j], found.velocity[j]),
@@ -40,8 +42,8 @@ page::Table limit_table(const Retiming& found) {
 page::Table share_table(const Retiming& found) {
   page::Table table({"what decides", "of the time [%]"});
   for (const retime::Share& share : found.shares) {
-    table.add_row(
-        {fmt::format("{} of joint {}", to_string(share.limit), share.joint + 1), percent_text(share.share)});
+    table.add_row({fmt::format("{} of joint {}", to_string(share.limit), share.joint + 1),
+                   fmt::format("{:.1f}", 100.0 * share.share)});
   }
   return table;
 }

@@ -161,6 +161,12 @@ Path through(const model::Robot& robot, const data::Log& waypoints) {
     throw DataError(fmt::format("{}: found {} waypoint; expected two or more; add rows", source,
                                 waypoints.num_samples()));
   }
+  for (Index k = 0; k < waypoints.q.rows(); ++k) {
+    if (waypoints.q.row(k).allFinite()) continue;
+    throw DataError(
+        fmt::format("{}: point {}: found a position that is not finite; expected numbers [rad, m]; repair it",
+                    source, k + 1));
+  }
   for (Index k = 0; k + 1 < waypoints.q.rows(); ++k) {
     // Below, the path's direction would be rounding.
     if ((waypoints.q.row(k + 1) - waypoints.q.row(k)).norm() > 1e-6) continue;

@@ -248,8 +248,10 @@ void judge(const Options& options, double excess, Retiming& found) {
   } else if (!found.rehearsal->unable.empty()) {
     found.judgement.add(
         Verdict::kDoubtful,
-        fmt::format("This model could not be simulated, as one with physically impossible links cannot ({})",
-                    found.rehearsal->unable));
+        fmt::format(
+            "The motion could not be simulated: {}; where links are physically impossible, heft identify "
+            "--method physical fits a model that can be",
+            found.rehearsal->unable));
   } else if (!found.rehearsal->failure.empty()) {
     found.judgement.add(
         Verdict::kBad,

@@ -150,6 +150,7 @@ TEST(Retime, ReachesALimitAllTheTime) {
 TEST(Retime, ExceedsNoLimitOnTheSimulatedArm) {
   model::Robot robot = true_arm();
   robot.effects.push_back({joint_effect_kind("stribeck"), 1, {4.0, 0.15}});
+  robot.couplings.push_back({4, 5, 1.0, 0.15, 1.2, 0.8});
   robot.effects.push_back({joint_effect_kind("load_friction"), 2, {0.05}});
   Options options;
   options.load = {5.0, {0.0, 0.0, 0.05}};
@@ -162,6 +163,22 @@ TEST(Retime, ExceedsNoLimitOnTheSimulatedArm) {
   EXPECT_TRUE((found.velocity_use.array() <= 0.95).all());
   EXPECT_EQ(found.log.qd.row(found.log.qd.rows() - 1).norm(), 0.0);
   EXPECT_NEAR((found.log.q.row(found.log.q.rows() - 1) - pick_and_place().q.row(4)).norm(), 0.0, 1e-12);
+}
+
+// Where acceleration jumps by much, a controller that samples needs more torque than the margin: the plan leaves it.
+TEST(Retime, LeavesTheControllerWhatTheRehearsalShows) {
+  const model::Robot robot = turntable(0.05, 100.0, 20.0);
+  const Path path = through(robot, points({{0.0}, {2.0}}));
+  Options options;
+  options.margin_percent = 1.0;
+  const Retiming found = retime(robot, path, options);
+  ASSERT_TRUE(found.rehearsal);
+  EXPECT_EQ(found.rehearsal->failure, "");
+  EXPECT_GT(found.torque_margin[0], 0.011);
+  options.rehearse = false;
+  const Retiming bold = retime(robot, path, options);
+  EXPECT_LT(bold.duration(), found.duration());
+  EXPECT_EQ(bold.judgement.verdict, host::Verdict::kDoubtful);
 }
 
 // A model that is 20 % too heavy, with the reserve that such a model asks for, against the identified one.
@@ -325,7 +342,16 @@ TEST(Retime, RefusesPathsThatAreNone) {
                 through(robot, points({{0.1}, {0.2}, {0.2}}));
               }),
               HasSubstr("points 2 and 3 are the same"));
+  EXPECT_THAT(refusal<DataError>([&] {
+                through(robot, points({{0.1}, {kNaN}, {0.2}}));
+              }),
+              HasSubstr("point 2: found a position that is not finite"));
   EXPECT_THAT(refusal<DataError>([&] { through(ur5e(), points({{0.1}, {0.2}})); }), HasSubstr("expected 6"));
+  data::Log still = points({{0.1}, {0.101}, {0.1}});
+  const auto specs = robot.joint_specs();
+  const data::LogSet logs = data::log_set(specs, {}, {still});
+  EXPECT_THAT(refusal<DataError>([&] { along(robot, logs.judge().front()); }),
+              HasSubstr("no joint moves more than"));
   model::Robot narrow = robot;
   narrow.joints[0].upper = 0.15;
   EXPECT_THAT(refusal<DataError>([&] {

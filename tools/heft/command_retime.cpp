@@ -68,9 +68,9 @@ void add_limit_options(CommandLine line, Options& options) {
       .type_name("PERCENT")
       .from_to_below(0.0, 100.0)
       .capture_default_str();
-  line.add_option("--speed", options.retime.speed, "share of the velocity limits that is used, 0 to 1")
+  line.add_option("--speed", options.retime.speed, "share of the velocity limits that is used, 0.01 to 1")
       .type_name("SHARE")
-      .between(1e-3, 1.0)
+      .between(0.01, 1.0)
       .capture_default_str();
 }
 
