@@ -54,12 +54,10 @@ Path spline(MatrixXd points) {
   return path;
 }
 
-/// Of a point from the line between two others, at the foot of which `share` is left.
-double distance_from_chord(const VectorXd& point, const VectorXd& from, const VectorXd& to,
-                           double* share = nullptr) {
+/// Of a point from the line between two others.
+double distance_from_chord(const VectorXd& point, const VectorXd& from, const VectorXd& to) {
   const VectorXd way = to - from;
   const double along = std::clamp((point - from).dot(way) / std::max(way.squaredNorm(), 1e-300), 0.0, 1.0);
-  if (share != nullptr) *share = along;
   return (point - from - along * way).norm();
 }
 
@@ -105,7 +103,12 @@ Picked pick_rows(const data::Log& log, Index first, Index last, double spacing) 
       const double distance = distance_from_chord(log.q.row(row), log.q.row(from), log.q.row(to));
       if (distance > furthest) furthest = distance, corner = row;
     }
-    if (corner != from) picked.rows.push_back(corner);
+    if (corner != from) {
+      // Points of very different distances would bend the spline.
+      const bool close = (log.q.row(corner) - log.q.row(from)).norm() < 0.5 * spacing;
+      if (close && picked.rows.size() > 1) picked.rows.pop_back();
+      picked.rows.push_back(corner);
+    }
     picked.rows.push_back(to);
   };
   for (Index row = first + 1; row < last; ++row) {
@@ -118,17 +121,35 @@ Picked pick_rows(const data::Log& log, Index first, Index last, double spacing) 
   return picked;
 }
 
-/// Largest distance of the log's rows from the path.
+/// Smallest distance of a point from a line through the rows from `first` to `last`.
+double distance_from_rows(const VectorXd& point, const MatrixXd& rows, Index first, Index last) {
+  double nearest = (point - rows.row(first).transpose()).norm();
+  for (Index k = first; k < last; ++k)
+    nearest = std::min(nearest, distance_from_chord(point, rows.row(k), rows.row(k + 1)));
+  return nearest;
+}
+
+/// Largest distance between the path and the log's rows, from either side.
 double deviation_of(const Path& path, const data::Log& log, const std::vector<Index>& rows) {
-  double largest = 0.0, share = 0.0;
+  constexpr Index kSamples = 8;
+  const Index segments = path.s.size() - 1;
+  MatrixXd places(kSamples * segments + 1, log.q.cols());
   VectorXd q, dq, ddq;
-  for (std::size_t k = 0; k + 1 < rows.size(); ++k) {
-    const auto at = static_cast<Index>(k);
-    for (Index row = rows[k] + 1; row < rows[k + 1]; ++row) {
-      const VectorXd point = log.q.row(row);
-      distance_from_chord(point, path.points.row(at), path.points.row(at + 1), &share);
-      path.evaluate(path.s[at] + share * (path.s[at + 1] - path.s[at]), q, dq, ddq);
-      largest = std::max(largest, (point - q).norm());
+  for (Index i = 0; i < places.rows(); ++i) {
+    const Index k = std::min(i / kSamples, segments - 1);
+    const double share = static_cast<double>(i - kSamples * k) / kSamples;
+    path.evaluate(path.s[k] + share * (path.s[k + 1] - path.s[k]), q, dq, ddq);
+    places.row(i) = q;
+  }
+  double largest = 0.0;
+  for (Index k = 0; k < segments; ++k) {
+    const Index before = std::max<Index>(k - 1, 0), after = std::min(k + 2, segments);
+    const Index first = rows[static_cast<std::size_t>(before)], last = rows[static_cast<std::size_t>(after)];
+    for (Index i = kSamples * k; i < kSamples * (k + 1); ++i)
+      largest = std::max(largest, distance_from_rows(places.row(i), log.q, first, last));
+    for (Index row = rows[static_cast<std::size_t>(k)]; row < rows[static_cast<std::size_t>(k + 1)]; ++row) {
+      largest =
+          std::max(largest, distance_from_rows(log.q.row(row), places, kSamples * before, kSamples * after));
     }
   }
   return largest;

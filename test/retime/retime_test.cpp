@@ -144,6 +144,8 @@ TEST(Retime, ReachesALimitAllTheTime) {
   double reached = 0.0;
   for (const Stretch& stretch : found.active) reached += stretch.end - stretch.begin;
   EXPECT_GT(reached, 0.98 * found.duration());
+  // Limits hold at both ends of an interval, so that hardly anything is left to mend in between.
+  EXPECT_LT(found.lowered, 1e-4);
 }
 
 // The arm of the simulator has dynamics of its own.
@@ -313,6 +315,19 @@ TEST(Retime, KeepsThePathOfALogAndItsRestAtBothEnds) {
   EXPECT_EQ(found.judgement.verdict, host::Verdict::kGood);
   EXPECT_LT(found.duration(), 3.0);
   EXPECT_GT(found.saved(), 0.6);
+}
+
+// The tip of a swing lies between the points that the spacing picks.
+TEST(Retime, KeepsTheTipsOfASwing) {
+  const model::Robot robot = turntable(1.0, 10.0, 3.0);
+  for (int trial = 0; trial < 7; ++trial) {
+    data::Log log;
+    log.time = Eigen::VectorXd::LinSpaced(801, 0.0, 8.0);
+    log.q = (1.0 + 0.003 * trial) * (log.time.array() * std::numbers::pi / 4.0).sin();
+    const auto specs = robot.joint_specs();
+    const data::LogSet logs = data::log_set(specs, {}, {log});
+    EXPECT_LT(along(robot, logs.judge().front()).deviation, 3e-3) << "trial " << trial;
+  }
 }
 
 template <typename Error>
