@@ -19,7 +19,7 @@ using retime::Retiming;
 
 std::string path_in_words(const Retiming& found) {
   const retime::Path& path = found.path;
-  return fmt::format("{} points, {:.4g} rad (m) long, within {:.2g} rad (m) of {}", path.s.size(),
+  return fmt::format("{} points, {:.4g} rad (m) long, within {:.4f} rad (m) of {}", path.s.size(),
                      path.length(), path.deviation,
                      path.from_log ? "the log's positions" : "straight lines from point to point");
 }
