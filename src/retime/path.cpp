@@ -84,12 +84,15 @@ struct Picked {
   double spacing{kSpacing};
 };
 
-/// First to last row in which the log moves.
+/// First to last row of the motion: standstill at the ends of a log is left out where it is more than a slow start or stop.
 std::pair<Index, Index> moving_rows(const data::Log& log) {
-  constexpr double kLeft = 0.1 * kSpacing;
-  Index first = 0, last = log.num_samples() - 1;
+  constexpr double kLeft = 0.1 * kSpacing, kStart = 0.5;  // [rad, m], [s]
+  const Index end = log.num_samples() - 1;
+  Index first = 0, last = end;
   while (first < last && (log.q.row(first + 1) - log.q.row(0)).norm() < kLeft) ++first;
-  while (last > first && (log.q.row(last - 1) - log.q.row(log.num_samples() - 1)).norm() < kLeft) --last;
+  while (last > first && (log.q.row(last - 1) - log.q.row(end)).norm() < kLeft) --last;
+  if (log.time[first] - log.time[0] < kStart) first = 0;
+  if (log.time[end] - log.time[last] < kStart) last = end;
   return {first, last};
 }
 
@@ -223,6 +226,9 @@ Path along(const model::Robot& robot, const data::LogSource& log) {
         "{}: no joint moves more than {} rad or m; expected a motion to take the path from; give a log in which the arm moves",
         log.path, kStandstill));
   }
+  // The standstill that was left out began and ended there.
+  picked.rows.front() = 0;
+  picked.rows.back() = rows.num_samples() - 1;
   MatrixXd points(static_cast<Index>(picked.rows.size()), rows.q.cols());
   for (Index k = 0; k < points.rows(); ++k)
     points.row(k) = rows.q.row(picked.rows[static_cast<std::size_t>(k)]);

@@ -21,6 +21,8 @@ using Eigen::VectorXd;
 /// A limit of which this share is used decides how fast the motion is; tangents and lowered limits leave less.
 constexpr double kActive = 0.995;
 constexpr double kMostRows = 2e6;
+/// Of the controller in the rehearsal [s].
+constexpr double kSampleTime = 1e-3;
 /// Plans beyond the first, each with the margins that the rehearsal before showed to be needed.
 constexpr int kMostPlans = 8;
 
@@ -130,20 +132,25 @@ void motion_at(const Path& path, const Profile& profile, double t, VectorXd& q, 
   qdd = dq * acceleration + ddq * rate * rate;
 }
 
+/// What a controller that samples and knows the motion ahead is given: the acceleration that brings the velocity to that of the
+/// next sample.
 class PathReference final : public sim::Reference {
  public:
-  explicit PathReference(const Retiming& found) : path_(found.path), profile_(found.profile) {}
+  PathReference(const Retiming& found, double sample_time)
+      : path_(found.path), profile_(found.profile), ahead_(sample_time) {}
   int num_joints() const override { return static_cast<int>(path_.points.cols()); }
   void evaluate(double t, Eigen::Ref<VectorXd> q, Eigen::Ref<VectorXd> qd,
                 Eigen::Ref<VectorXd> qdd) const override {
-    VectorXd a, v, d;
+    VectorXd a, v, d, next;
+    motion_at(path_, profile_, t + ahead_, a, next, d);
     motion_at(path_, profile_, t, a, v, d);
-    q = a, qd = v, qdd = d;
+    q = a, qd = v, qdd = (next - v) / ahead_;
   }
 
  private:
   Path path_;
   Profile profile_;
+  double ahead_;
 };
 
 data::Log log_of(const Retiming& found, double rate) {
@@ -186,10 +193,12 @@ Rehearsal rehearse(const Retiming& found) {
   Rehearsal result;
   // What stays of the motion behind its end shows in the last samples.
   constexpr double kAfter = 0.1;
-  sim::SimulationSettings settings =
-      sim::following(found.robot, std::make_shared<PathReference>(found), found.duration() + kAfter);
-  settings.sample_rate = 1000.0;  // of a fast controller: acceleration jumps where the limit changes
-  settings.log_rate = 0.0;        // every sample
+  sim::SimulationSettings settings = sim::following(
+      found.robot, std::make_shared<PathReference>(found, kSampleTime), found.duration() + kAfter);
+  settings.sample_rate = 1.0 / kSampleTime;
+  settings.log_rate = 0.0;  // every sample
+  // The plan is judged, not an encoder: noise is what the margin is for.
+  settings.sensors = {};
   try {
     result.log = sim::simulate(settings).log;
   } catch (const sim::SimulationError& error) {
@@ -230,7 +239,7 @@ double plan_once(const model::Dynamics& dynamics, const Options& options, Retimi
 
 /// Raises the margins of joints that exceeded their limits by what they exceeded them.
 void leave_more(const VectorXd& reached, const VectorXd& limit, VectorXd& margin) {
-  constexpr double kAndALittle = 0.005;
+  constexpr double kAndALittle = 2e-4;
   for (Index j = 0; j < reached.size(); ++j) {
     if (reached[j] > limit[j]) margin[j] = 1.0 - (1.0 - margin[j]) * (limit[j] / reached[j] - kAndALittle);
   }

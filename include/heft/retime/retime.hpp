@@ -32,7 +32,7 @@ struct Path {
   Eigen::VectorXd s;          ///< of the points, increasing from 0, k
   Eigen::MatrixXd points;     ///< k × n [rad, m]
   Eigen::MatrixXd curvature;  ///< d²q/ds² at the points, k × n
-  /// The log's time from where it leaves its first position to where it reaches its last one [s]; NaN: not from a log.
+  /// The log's time, without standstill of more than half a second at its ends [s]; NaN: not from a log.
   double duration{kNaN};
   /// Largest distance between the path and the log's rows, or between the path and straight lines from waypoint to waypoint
   /// [rad, m].
@@ -107,7 +107,8 @@ struct Profile {
   void evaluate(double t, double& at, double& rate, double& acceleration) const;
 };
 
-/// The motion on the simulated arm under computed torque with the same model.
+/// The motion on the simulated arm under computed torque with the same model: 1000 samples a second, exact sensors, each sample
+/// given the acceleration that leads to the next.
 struct Rehearsal {
   Eigen::VectorXd torque, velocity;  ///< largest, n [N·m, N; rad/s, m/s]
   double tracking_error{0.0};        ///< largest distance from the reference [rad, m]
