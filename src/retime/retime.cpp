@@ -20,6 +20,8 @@ using Eigen::VectorXd;
 
 /// A limit of which this share is used decides how fast the motion is; tangents and lowered limits leave less.
 constexpr double kActive = 0.995;
+/// From the reference [rad, m]: what else is near the path may be hit; of a rigid arm with sharp friction a tenth is seen.
+constexpr double kFarOff = 0.02;
 constexpr double kMostRows = 2e6;
 /// Of the controller in the rehearsal [s].
 constexpr double kSampleTime = 1e-3;
@@ -266,6 +268,11 @@ void judge(const Options& options, double excess, Retiming& found) {
         Verdict::kBad,
         fmt::format("The simulated arm exceeds a limit: {}; a larger margin leaves the controller more",
                     found.rehearsal->failure));
+  }
+  if (found.rehearsal && found.rehearsal->tracking_error > kFarOff) {
+    found.judgement.add(Verdict::kDoubtful,
+                        fmt::format("The simulated arm is up to {:.2g} rad (m) off the reference",
+                                    found.rehearsal->tracking_error));
   }
   if (options.behind_gears) {
     found.judgement.add(

@@ -184,6 +184,17 @@ TEST(Retime, LeavesTheControllerWhatTheRehearsalShows) {
   EXPECT_EQ(bold.judgement.verdict, host::Verdict::kDoubtful);
 }
 
+// A spring between motor and link lets the link swing when acceleration jumps.
+TEST(Retime, DoubtsAMotionThatTheArmDoesNotFollow) {
+  model::Robot robot = turntable(0.5, 100.0, 20.0);
+  robot.elasticities.push_back({0, 300.0, 1.0, 0.1});
+  const Retiming found = retime(robot, through(robot, points({{0.0}, {2.0}})));
+  ASSERT_TRUE(found.rehearsal);
+  EXPECT_GT(found.rehearsal->tracking_error, 0.02);
+  EXPECT_FALSE(found.judgement.verdict == host::Verdict::kGood);
+  EXPECT_EQ(found.notes.size(), 1U);
+}
+
 // A model that is 20 % too heavy, with the reserve that such a model asks for, against the identified one.
 TEST(Retime, TheIdentifiedModelSavesATenthOfAConservativeOne) {
   const model::Robot robot = true_arm();
@@ -291,6 +302,26 @@ TEST(Retime, IsAsFastAsTheBestOfAGridOfSpeeds) {
   const double on_grid = shortest_on_grid(robot, path, found.torque, found, 240);
   EXPECT_LT(found.duration(), on_grid * 1.002);
   EXPECT_GT(found.duration(), on_grid * 0.93);
+}
+
+TEST(Retime, PathsGoThroughTheirPointsAndBendContinuously) {
+  const data::Log log = pick_and_place();
+  const Path path = through(ur5e(), log);
+  Eigen::VectorXd q, dq, ddq, before, slope, bend, after;
+  for (Eigen::Index k = 0; k < path.s.size(); ++k) {
+    path.evaluate(path.s[k], q, dq, ddq);
+    EXPECT_LT((q - log.q.row(k).transpose()).norm(), 1e-12);
+  }
+  constexpr double kStep = 1e-5;
+  for (double s = kStep; s < path.length() - kStep; s += 0.0137) {
+    path.evaluate(s, q, dq, ddq);
+    path.evaluate(s - kStep, before, slope, bend);
+    path.evaluate(s + kStep, after, slope, bend);
+    EXPECT_LT(((after - before) / (2.0 * kStep) - dq).norm(), 1e-7) << s;
+    EXPECT_LT((bend - ddq).norm(), 1e-2) << s;
+    path.evaluate(s - kStep, before, bend, after);
+    EXPECT_LT(((slope - bend) / (2.0 * kStep) - ddq).norm(), 1e-3) << s;
+  }
 }
 
 TEST(Retime, KeepsThePathOfALogAndItsRestAtBothEnds) {
