@@ -61,6 +61,44 @@ double distance_from_chord(const VectorXd& point, const VectorXd& from, const Ve
   return (point - from - along * way).norm();
 }
 
+/// Smallest distance of a point from a line through the rows from `first` to `last`.
+double distance_from_rows(const VectorXd& point, const MatrixXd& rows, Index first, Index last) {
+  double nearest = (point - rows.row(first).transpose()).norm();
+  for (Index k = first; k < last; ++k)
+    nearest = std::min(nearest, distance_from_chord(point, rows.row(k), rows.row(k + 1)));
+  return nearest;
+}
+
+/// Straight lines between the rows, each corner cut by a parabola from `rounding` before it to `rounding` behind it, as points so
+/// close that a spline through them stays there.
+MatrixXd rounded(const MatrixXd& corners, double rounding) {
+  constexpr int kOnCorner = 16, kMostOnLine = 200;
+  std::vector<VectorXd> points{corners.row(0)};
+  const auto line_to = [&](const VectorXd& to) {
+    const VectorXd from = points.back();
+    const double way = (to - from).norm();
+    if (way < 1e-9) return;
+    const int count = std::clamp(static_cast<int>(std::ceil(8.0 * way / rounding)), 1, kMostOnLine);
+    for (int i = 1; i <= count; ++i) points.emplace_back(from + (to - from) * i / count);
+  };
+  for (Index k = 1; k + 1 < corners.rows(); ++k) {
+    const VectorXd corner = corners.row(k), in = corner - corners.row(k - 1).transpose(),
+                   out = corners.row(k + 1).transpose() - corner;
+    const double reach = std::min({rounding, 0.5 * in.norm(), 0.5 * out.norm()});
+    const VectorXd begin = corner - in.normalized() * reach, end = corner + out.normalized() * reach;
+    line_to(begin);
+    for (int i = 1; i <= kOnCorner; ++i) {
+      const double b = static_cast<double>(i) / kOnCorner, a = 1.0 - b;
+      const VectorXd point = a * a * begin + 2.0 * a * b * corner + b * b * end;
+      if ((point - points.back()).norm() > 1e-9) points.push_back(point);
+    }
+  }
+  line_to(corners.row(corners.rows() - 1));
+  MatrixXd all(static_cast<Index>(points.size()), corners.cols());
+  for (Index k = 0; k < all.rows(); ++k) all.row(k) = points[static_cast<std::size_t>(k)];
+  return all;
+}
+
 void refuse_outside(const model::Robot& robot, const Path& path) {
   VectorXd q, dq, ddq;
   for (Index k = 0; k + 1 < path.s.size(); ++k) {
@@ -71,7 +109,7 @@ void refuse_outside(const model::Robot& robot, const Path& path) {
         if (q[j] >= joint.lower - kRangeTolerance && q[j] <= joint.upper + kRangeTolerance) continue;
         throw DataError(fmt::format(
             "{}: joint {} ({}): the path through the points reaches {:.4g} between points {} and {}; expected {:.4g} to "
-            "{:.4g} [rad, m]; move these points or add one between them",
+            "{:.4g} [rad, m]; move these points, add one between them, or take straight lines with rounded corners (--rounding)",
             path.source, j + 1, joint.name, q[j], k + 1, k + 2, joint.lower, joint.upper));
       }
     }
@@ -124,14 +162,6 @@ Picked pick_rows(const data::Log& log, Index first, Index last, double spacing) 
   return picked;
 }
 
-/// Smallest distance of a point from a line through the rows from `first` to `last`.
-double distance_from_rows(const VectorXd& point, const MatrixXd& rows, Index first, Index last) {
-  double nearest = (point - rows.row(first).transpose()).norm();
-  for (Index k = first; k < last; ++k)
-    nearest = std::min(nearest, distance_from_chord(point, rows.row(k), rows.row(k + 1)));
-  return nearest;
-}
-
 /// Largest distance between the path and the log's rows, from either side.
 double deviation_of(const Path& path, const data::Log& log, const std::vector<Index>& rows) {
   constexpr Index kSamples = 8;
@@ -178,7 +208,7 @@ void Path::evaluate(double at, VectorXd& q, VectorXd& dq, VectorXd& ddq) const {
   ddq = a * curvature.row(k) + b * curvature.row(k + 1);
 }
 
-Path through(const model::Robot& robot, const data::Log& waypoints) {
+Path through(const model::Robot& robot, const data::Log& waypoints, double rounding) {
   const std::string source = waypoints.path.empty() ? "waypoints" : waypoints.path;
   refuse_other_joints(robot, source, waypoints.q.cols());
   if (waypoints.num_samples() < 2) {
@@ -198,14 +228,17 @@ Path through(const model::Robot& robot, const data::Log& waypoints) {
         "{}: points {} and {} are the same; expected another position in each row, as a path has no time to wait; remove one",
         source, k + 1, k + 2));
   }
-  Path path = spline(waypoints.q);
+  if (!(rounding >= 0.0) || !std::isfinite(rounding)) {
+    throw DataError(fmt::format("rounding: found {}; expected a distance of at least 0 [rad, m]", rounding));
+  }
+  Path path = spline(rounding > 0.0 ? rounded(waypoints.q, rounding) : waypoints.q);
   path.source = source;
   VectorXd q, dq, ddq;
   for (Index k = 0; k + 1 < path.s.size(); ++k) {
     for (int look = 1; look < kLooks; ++look) {
       path.evaluate(path.s[k] + (path.s[k + 1] - path.s[k]) * look / kLooks, q, dq, ddq);
       path.deviation =
-          std::max(path.deviation, distance_from_chord(q, path.points.row(k), path.points.row(k + 1)));
+          std::max(path.deviation, distance_from_rows(q, waypoints.q, 0, waypoints.q.rows() - 1));
     }
   }
   refuse_outside(robot, path);

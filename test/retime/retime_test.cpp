@@ -54,6 +54,16 @@ Options exact() {
   return options;
 }
 
+template <typename Error>
+std::string refusal(const std::function<void()>& what) {
+  try {
+    what();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "nothing was refused";
+}
+
 /// A UR5e takes something up, lifts it over and puts it down.
 data::Log pick_and_place() {
   return points({{-0.9, -1.1, 1.9, -2.37, -1.57, -0.9},
@@ -351,6 +361,21 @@ TEST(Retime, KeepsThePathOfALogAndItsRestAtBothEnds) {
   EXPECT_GT(found.saved(), 0.6);
 }
 
+TEST(Retime, RoundsCornersOfStraightLines) {
+  model::Robot robot = ur5e();
+  robot.joints[1].upper = -0.95;
+  data::Log log = pick_and_place();
+  log.q.col(1) << -1.6, -1.0, -1.0, -1.0, -1.6;
+  // The spline leaves the range; straight lines with rounded corners do not.
+  EXPECT_THAT(refusal<DataError>([&] { through(robot, log); }), HasSubstr("joint 2"));
+  const Path path = through(robot, log, 0.1);
+  EXPECT_GT(path.deviation, 1e-3);
+  EXPECT_LT(path.deviation, 0.05);
+  EXPECT_LT((path.points.bottomRows(1) - log.q.bottomRows(1)).norm(), 1e-12);
+  const Retiming found = retime(robot, path);
+  EXPECT_EQ(found.judgement.verdict, host::Verdict::kGood);
+}
+
 // The tip of a swing lies between the points that the spacing picks.
 TEST(Retime, KeepsTheTipsOfASwing) {
   const model::Robot robot = turntable(1.0, 10.0, 3.0);
@@ -362,16 +387,6 @@ TEST(Retime, KeepsTheTipsOfASwing) {
     const data::LogSet logs = data::log_set(specs, {}, {log});
     EXPECT_LT(along(robot, logs.judge().front()).deviation, 3e-3) << "trial " << trial;
   }
-}
-
-template <typename Error>
-std::string refusal(const std::function<void()>& what) {
-  try {
-    what();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was refused";
 }
 
 TEST(Retime, NamesTheJointAndThePlaceThatCannotBeHeld) {

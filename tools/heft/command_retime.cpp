@@ -19,6 +19,7 @@ struct Options {
   RobotOptions robot;
   std::string log, waypoints, output;
   std::vector<double> payload;
+  double rounding{0.0};
   bool no_rehearsal{false};
   retime::Options retime;
   ResultOptions result;
@@ -29,7 +30,7 @@ retime::Path path_of(const Options& options, const model::Robot& robot) {
     data::LogRequirements needs;
     needs.num_joints = robot.num_joints();
     needs.robot_name = robot.name;
-    return retime::through(robot, data::read_log(options.waypoints, needs));
+    return retime::through(robot, data::read_log(options.waypoints, needs), options.rounding);
   }
   LogOptions log;
   log.logs = {options.log};
@@ -86,6 +87,12 @@ Action set_up_retime(CommandLine line) {
                   "points that the path goes through, as a log: a row a point; `time` only numbers them")
       .type_name("POINTS.csv")
       .names_file(FileUse::kInput);
+  line.add_option(
+          "--rounding", options->rounding,
+          "straight lines between the points of --waypoints, corners cut from so far before a point to so far behind "
+          "it [rad, m] (default: a smooth curve through the points)")
+      .type_name("R")
+      .positive();
   add_payload_option(line, options->payload);
   add_limit_options(line, *options);
   line.add_option("--rate", options->retime.rate, "rows a second of the output [Hz]")
@@ -101,6 +108,8 @@ Action set_up_retime(CommandLine line) {
   line.parse_complete_callback([options] {
     if (options->log.empty() == options->waypoints.empty())
       throw UsageError("give either --log LOG.csv or --waypoints POINTS.csv: the path to take");
+    if (options->rounding > 0.0 && options->waypoints.empty())
+      throw UsageError("--rounding is for --waypoints only; leave it out");
   });
   line.footer(
       "The path is kept and its time is chosen anew, from rest to rest: at every place as fast as torque (with friction,\n"

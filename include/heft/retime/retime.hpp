@@ -48,9 +48,11 @@ struct Path {
 
 /// The path through waypoints.
 /// @param waypoints  a row a point; its time is not used
-/// @throws DataError for fewer than two points, two equal points in a row, another number of joints, or a path that leaves a
-///         joint's range
-Path through(const model::Robot& robot, const data::Log& waypoints);
+/// @param rounding   0: a spline through the points; above: straight lines between the points, their corners cut from so far
+///                   before a point to so far behind it, at most to the middle of a line [rad, m]
+/// @throws DataError for fewer than two points, two equal points in a row, another number of joints, a rounding below 0, or a
+///         path that leaves a joint's range
+Path through(const model::Robot& robot, const data::Log& waypoints, double rounding = 0.0);
 
 /// The path that a logged motion took: points at least 0.02 rad (m) apart, so that noise of the encoders does not count;
 /// standstill is left out.
