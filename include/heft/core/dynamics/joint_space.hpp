@@ -144,6 +144,61 @@ inline void mass_matrix(const DynamicArm<Scalar, N>& arm,
   }
 }
 
+/// Cholesky factor L of M + diag(extra), written out: bounded, no allocation, and a negative pivot is an answer.
+template <typename Scalar, int N>
+class MassFactor {
+ public:
+  /// @param mass   symmetric; its lower triangle is read
+  /// @param extra  added to the diagonal, n: rotor inertias
+  /// @return kNotPositiveDefinite: the factor before is gone, too
+  Status factor(const MassMatrix<Scalar, N>& mass, const JointVector<Scalar, N>& extra) noexcept {
+    L_ = mass;
+    for (int j = 0; j < N; ++j) {
+      Scalar d = L_(j, j) + extra[j];
+      for (int k = 0; k < j; ++k) {
+        d -= L_(j, k) * L_(j, k);
+      }
+      if (!(d > Scalar(0))) {
+        return Status::kNotPositiveDefinite;
+      }
+      using std::sqrt;
+      const Scalar root = sqrt(d);
+      L_(j, j) = root;
+      for (int i = j + 1; i < N; ++i) {
+        Scalar s = L_(i, j);
+        for (int k = 0; k < j; ++k) {
+          s -= L_(i, k) * L_(j, k);
+        }
+        L_(i, j) = s / root;
+      }
+    }
+    return Status::kOk;
+  }
+
+  /// The accelerations that a torque gives. Only after factor() has returned kOk. Cost n² multiplications, 2 n divisions.
+  JointVector<Scalar, N> solve(const JointVector<Scalar, N>& torque) const noexcept {
+    JointVector<Scalar, N> x;
+    for (int i = 0; i < N; ++i) {
+      Scalar s = torque[i];
+      for (int k = 0; k < i; ++k) {
+        s -= L_(i, k) * x[k];
+      }
+      x[i] = s / L_(i, i);
+    }
+    for (int i = N - 1; i >= 0; --i) {
+      Scalar s = x[i];
+      for (int k = i + 1; k < N; ++k) {
+        s -= L_(k, i) * x[k];
+      }
+      x[i] = s / L_(i, i);
+    }
+    return x;
+  }
+
+ private:
+  MassMatrix<Scalar, N> L_ = MassMatrix<Scalar, N>::Identity();
+};
+
 /// Accelerations from torques: solves (M + diag(rotor)) q̈ = τ − bias by Cholesky.
 ///
 /// @param mass   mass matrix at this q
@@ -155,43 +210,11 @@ template <typename Scalar, int N>
 inline Status forward_dynamics(const MassMatrix<Scalar, N>& mass, const JointVector<Scalar, N>& bias,
                                const JointVector<Scalar, N>& rotor, const JointVector<Scalar, N>& tau,
                                JointVector<Scalar, N>& qdd) noexcept {
-  // Cholesky written out: bounded, no allocation, and a negative pivot is an answer.
-  MassMatrix<Scalar, N> L = mass;
-  for (int j = 0; j < N; ++j) {
-    Scalar d = L(j, j) + rotor[j];
-    for (int k = 0; k < j; ++k) {
-      d -= L(j, k) * L(j, k);
-    }
-    if (!(d > Scalar(0))) {
-      return Status::kNotPositiveDefinite;
-    }
-    using std::sqrt;
-    const Scalar root = sqrt(d);
-    L(j, j) = root;
-    for (int i = j + 1; i < N; ++i) {
-      Scalar s = L(i, j);
-      for (int k = 0; k < j; ++k) {
-        s -= L(i, k) * L(j, k);
-      }
-      L(i, j) = s / root;
-    }
+  MassFactor<Scalar, N> factor;
+  if (const Status status = factor.factor(mass, rotor); status != Status::kOk) {
+    return status;
   }
-  JointVector<Scalar, N> x;
-  for (int i = 0; i < N; ++i) {
-    Scalar s = tau[i] - bias[i];
-    for (int k = 0; k < i; ++k) {
-      s -= L(i, k) * x[k];
-    }
-    x[i] = s / L(i, i);
-  }
-  for (int i = N - 1; i >= 0; --i) {
-    Scalar s = x[i];
-    for (int k = i + 1; k < N; ++k) {
-      s -= L(k, i) * x[k];
-    }
-    x[i] = s / L(i, i);
-  }
-  qdd = x;
+  qdd = factor.solve(tau - bias);
   return Status::kOk;
 }
 

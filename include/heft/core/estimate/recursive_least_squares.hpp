@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <type_traits>
 
+#include "heft/core/estimate/detail/ud_factors.hpp"
 #include "heft/core/estimate/innovation_gate.hpp"
 #include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
@@ -85,11 +85,8 @@ class RecursiveLeastSquares {
     }
     config_ = config;
     x_ = prior;
-    d_ = variance;
+    covariance_.set_diagonal(variance);
     ceiling_ = variance;
-    for (Row& row : u_) {
-      row.fill(Scalar(0));
-    }
     leak_noise_ = power < Scalar(1) ? power / (Scalar(1) - power) : Scalar(1);
     leak_ = 0;
     informed_ = false;
@@ -129,17 +126,12 @@ class RecursiveLeastSquares {
     }
 
     // f = Uᵀ wᵀ, g = D f, variance = wᵀ P w.
-    Row f = w;
-    for (std::size_t j = 1; j < kSize; ++j) {
-      for (std::size_t i = 0; i < j; ++i) {
-        f[j] += u_[i][j] * w[i];
-      }
-    }
+    const Row f = covariance_.times_upper(w);
     Row g{};
     Scalar information = Scalar(0);
     Scalar innovation = y;
     for (std::size_t j = 0; j < kSize; ++j) {
-      g[j] = d_[j] * f[j];
+      g[j] = covariance_.pivot(j) * f[j];
       information += f[j] * g[j];
       innovation -= w[j] * x_[j];
     }
@@ -160,7 +152,7 @@ class RecursiveLeastSquares {
       }
     }
 
-    const Row gain = reduce(f, g, noise);
+    const Row gain = covariance_.reduce(f, g, noise, ceiling_);
     for (std::size_t j = 0; j < kSize; ++j) {
       x_[j] += gain[j] * innovation;
     }
@@ -176,27 +168,14 @@ class RecursiveLeastSquares {
       return;
     }
     informed_ = false;
-    const Scalar inverse = Scalar(1) / config_.forgetting_factor;
-    for (Scalar& d : d_) {
-      d = d * inverse;
-    }
+    covariance_.scale(Scalar(1) / config_.forgetting_factor);
     leak();
   }
 
   const Row& solution() const noexcept { return x_; }
 
   /// Variance of w x for a row w: wᵀ P w.
-  Scalar variance(const Row& w) const noexcept {
-    Scalar sum = Scalar(0);
-    for (std::size_t j = 0; j < kSize; ++j) {
-      Scalar f = w[j];
-      for (std::size_t i = 0; i < j; ++i) {
-        f += u_[i][j] * w[i];
-      }
-      sum += f * f * d_[j];
-    }
-    return sum;
-  }
+  Scalar variance(const Row& w) const noexcept { return covariance_.variance(w); }
 
   /// Variance of parameter i. Scale it by the residual variance over the noise variance where the latter was a guess.
   Scalar variance(int i) const noexcept {
@@ -207,13 +186,7 @@ class RecursiveLeastSquares {
 
   /// Entry (i, j) of P = U D Uᵀ.
   Scalar covariance(int i, int j) const noexcept {
-    const std::size_t low = static_cast<std::size_t>(i < j ? i : j);
-    const std::size_t high = static_cast<std::size_t>(i < j ? j : i);
-    Scalar sum = (low == high ? Scalar(1) : u_[low][high]) * d_[high];
-    for (std::size_t k = high + 1; k < kSize; ++k) {
-      sum += u_[low][k] * d_[k] * u_[high][k];
-    }
-    return sum;
+    return covariance_.covariance(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
   }
 
   /// Rows used so far.
@@ -238,45 +211,13 @@ class RecursiveLeastSquares {
       }
     }
     if (allowed > Scalar(1)) {
-      for (Scalar& d : d_) {
-        d = d * allowed;
-      }
+      covariance_.scale(allowed);
     }
     return Status::kOk;
   }
 
  private:
   static constexpr std::size_t kSize = static_cast<std::size_t>(P);
-  /// Smallest entry of D, as a share of its initial value; a standard deviation of 1e-10 (float), 1e-30.
-  static constexpr double kSmallestShare = std::is_same_v<Scalar, float> ? 1e-20 : 1e-60;
-
-  // Bierman's update of U and D, column by column. f = Uᵀ wᵀ, g = D f. Returns the gain P wᵀ / (w P wᵀ + noise).
-  Row reduce(const Row& f, const Row& g, const Scalar& noise) noexcept {
-    Row b{};
-    Scalar alpha = noise;
-    Scalar inverse = Scalar(1) / alpha;
-    for (std::size_t j = 0; j < kSize; ++j) {
-      const Scalar previous = alpha;
-      const Scalar previous_inverse = inverse;
-      alpha += f[j] * g[j];
-      inverse = Scalar(1) / alpha;
-      d_[j] = d_[j] * (previous * inverse);
-      // A variance of nothing could never grow again.
-      const Scalar floor = ceiling_[j] * static_cast<Scalar>(kSmallestShare);
-      d_[j] = d_[j] > floor ? d_[j] : floor;
-      b[j] = g[j];
-      const Scalar lambda = -f[j] * previous_inverse;
-      for (std::size_t i = 0; i < j; ++i) {
-        const Scalar u = u_[i][j];
-        u_[i][j] = u + lambda * b[i];
-        b[i] += u * g[j];
-      }
-    }
-    for (Scalar& entry : b) {
-      entry = entry * inverse;
-    }
-    return b;
-  }
 
   // Each parameter is reached once in p steps, over which its information falls by λ^p: a pseudo-measurement of
   // information (1 − λ^p) / (λ^p ceiling) lets the variance swing up to the ceiling.
@@ -287,17 +228,17 @@ class RecursiveLeastSquares {
     Row g{};
     f[k] = Scalar(1);
     for (std::size_t j = k + 1; j < kSize; ++j) {
-      f[j] = u_[k][j];
+      f[j] = covariance_.upper(k, j);
     }
     for (std::size_t j = k; j < kSize; ++j) {
-      g[j] = d_[j] * f[j];
+      g[j] = covariance_.pivot(j) * f[j];
     }
-    static_cast<void>(reduce(f, g, ceiling_[k] * leak_noise_));
+    static_cast<void>(covariance_.reduce(f, g, ceiling_[k] * leak_noise_, ceiling_));
   }
 
   Config config_{};
-  std::array<Row, kSize> u_{};  ///< strictly upper triangle of U; ones on the diagonal not stored
-  Row d_{}, ceiling_{}, x_{};
+  detail::UdFactors<Scalar, P> covariance_;
+  Row ceiling_{}, x_{};
   Scalar leak_noise_{1};  ///< λ^p / (1 − λ^p)
   std::size_t leak_{0};
   long updates_{0};

@@ -31,6 +31,20 @@ constexpr Scalar velocity_sign(Scalar velocity, Scalar width) noexcept {
   return s > Scalar(1) ? Scalar(1) : s < Scalar(-1) ? Scalar(-1) : s;
 }
 
+/// Derivative of velocity_sign by the velocity [s/rad, s/m]: 0 to 1 / width; 0 for a sharp sign.
+template <typename Scalar>
+constexpr Scalar velocity_sign_slope(Scalar velocity, Scalar width) noexcept {
+  if (!(width > Scalar(0))) {
+    return Scalar(0);
+  }
+  const Scalar x2 = (velocity / width) * (velocity / width);
+  if (!(x2 < Scalar(9))) {
+    return Scalar(0);
+  }
+  const Scalar ratio = (x2 - Scalar(9)) / (x2 + Scalar(3));
+  return ratio * ratio / (Scalar(9) * width);
+}
+
 /// Friction torque F sign(q̇) + d q̇ + offset, link side [N·m, N].
 /// @param sign_width  as in velocity_sign
 template <typename Scalar>
