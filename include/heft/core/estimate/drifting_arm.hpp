@@ -157,7 +157,11 @@ class DriftingArm {
  private:
   static Scalar not_negative(const Scalar& v) noexcept { return v > Scalar(0) ? v : Scalar(0); }
 
-  Scalar chord(int i, const Scalar& reached) const noexcept {
+  // Reached by an explicit step, which a joint of small inertia takes far beyond standstill. From there the chord would be too flat
+  // to stop the joint: it ends at most one width beyond the present speed, which leaves half a width of overshoot.
+  Scalar chord(int i, Scalar reached) const noexcept {
+    const Scalar back = v_[i] > Scalar(0) ? -v_[i] - sign_width_ : -v_[i] + sign_width_;
+    reached = (v_[i] > Scalar(0)) == (reached < back) ? back : reached;
     const Scalar way = reached - v_[i];
     const Scalar least = static_cast<Scalar>(1e-3) * sign_width_;
     return way > least || way < -least ? (velocity_sign(reached, sign_width_) - sign_[i]) / way
