@@ -125,15 +125,15 @@ TYPED_TEST(KalmanFilterFaults, TimeThatStandsOrGoesBackwardsIsRefusedAndLeavesNo
 
 TYPED_TEST(KalmanFilterFaults, DropoutsOfFiftyMillisecondsStartTheMotionAgainAndKeepFriction) {
   const auto coulomb = this->filter.coulomb();
-  for (const bool with_velocity : {true, false}) {
-    this->with_velocity = with_velocity;
+  for (const bool measured : {true, false}) {
+    this->with_velocity = measured;
     int restarts = 0;
     for (int n = 0; n < 10; ++n) {
       for (int k = 0; k < 49; ++k) this->rig.next();  // lost
       TwoLinkSample s = this->rig.next();
       s.dt = 0.05;
       ASSERT_EQ(this->take(s), Status::kOk);
-      EXPECT_EQ(this->filter.running(), with_velocity);
+      EXPECT_EQ(this->filter.running(), measured);
       restarts += this->record.restarted ? 1 : 0;
       for (int k = 0; k < 100; ++k) {
         ASSERT_EQ(this->take(this->rig.next()), Status::kOk);
@@ -182,15 +182,15 @@ TYPED_TEST(KalmanFilterFaults, APositionThatJumpsForGoodStartsTheMotionAgain) {
 }
 
 TYPED_TEST(KalmanFilterFaults, AFrozenEncoderIsNamedAndTeachesNothing) {
-  for (const bool with_velocity : {true, false}) {
-    this->with_velocity = with_velocity;
+  for (const bool measured : {true, false}) {
+    this->with_velocity = measured;
     double stuck = 0;
     int named = 0;
     this->run(0.001, Status::kOk, [&](TwoLinkSample& s) { stuck = s.q[1]; });
     for (int n = 0; n < 1000; ++n) {
       TwoLinkSample s = this->rig.next();
       s.q[1] = stuck;
-      if (!with_velocity) s.qd[1] = 0;
+      if (!measured) s.qd[1] = 0;
       ASSERT_EQ(this->take(s), Status::kOk);
       this->look();
       named += this->record.frozen == 2U ? 1 : 0;

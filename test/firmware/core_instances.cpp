@@ -16,6 +16,8 @@
 #include "heft/core/dynamics/terminal_rows.hpp"
 #include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/estimate/covariance_recursion.hpp"
+#include "heft/core/estimate/directional_least_squares.hpp"
+#include "heft/core/estimate/extended_kalman_filter.hpp"
 #include "heft/core/estimate/factored_equations.hpp"
 #include "heft/core/estimate/instruments.hpp"
 #include "heft/core/estimate/load_observer.hpp"
@@ -24,6 +26,7 @@
 #include "heft/core/estimate/recursive_least_squares.hpp"
 #include "heft/core/estimate/staged_solver.hpp"
 #include "heft/core/estimate/terminal_link_estimator.hpp"
+#include "heft/core/estimate/unscented_kalman_filter.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/core/kinematics/geometric_jacobian.hpp"
@@ -330,5 +333,15 @@ HEFT_INSTANTIATE_JOINTS(float, 7);
 HEFT_INSTANTIATE_JOINTS(double, 7);
 template class RecursiveLeastSquares<float, 12>;
 template class RecursiveLeastSquares<double, 12>;
+template class DirectionalLeastSquares<float, 12, 6>;
+template class DirectionalLeastSquares<double, 12, 6>;
+
+/// The Kalman filters, which are aliases of this; the largest frames are those of the second.
+#define HEFT_INSTANTIATE_FILTERS(Scalar, N, Load)                                               \
+  template class detail::DriftFilter<Scalar, N, Load, detail::LinearisedStep<Scalar, N, Load>>; \
+  template class detail::DriftFilter<Scalar, N, Load, detail::SigmaPointStep<Scalar, N, Load>>
+
+HEFT_INSTANTIATE_FILTERS(float, 6, 0);
+HEFT_INSTANTIATE_FILTERS(double, 7, 10);
 
 }  // namespace heft

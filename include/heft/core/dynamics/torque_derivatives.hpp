@@ -87,6 +87,19 @@ struct MovingBody {
   }
 };
 
+/// From the axes and origin of link j − 1 to those of link j, in the base frame.
+template <typename Scalar, int N>
+inline void place(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
+                  const JointVector<Scalar, N>& q, int j, Eigen::Matrix<Scalar, 3, 3>& R,
+                  Eigen::Matrix<Scalar, 3, 1>& p) noexcept {
+  const auto frame = arm.frame(j, trig.joint[static_cast<std::size_t>(j)], q[j]);
+  const auto& E = frame.rotation;
+  Eigen::Matrix<Scalar, 3, 3> to_parent;
+  to_parent << E.row0.x, E.row1.x, E.row2.x, E.row0.y, E.row1.y, E.row2.y, E.row0.z, E.row1.z, E.row2.z;
+  p += R * Eigen::Matrix<Scalar, 3, 1>(frame.position.x, frame.position.y, frame.position.z);
+  R = (R * to_parent).eval();
+}
+
 }  // namespace detail
 
 /// Both derivatives in one pass out and one back, run-time geometry.
@@ -116,20 +129,15 @@ inline void torque_derivatives(const DynamicArm<Scalar, N>& arm,
   using Body = detail::MovingBody<Scalar>;
   using Vector = typename Body::Vector;
   using Matrix = typename Body::Matrix;
-  std::array<Matrix, N> R;
-  std::array<Vector, N> p;
+  // Frames are placed twice rather than kept: a third of the stack.
+  Matrix R = Matrix::Identity();
+  Vector p = Vector::Zero();
   for (int j = 0; j < N; ++j) {
-    const std::size_t i = static_cast<std::size_t>(j);
-    const auto frame = arm.frame(j, trig.joint[i], q[j]);
-    const auto& E = frame.rotation;
-    Matrix to_parent;
-    to_parent << E.row0.x, E.row1.x, E.row2.x, E.row0.y, E.row1.y, E.row2.y, E.row0.z, E.row1.z, E.row2.z;
-    const Vector at(frame.position.x, frame.position.y, frame.position.z);
-    R[i] = j == 0 ? to_parent : Matrix(R[i - 1] * to_parent);
-    p[i] = j == 0 ? at : Vector(p[i - 1] + R[i - 1] * at);
+    detail::place(arm, trig, q, j, R, p);
   }
-
-  const Vector point = p[N - 1];
+  const Vector point = p;
+  R.setIdentity();
+  p.setZero();
   std::array<Motion, N> S, psi, by_position;
   std::array<Body, N> body;
   Motion v, a;
@@ -137,7 +145,8 @@ inline void torque_derivatives(const DynamicArm<Scalar, N>& arm,
   a.linear = Vector(lift.x, lift.y, lift.z);
   for (int j = 0; j < N; ++j) {
     const std::size_t i = static_cast<std::size_t>(j);
-    const Vector from_point = p[i] - point, axis = R[i].col(2);
+    detail::place(arm, trig, q, j, R, p);
+    const Vector from_point = p - point, axis = R.col(2);
     S[i] = arm.joint_type(j) == JointType::kRevolute ? Motion{axis, detail::cross3(from_point, axis)}
                                                      : Motion{Vector::Zero(), axis};
     psi[i] = v.cross(S[i]);
@@ -148,12 +157,12 @@ inline void torque_derivatives(const DynamicArm<Scalar, N>& arm,
     const auto link = arm.link(j);
     Matrix second;
     second << link.s11, link.s12, link.s13, link.s12, link.s22, link.s23, link.s13, link.s23, link.s33;
-    const Vector h = R[i] * Vector(link.h.x, link.h.y, link.h.z);
+    const Vector h = R * Vector(link.h.x, link.h.y, link.h.z);
     const Matrix cross_moment = h * from_point.transpose();
     Body& b = body[i];
     b.m = link.m;
     b.h = h + link.m * from_point;
-    b.S = R[i] * second * R[i].transpose() + cross_moment + cross_moment.transpose() +
+    b.S = R * second * R.transpose() + cross_moment + cross_moment.transpose() +
           link.m * from_point * from_point.transpose();
     b.move(v, a);
   }
