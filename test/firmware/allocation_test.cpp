@@ -11,10 +11,13 @@
 #include "firmware/online_replay.hpp"
 #include "firmware/replay.hpp"
 #include "heft/core/control/terminal_link_controller.hpp"
+#include "heft/core/converted.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/effects/effect_feed_forward.hpp"
+#include "heft/core/estimate/extended_kalman_filter.hpp"
 #include "heft/core/estimate/instruments.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
+#include "heft/core/estimate/unscented_kalman_filter.hpp"
 #include "heft/core/kinematics/geometric_jacobian.hpp"
 #include "heft/core/kinematics/joint_deflection.hpp"
 #include "heft/core/monitor/contact_monitor.hpp"
@@ -132,6 +135,29 @@ void expect_other_estimators_without_allocation() {
   EXPECT_EQ(spent.operator_new, 0U);
   EXPECT_EQ(spent.malloc, 0U);
   EXPECT_EQ(refused, 0);
+}
+
+// A white motion is all outliers: without a gate every value is taken.
+template <typename Filter>
+void expect_filter_without_allocation() {
+  using Scalar = typename Filter::Scalar;
+  const auto filter = std::make_unique<Filter>();
+  typename Filter::Config config;
+  config.gate = 0;
+  ASSERT_EQ(filter->configure(config, converted<Scalar>(firmware::PaperArm::kModel)), Status::kOk);
+  int filtered = 0;
+  const test::AllocationCount spent = allocations_of([&](const LogRow& row) {
+    const auto vector = [](const float* values) -> typename Filter::Vector {
+      return Eigen::Map<const Eigen::Matrix<float, firmware::kNumJoints, 1>>(values).cast<Scalar>();
+    };
+    typename Filter::Record record;
+    const Status status =
+        filter->update(vector(row.q), vector(row.qd), vector(row.tau), Scalar(1e-3), record);
+    filtered += status == Status::kOk && record.running ? 1 : 0;
+  });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_GT(filtered, kCycles / 2);
 }
 
 template <typename Scalar>
@@ -264,6 +290,14 @@ TEST_F(Allocation, OtherEstimatorsInDoubleTakeNothingFromTheHeap) {
 
 TEST_F(Allocation, OtherEstimatorsInFloatTakeNothingFromTheHeap) {
   expect_other_estimators_without_allocation<float>();
+}
+
+TEST_F(Allocation, ExtendedKalmanFilterTakesNothingFromTheHeap) {
+  expect_filter_without_allocation<ExtendedKalmanFilter<double, firmware::kNumJoints>>();
+}
+
+TEST_F(Allocation, UnscentedKalmanFilterTakesNothingFromTheHeap) {
+  expect_filter_without_allocation<UnscentedKalmanFilter<float, firmware::kNumJoints>>();
 }
 
 // The two bad specimens: what the gate must see.
