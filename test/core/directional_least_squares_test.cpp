@@ -2,10 +2,9 @@
 #include "heft/core/estimate/directional_least_squares.hpp"
 
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 #include <random>
+#include <sstream>
 
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
@@ -207,11 +206,12 @@ TEST(DirectionalLeastSquares,
   const Comparison quick[] = {exponential(0), compare_leakage(0.98, 0), compare_directional(0.92, 0)};
   const Comparison rested[] = {exponential(1500), compare_leakage(0.98, 20'000),
                                compare_directional(0.92, 20'000)};
-  if (std::getenv("HEFT_PRINT") != nullptr) {
-    for (int i = 0; i < 3; ++i) {
-      std::printf("error %.4f lag %d, variance %.3g drift %.3g\n", quick[i].error, quick[i].lag,
-                  rested[i].largest_variance, rested[i].drift);
-    }
+  const char* names[] = {"exponential", "leakage", "directional"};
+  for (int i = 0; i < 3; ++i) {
+    std::ostringstream row;
+    row << "error " << quick[i].error << " lag " << quick[i].lag << " variance " << rested[i].largest_variance
+        << " wandered " << rested[i].drift;
+    RecordProperty(names[i], row.str());
   }
   // 1500 rows multiply a variance by 1.02^1500 = 1e13.
   EXPECT_GT(rested[0].largest_variance, 1e9);

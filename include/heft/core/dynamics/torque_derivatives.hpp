@@ -115,7 +115,7 @@ inline void place(const DynamicArm<Scalar, N>& arm, const JointTrigonometry<Dyna
 /// moves with them does not change in their axes; ψ and the term beside it are what does. The point is the last link's
 /// origin, so that the small inertias of a wrist are not differences of large numbers.
 ///
-/// Cost: about 250 n + 40 n² multiplications; 6 joints about 3000, against 8200 for differences of inverse_dynamics.
+/// Cost: 6 joints 3981 multiplications, 3275 additions; differences of inverse_dynamics take twice that.
 ///
 /// @param trig      of q
 /// @param q,qd,qdd  n [rad, rad/s, rad/s²; m on a prismatic joint]

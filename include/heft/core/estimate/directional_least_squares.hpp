@@ -30,9 +30,9 @@ namespace heft {
 /// P stays bounded without excitation: a row that could not improve even the prior (w P₀ wᵀ < σ²) makes nothing be forgotten,
 /// and no variance of a parameter grows beyond that of its prior. A row left out by the gate makes nothing be forgotten either.
 ///
-/// P = U D Uᵀ in factors: forgetting is a positive update of them (Agee and Turner), a row Bierman's. Cost a row: 3.5 p² + (2 m + 8) p
-/// multiplications, 3 p divisions; no allocation. The rows of a sample are made conjugate to one another first, so that a
-/// direction which several of them share is forgotten once.
+/// P = U D Uᵀ in factors: forgetting is a positive update of them (Agee and Turner), a row Bierman's. The rows of a sample are made
+/// conjugate to one another first, so that a direction which several of them share is forgotten once. Cost a row: about 4.5 p²
+/// + 3 m p multiplications (p = 12, m = 6: 5267 a sample), 5 p divisions; no allocation.
 ///
 /// @tparam P     number of parameters p
 /// @tparam Rows  rows a sample m

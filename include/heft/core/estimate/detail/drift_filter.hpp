@@ -48,7 +48,7 @@ struct StepColumns {
 /// determined, and standard_deviation() of each stays near its prior.
 ///
 /// Everything is bounded: one step of dynamics a sample (2 s + 1 of s states for sigma points), no iteration. The object is
-/// its own scratch memory, 6 joints in float: see bench/operation_count.
+/// its own scratch memory: 6 joints in float 9 KiB with derivatives, 10 KiB with sigma points.
 template <typename Scalar_, int N, int Load, typename Step>
 class DriftFilter {
  public:
