@@ -86,7 +86,7 @@ TEST(PredictedAcceleration, ReturnsTheAccelerationThatMadeTheTorque) {
       tau[i] -= friction_torque(model::KawasakiArmWithPayload::kModel.actuation[static_cast<std::size_t>(i)],
                                 s.qd[i], 0.0);
     }
-    test::Vector6 qdd;
+    test::Vector6 qdd = test::Vector6::Zero();
     ASSERT_EQ(predicted_acceleration<test::Arm6>(parameters, joint_trigonometry<test::Arm6>(s.q), s.q, s.qd,
                                                  rotor, tau, qdd),
               Status::kOk);

@@ -327,19 +327,25 @@ TYPED_TEST(TwoJointFilter, FollowsFrictionThatWarmsUpThroughABurstOfOutliers) {
 
 /// A load of 1 kg at the tip, all of whose parameters are in the state. A planar arm shows mass, first moment in its plane and
 /// inertia about its axes; nothing else.
-TEST(LoadInTheState, IsFoundBesideFriction) {
+template <typename Filter>
+class LoadInTheState : public ::testing::Test {};
+using WithLoad = ::testing::Types<ExtendedKalmanFilter<double, 2, 10>, UnscentedKalmanFilter<double, 2, 10>>;
+TYPED_TEST_SUITE(LoadInTheState, WithLoad);
+
+/// The prior allows loads of −3 kg, and sigma points go to −13: no mass matrix survives that.
+TYPED_TEST(LoadInTheState, IsFoundBesideFriction) {
   TwoLinkRig rig(9);
   rig.arm.load = 1.0;
-  using Filter = ExtendedKalmanFilter<double, 2, 10>;
+  using Filter = TypeParam;
   Filter filter;
-  Filter::Config config;
+  typename Filter::Config config;
   config.position_noise.setConstant(TwoLinkRig::kPositionNoise);
   config.velocity_noise.setConstant(TwoLinkRig::kVelocityNoise);
   config.torque_noise.setConstant(TwoLinkRig::kTorqueNoise);
   config.load_std[kIzz] = 0.3;
   config.load_time = config.coulomb.time = config.viscous.time = 1e4;
   ASSERT_EQ(filter.configure(config, test::TwoLinkArm::model()), Status::kOk);
-  Filter::Record record;
+  typename Filter::Record record;
   for (int n = 0; n < 8000; ++n) {
     const auto s = rig.next();
     ASSERT_EQ(filter.update(s.q, s.qd, s.tau, s.dt, record), Status::kOk);

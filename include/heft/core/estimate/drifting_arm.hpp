@@ -65,7 +65,7 @@ class DriftingArm {
   /// @param tau   mean torque over the step, n [N·m, N]
   /// @param dt    > 0 [s]
   /// @param change  of [q, q̇]; a change, since in float its digits would be lost in the sum
-  /// @return kNotPositiveDefinite: no arm has this load
+  /// @return kNotPositiveDefinite: no arm has these links
   /// Cost: one inverse dynamics, one mass matrix, two Cholesky factors; 6 joints about 2300 multiplications.
   Status step(const State& x, const Vector& tau, const Scalar& dt, Mechanics& change) noexcept {
     if constexpr (Load > 0) {
@@ -92,7 +92,7 @@ class DriftingArm {
       net[i] = tau[i] - bias[i] - x[Layout::kCoulomb + k] * sign_[i] - x[Layout::kViscous + k] * v_[i] -
                offset_[i];
     }
-    if (const Status status = factor_.factor(mass, rotor_); status != Status::kOk) {
+    if (const Status status = factor_or_go_without_load(mass); status != Status::kOk) {
       return status;
     }
     const Vector explicit_velocity = v_ + dt * factor_.solve(net);
@@ -155,6 +155,18 @@ class DriftingArm {
   const Vector& uncertain_friction() const noexcept { return uncertain_; }
 
  private:
+  // A sigma point, or an estimate on its way, may be a load of negative mass that no mass matrix survives: it then acts by its weight
+  // only.
+  Status factor_or_go_without_load(MassMatrix<Scalar, N>& mass) noexcept {
+    const Status status = factor_.factor(mass, rotor_);
+    if (Load == 0 || status == Status::kOk) {
+      return status;
+    }
+    arm_.set_link(N - 1, last_link_);
+    mass_matrix(arm_, trig_, q_, mass);
+    return factor_.factor(mass, rotor_);
+  }
+
   static Scalar not_negative(const Scalar& v) noexcept { return v > Scalar(0) ? v : Scalar(0); }
 
   // Reached by an explicit step, which a joint of small inertia takes far beyond standstill. From there the chord would be too flat

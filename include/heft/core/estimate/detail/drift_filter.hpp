@@ -118,7 +118,7 @@ class DriftFilter {
   /// @param tau   torque of the drives, n [N·m, N]: less what joint effects take beyond Coulomb and viscous friction; see
   ///              Config::torque_is_held
   /// @param dt    time since the last sample that was not refused, > 0, at most 1e6 [s]; of the first: any
-  /// @return kNonFiniteInput, kOutOfRange (dt), kNotPositiveDefinite (load), kNotConfigured: nothing changed
+  /// @return kNonFiniteInput, kOutOfRange (dt), kNotPositiveDefinite (links that no arm can have), kNotConfigured: nothing changed
   Status update(const Vector& q, const Vector& qd, const Vector& tau, Scalar dt, Record& record) noexcept {
     return all_usable(qd) ? take(q, &qd, tau, dt, record) : refuse(Status::kNonFiniteInput, record);
   }
