@@ -170,6 +170,8 @@ class DriftFilter {
   static constexpr int kFarthest = 10;
   /// Periods without a sample after which the torque in between is not known.
   static constexpr int kLongestGap = 5;
+  /// What is cut off a torque stays the same over some periods, not white: over the square of this it counts in full.
+  static constexpr int kCutFor = 10;
   /// Share of the nominal value that a standard deviation of 0 stands for, and the least [N·m].
   static constexpr double kPriorShare = 0.5, kLeastPrior = 1e-3;
   /// Most that relaxing takes away at a time, so that factors stay invertible.
@@ -322,7 +324,7 @@ class DriftFilter {
     for (int i = 0; i < N; ++i) {
       const bool unknown = (clipped >> i & 1U) != 0;
       variance[i] = (square(config_.torque_noise[i]) + square(columns_.uncertain[i]) +
-                     (unknown ? square(config_.torque_limit[i]) : Scalar(0))) *
+                     (unknown ? square(static_cast<Scalar>(kCutFor) * config_.torque_limit[i]) : Scalar(0))) *
                     (config_.period / dt);
     }
     refactor(variance);
