@@ -136,6 +136,11 @@ TYPED_TEST(KalmanFilterFaults, DropoutsOfFiftyMillisecondsStartTheMotionAgainAnd
       ASSERT_EQ(this->take(s), Status::kOk);
       EXPECT_EQ(this->filter.running(), measured);
       restarts += this->record.restarted ? 1 : 0;
+      if (measured) {  // what friction had to do with the motion before is over
+        EXPECT_EQ(this->filter.covariance(0, TypeParam::kCoulomb), 0);
+        EXPECT_NEAR(static_cast<double>(this->filter.standard_deviation(0)), TwoLinkRig::kPositionNoise,
+                    1e-8);
+      }
       for (int k = 0; k < 100; ++k) {
         ASSERT_EQ(this->take(this->rig.next()), Status::kOk);
         restarts += this->record.restarted ? 1 : 0;
