@@ -5,8 +5,11 @@
 #include <gtest/gtest.h>
 
 #include "heft/core/control/terminal_link_controller.hpp"
+#include "heft/core/converted.hpp"
+#include "heft/core/estimate/extended_kalman_filter.hpp"
 #include "heft/core/estimate/load_observer.hpp"
 #include "support/online_rig.hpp"
+#include "support/two_link_arm.hpp"
 
 namespace heft {
 namespace {
@@ -69,6 +72,47 @@ TYPED_TEST(OnlineForHours, ATerminalLinkControllerHoldsForAnHour) {
   }
   EXPECT_EQ(controller.source(), EstimateSource::kPrior);
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(static_cast<double>(tau[i] - first[i]), 0.0, 1e-3);
+}
+
+/// Held at rest by its controller against gravity, with noisy sensors; then it moves.
+TEST(OnlineForHoursInFloat, AKalmanFilterRestsForTenHours) {
+  using Filter = ExtendedKalmanFilter<float, 2>;
+  test::TwoLinkRig rig(1);
+  rig.arm.coulomb *= 0.8;
+  Filter filter;
+  Filter::Config config;
+  config.position_noise.setConstant(static_cast<float>(test::TwoLinkRig::kPositionNoise));
+  config.velocity_noise.setConstant(static_cast<float>(test::TwoLinkRig::kVelocityNoise));
+  config.torque_noise.setConstant(static_cast<float>(test::TwoLinkRig::kTorqueNoise));
+  config.coulomb.time = config.viscous.time = 2.0F;
+  ASSERT_EQ(filter.configure(config, converted<float>(test::TwoLinkArm::model())), Status::kOk);
+  Filter::Record record;
+  const auto take = [&](const test::TwoLinkSample& s) {
+    return filter.update(s.q.cast<float>(), s.qd.cast<float>(), s.tau.cast<float>(), 1e-3F, record);
+  };
+  for (int k = 0; k < 4000; ++k) ASSERT_EQ(take(rig.next()), Status::kOk);
+  // A thousand samples of noise about one place, over and over.
+  std::vector<test::TwoLinkSample> rest(1000, rig.next());
+  std::mt19937_64 random(2);
+  std::normal_distribution<double> normal;
+  for (auto& s : rest) {
+    for (int i = 0; i < 2; ++i) {
+      s.q[i] += test::TwoLinkRig::kPositionNoise * normal(random);
+      s.qd[i] = test::TwoLinkRig::kVelocityNoise * normal(random);
+    }
+  }
+  for (int second = 0; second < 36'000; ++second) {
+    for (const auto& s : rest) ASSERT_EQ(take(s), Status::kOk);
+    for (int i = 0; i < Filter::kStates; ++i) {
+      ASSERT_TRUE(std::isfinite(filter.state()[static_cast<std::size_t>(i)])) << second;
+    }
+    ASSERT_LT(filter.standard_deviation(Filter::kCoulomb), 3.01F) << second;
+    ASSERT_GE(filter.coulomb(0), 0.0F) << second;
+  }
+  for (int k = 0; k < 2000; ++k) ASSERT_EQ(take(rig.next()), Status::kOk);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_NEAR(static_cast<double>(filter.coulomb(i)), rig.arm.coulomb[i], 0.25 * rig.arm.coulomb[i]);
+  }
 }
 
 }  // namespace
