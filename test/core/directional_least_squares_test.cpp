@@ -261,6 +261,24 @@ TYPED_TEST(DirectionalBound, VariancesStayWithinThePriorWhateverTheRows) {
   EXPECT_EQ(looked_at, 60'000 * kP);
 }
 
+/// Two rows a sample that bring hardly more than the prior has, and fast forgetting: without its limit a variance comes to nine times
+/// the prior's.
+TYPED_TEST(DirectionalBound, VariancesStayWithinThePriorWhereRowsBringLittle) {
+  auto estimator = make<TypeParam, 2>(0.5, 1.0, 1.0);
+  std::mt19937_64 random(7);
+  typename decltype(estimator)::Record record;
+  int forgot = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    const Vector stretch(1, 1, 1, 0.1);
+    const Vector a = 1.005 * random_vector(random).cwiseProduct(stretch).normalized(),
+                 b = 1.005 * random_vector(random).cwiseProduct(stretch).normalized();
+    ASSERT_EQ(estimator.update({row_of<TypeParam>(a), row_of<TypeParam>(b)}, {}, record), Status::kOk);
+    forgot += record.forgot == 3U ? 1 : 0;
+    for (int i = 0; i < kP; ++i) ASSERT_LE(estimator.variance(i), TypeParam(1.0001)) << n;
+  }
+  EXPECT_GT(forgot, 10'000);
+}
+
 TYPED_TEST(DirectionalBound, ARowTooWeakToImproveThePriorMakesNothingBeForgotten) {
   auto estimator = make<TypeParam>(0.9, 1.0, 1.0);
   typename decltype(estimator)::Record record;
