@@ -318,7 +318,7 @@ HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
   template Status ArmTorque<RunTimeArm<6, 8, 1>, Scalar>::add(const GearCoupling<Scalar>&) noexcept; \
   template class LoadObserver<firmware::EffectsArm, Scalar>;                                         \
   template class LoadObserver<firmware::SevenJointArm, Scalar>;                                      \
-  template class LoadObserver<RunTimeArm<6, 8, 1>, Scalar>;                                          \
+  template class LoadObserver<RunTimeArm<6, 8, 1>, Scalar, 6>;                                       \
   template class TerminalLinkController<firmware::EffectsArm, Scalar, 4>;                            \
   template class TerminalLinkController<firmware::SevenJointArm, Scalar, 5>;                         \
   template Status symmetric_eigen(const Matrix3<Scalar>&, SymmetricEigen<Scalar>&) noexcept;         \

@@ -48,10 +48,10 @@ namespace heft {
 /// their torque limit do not count, joints around a reversal or at rest count less. An arm at rest teaches nothing after
 /// `longest_rest`: neither does the estimate drift, nor does its certainty grow.
 ///
-/// @tparam Description  as of ArmTorque: the arm without load
-///
+/// @tparam Description     as of ArmTorque: the arm without load
+/// @tparam FrictionJoints  joints, counted from the last, whose friction may differ from the model, see PayloadEstimator
 /// Cost: bench/operation_count prints it. No allocation, no exception, every loop bounded.
-template <typename Description, typename Scalar>
+template <typename Description, typename Scalar, int FrictionJoints = 1>
 class LoadObserver {
   using Source = detail::ArmSource<Description>;
 
@@ -59,7 +59,7 @@ class LoadObserver {
   static constexpr int kNumJoints = Source::kNumJoints;
   using Vector = JointVector<Scalar, kNumJoints>;
   using Model = ArmModel<Scalar, kNumJoints>;
-  using Estimator = PayloadEstimator<Scalar, kNumJoints>;
+  using Estimator = PayloadEstimator<Scalar, kNumJoints, FrictionJoints>;
 
   struct Config {
     int first_row{0};  ///< k − 1: torques of joints k..n are used, 0 to n − 1
@@ -71,6 +71,8 @@ class LoadObserver {
     int rows_per_sample{0};
     /// Standard deviation of the mass before anything is known [kg]; 0: a third of the arm's mass.
     Scalar mass_prior{0};
+    /// Standard deviation of changes of friction [N·m, N·m·s/rad]; 0: half of the last joint's Coulomb friction.
+    Scalar friction_prior{0};
     /// Torque residual's standard deviation, a first guess, n [N·m, N]; 0: from friction and weight.
     Vector noise_std = Vector::Zero();
     Scalar sign_width{static_cast<Scalar>(0.02)};  ///< of the Coulomb sign, see velocity_sign [rad/s, m/s]
@@ -88,14 +90,12 @@ class LoadObserver {
   /// Treatment of a sample.
   struct Record {
     LoadState state{LoadState::kUnknown};
-    bool due{false};        ///< an update of the estimate was due
-    bool estimated{false};  ///< one was finished
-    bool changed{false};    ///< the torques showed another load
-    bool settling{
-        false};  ///< filters settle: after the start, a change, a dropout, a jump; nothing is estimated
-    bool at_rest{false};  ///< longer than `longest_rest`: nothing is estimated
-    std::uint32_t frozen{
-        0};  ///< bit i: position i stands although its velocity does not; nothing is estimated
+    bool due{false};           ///< an update of the estimate was due
+    bool estimated{false};     ///< one was finished
+    bool changed{false};       ///< the torques showed another load
+    bool settling{false};      ///< filters settle after the start, a change, a dropout, a jump: no estimate
+    bool at_rest{false};       ///< longer than `longest_rest`: nothing is estimated
+    std::uint32_t frozen{0};   ///< bit i: position i stands although its velocity does not: no estimate
     std::uint32_t clipped{0};  ///< bit i: torque i is at its limit, or was, as far as the filter remembers
   };
 
@@ -275,8 +275,8 @@ class LoadObserver {
     const auto not_negative = [](const Scalar& value) { return value >= Scalar(0) && is_usable(value); };
     if (config.first_row < 0 || config.first_row >= kNumJoints || config.rows_per_sample < 0 ||
         !positive(config.update_rate) || !not_negative(config.mass_prior) ||
-        !positive(config.uncertain_speed) || !not_negative(config.transition_time) ||
-        !positive(config.longest_rest) ||
+        !not_negative(config.friction_prior) || !positive(config.uncertain_speed) ||
+        !not_negative(config.transition_time) || !positive(config.longest_rest) ||
         !(config.start_time >= Scalar(0) && config.start_time <= static_cast<Scalar>(kLongestStep))) {
       return Status::kOutOfRange;
     }
@@ -285,7 +285,7 @@ class LoadObserver {
     settings.first_row = config.first_row;
     settings.mass_prior = config.mass_prior > Scalar(0) ? config.mass_prior : priors.mass;
     settings.length_prior = priors.length;
-    settings.friction_prior = priors.friction;
+    settings.friction_prior = config.friction_prior > Scalar(0) ? config.friction_prior : priors.friction;
     settings.gate = Scalar(0);
     settings.forgetting_factor = Scalar(1);  // a change starts it again
     settings.sign_width = config.sign_width;
