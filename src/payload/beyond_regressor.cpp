@@ -4,18 +4,27 @@
 
 namespace heft::payload {
 
+void LateMotion::take(double time, Eigen::VectorXd& q, Eigen::VectorXd& qd) {
+  if (!(delay_ > 0)) return;
+  rows_.push_back({time, q, qd});
+  const double wanted = time - delay_;
+  while (rows_.size() > 1 && rows_[1].time <= wanted) rows_.pop_front();
+  const Row& at = rows_.front();
+  const bool between = wanted > at.time && rows_.size() > 1;
+  const Row& next = between ? rows_[1] : at;
+  const double share = between ? (wanted - at.time) / (next.time - at.time) : 0.0;
+  q = at.q + share * (next.q - at.q);
+  qd = at.qd + share * (next.qd - at.qd);
+}
+
 data::Log with_late_motion(data::Log log, double delay) {
-  if (!(delay > 0)) return log;
-  const Eigen::MatrixXd q = log.q, qd = log.qd;
-  Eigen::Index at = 0;  // the last row that is not later than the moment wanted
+  LateMotion late(delay);
   for (Eigen::Index k = 0; k < log.time.size(); ++k) {
-    const double wanted = log.time[k] - delay;
-    while (at + 1 < log.time.size() && log.time[at + 1] <= wanted) ++at;
-    const bool between = wanted > log.time[at] && at + 1 < log.time.size();
-    const double share = between ? (wanted - log.time[at]) / (log.time[at + 1] - log.time[at]) : 0.0;
-    const Eigen::Index next = between ? at + 1 : at;
-    log.q.row(k) = q.row(at) + share * (q.row(next) - q.row(at));
-    if (qd.cols() > 0) log.qd.row(k) = qd.row(at) + share * (qd.row(next) - qd.row(at));
+    Eigen::VectorXd q = log.q.row(k), qd = Eigen::VectorXd(log.qd.cols());
+    if (qd.size() > 0) qd = log.qd.row(k);
+    late.take(log.time[k], q, qd);
+    log.q.row(k) = q;
+    if (qd.size() > 0) log.qd.row(k) = qd;
   }
   return log;
 }

@@ -3,6 +3,7 @@
 /// joints, a late torque channel.
 #pragma once
 
+#include <deque>
 #include <memory>
 
 #include <Eigen/Core>
@@ -19,6 +20,23 @@ namespace heft::payload {
 /// those of its first row.
 /// @param delay  of the torque channel [s]
 data::Log with_late_motion(data::Log log, double delay);
+
+/// The same row by row.
+class LateMotion {
+ public:
+  explicit LateMotion(double delay) : delay_(delay) {}
+  /// Replaces the motion of the next row by that of `delay` before.
+  /// @param qd  may be empty, then in all rows
+  void take(double time, Eigen::VectorXd& q, Eigen::VectorXd& qd);
+
+ private:
+  struct Row {
+    double time;
+    Eigen::VectorXd q, qd;
+  };
+  double delay_;
+  std::deque<Row> rows_;  ///< from the last one that is not later than the moment wanted
+};
 
 /// Torque beyond `Y x` (with the inertial columns of Y at the links' motion, the others at the motors'), with the memory
 /// of friction and the deflection of elastic joints carried from sample to sample.

@@ -4,19 +4,17 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <random>
 
 #include <fmt/format.h>
 
 #include "beyond_regressor.hpp"
 #include "change_detector.hpp"
-#include "heft/core/inertia.hpp"
-#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "load_geometry.hpp"
 #include "load_recursion.hpp"
 #include "recursive_fit.hpp"
 #include "torque_scales.hpp"
@@ -45,53 +43,6 @@ void check(const model::Robot& robot, const data::Log& log, const PayloadRunOpti
   }
   if (log.num_samples() < 2)
     throw DataError(fmt::format("{}: {} samples; expected at least 2", log.path, log.num_samples()));
-}
-
-/// Ten parameters about the last link frame into ten about the flange frame.
-Eigen::Matrix<double, 10, 10> to_flange(const model::Robot& robot) {
-  std::array<double, 9> turn{};
-  std::array<double, 3> origin{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j) {
-      turn[3 * i + j] = robot.tip_rotation[3 * j + i];
-      origin[i] -= robot.tip_rotation[3 * j + i] * robot.tip_position[j];
-    }
-  }
-  Eigen::Matrix<double, 10, 10> T;
-  for (std::size_t c = 0; c < 10; ++c) {
-    InertialParameters<double> unit{};
-    unit[c] = 1.0;
-    const InertialParameters<double> column =
-        to_inertial_parameters(moved(to_pseudo_inertia(unit), turn, origin));
-    for (std::size_t r = 0; r < 10; ++r)
-      T(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = column[r];
-  }
-  return T;
-}
-
-/// Whether some motion shows the mass in the rows of joints first..n: its column over random states does
-/// not lie in the span of the other nine.
-bool mass_is_visible(const model::Dynamics& dynamics, int first) {
-  const int n = dynamics.num_joints();
-  const int rows = n - first;
-  const int states = 40;
-  std::mt19937 generator(2);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  Eigen::MatrixXd W(states * rows, 9);
-  Eigen::VectorXd y(states * rows);
-  Eigen::VectorXd q(n), qd(n), qdd(n);
-  for (int k = 0; k < states; ++k) {
-    for (int i = 0; i < n; ++i) {
-      q[i] = 3.0 * uniform(generator);
-      qd[i] = 2.0 * uniform(generator);
-      qdd[i] = 5.0 * uniform(generator);
-    }
-    const Eigen::MatrixXd Y = dynamics.regressor(q, qd, qdd).middleCols(10 * (n - 1), 10);
-    y.segment(k * rows, rows) = Y.col(0).tail(rows);
-    W.middleRows(k * rows, rows) = Y.rightCols(9).bottomRows(rows);
-  }
-  const Eigen::VectorXd rest = y - W * least_squares(W, y);
-  return rest.norm() > 1e-8 * std::sqrt(static_cast<double>(y.size()));
 }
 
 class Run {
@@ -208,16 +159,10 @@ class Run {
     config.gate = options_.gate;
     config.standstill_speed = options_.standstill_speed;
     config.estimate_friction = !options_.torque_at_joint;
-    config.friction_prior = 1.0;
+    config.friction_prior = friction_prior(dynamics_.robot(), 0, residual_.std, false);
     config.drive_scale = Eigen::VectorXd::Ones(n_);
     for (std::size_t i = 0; i < options_.drive_scale.size(); ++i)
       config.drive_scale[static_cast<Eigen::Index>(i)] = options_.drive_scale[i].value;
-    for (int i = 0; i < n_; ++i) {
-      // Friction may change by as much as there is, or by what the joint's scatter suggests.
-      const auto& drive = dynamics_.robot().joints[static_cast<std::size_t>(i)].actuation;
-      config.friction_prior = std::max({config.friction_prior, std::abs(drive.coulomb_friction),
-                                        std::abs(drive.viscous_friction), 3.0 * residual_.std[i]});
-    }
     return config;
   }
 
@@ -455,16 +400,13 @@ class Run {
     if (result.mass.identifiable && std::abs(result.mass.value) > kClearLoad * result.mass.half_width())
       result.gain_share = -solved.gain.row(0).transpose() / result.mass.value;
 
-    // Centre of mass c = h / m, δc = (δh − c δm) / m.
     result.com.assign(3, {});
-    const double m = result.mass.value;
-    if (!result.mass.identifiable || std::abs(m) <= result.mass.half_width()) return;
+    if (!result.mass.identifiable || std::abs(result.mass.value) <= result.mass.half_width()) return;
     for (std::size_t r = 0; r < 3; ++r) {
       if (!result.first_moment[r].identifiable) continue;
-      const double c = result.first_moment[r].value / m;
-      const Eigen::RowVectorXd slope = (F.row(1 + static_cast<Eigen::Index>(r)) - c * F.row(0)) / m;
-      const double std = std::sqrt(slope * covariance * slope.transpose());
-      result.com[r] = {statistics::Interval::around(c, std, factor), true};
+      result.com[r] = {centre_of_mass(result.parameters, result.covariance, 1 + static_cast<Eigen::Index>(r),
+                                      result.mass, factor),
+                       true};
     }
   }
 
@@ -488,10 +430,7 @@ class Run {
     const bool has_moment = std::all_of(result.first_moment.begin(), result.first_moment.end(),
                                         [](const Estimated& moment) { return moment.identifiable; });
     if (!result.mass_visible) {
-      result.missing = fmt::format(
-          "the torque of {} does not depend on the mass of the load, whatever the motion, only on its first "
-          "moment and inertia; use more rows (--rows with a smaller K)",
-          joints(k, n_));
+      result.missing = hidden_mass(k, n_);
       if (has_moment) return;
       result.missing += "; and ";
     }
@@ -505,7 +444,7 @@ class Run {
           "the arm does not move ({} not faster than {:g} rad/s for 2 s), and at rest friction hides the "
           "load; record a motion in which the joints turn both ways and the load changes its attitude to "
           "gravity",
-          joints(k, n_), options_.standstill_speed);
+          joint_range(k, n_), options_.standstill_speed);
     } else if (!still.empty()) {
       result.missing += fmt::format(
           "{} at rest; {} moving alone does not separate the mass from the load's first moment; record a "
@@ -519,9 +458,6 @@ class Run {
     }
   }
 
-  static std::string joints(int first, int last) {
-    return first == last ? fmt::format("joint {}", last) : fmt::format("joints {} to {}", first, last);
-  }
   static std::string named(const std::string& list) {
     return (list.find(',') == std::string::npos ? "joint " : "joints ") + list;
   }

@@ -12,6 +12,9 @@ namespace heft::payload {
 /// The arm as the torque of its logs shows it.
 model::Robot as_measured(const UnloadedArm& arm, const Options& options);
 
+/// @throws InputError when the robot does not have this joint, from 1
+void refuse_rows(const model::Robot& robot, int first_joint);
+
 PayloadRunOptions run_options(const UnloadedArm& arm, const data::Log& log, const Options& options,
                               double zero_mass_std);
 

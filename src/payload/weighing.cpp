@@ -6,9 +6,9 @@
 
 #include "heft/host/error.hpp"
 #include "heft/payload/payload.hpp"
+#include "runs.hpp"
 
 namespace heft::payload {
-namespace {
 
 void refuse_rows(const model::Robot& robot, int first_joint) {
   const int n = robot.num_joints();
@@ -16,6 +16,8 @@ void refuse_rows(const model::Robot& robot, int first_joint) {
   throw InputError(
       fmt::format("--rows {}: robot \"{}\" has {} joints; expected 1 to {}", first_joint, robot.name, n, n));
 }
+
+namespace {
 
 Weighing weigh(UnloadedArm arm, const data::LogSet& logs, const Options& options) {
   Weighing result;

@@ -12,6 +12,7 @@
 #include "heft/statistics/distributions.hpp"
 #include "host/json.hpp"
 #include "page_lines.hpp"
+#include "payload_changes.hpp"
 #include "torque_score.hpp"
 #include "tracking_runs.hpp"
 
@@ -272,13 +273,7 @@ nlohmann::ordered_json to_json(const Payload& result) {
   json["samples"] = result.run.samples;
   json["converged_at"] = result.run.converged_at ? nlohmann::ordered_json(*result.run.converged_at)
                                                  : nlohmann::ordered_json(nullptr);
-  json["changes"] = nlohmann::ordered_json::array();
-  for (const payload::LoadChange& change : result.run.changes) {
-    nlohmann::ordered_json entry{{"time", change.time}, {"mass", host::number_or_null(change.mass)}};
-    if (std::isfinite(change.std)) entry["std"] = change.std;
-    if (std::isfinite(change.mass_before)) entry["mass_before"] = change.mass_before;
-    json["changes"].push_back(std::move(entry));
-  }
+  json["changes"] = changes_json(result.run.changes);
   if (result.before.rmse.size() > 0) {
     json["rmse_before"] = host::json_array(result.before.rmse);
     if (result.after) json["rmse_after"] = host::json_array(result.after->rmse);
@@ -337,6 +332,17 @@ void add_to(page::Page& page, const Payload& result) {
 }
 
 }  // namespace
+
+nlohmann::ordered_json changes_json(const std::vector<payload::LoadChange>& changes) {
+  auto list = nlohmann::ordered_json::array();
+  for (const payload::LoadChange& change : changes) {
+    nlohmann::ordered_json entry{{"time", change.time}, {"mass", host::number_or_null(change.mass)}};
+    if (std::isfinite(change.std)) entry["std"] = change.std;
+    if (std::isfinite(change.mass_before)) entry["mass_before"] = change.mass_before;
+    list.push_back(std::move(entry));
+  }
+  return list;
+}
 
 std::string brief(const Payload& result) {
   if (!result.run.mass.identifiable) return "The mass of the load cannot be determined from this motion.";

@@ -16,6 +16,7 @@
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/model/run_time_arm.hpp"
 #include "heft/sim/controller.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "heft/track/controllers.hpp"
@@ -27,7 +28,7 @@ namespace heft::track {
 template <int N>
 class LoadObserver {
  public:
-  using Core = heft::LoadObserver<ModelOf<N>, double>;
+  using Core = heft::LoadObserver<model::ModelOf<N>, double>;
   using Estimator = typename Core::Estimator;
 
   /// @param nominal  the arm without load
@@ -50,7 +51,7 @@ class LoadObserver {
                       "1 to {} and positive values",
                       settings.rows, settings.filter_hz, settings.mass_prior, N));
     }
-    add_parts<N>(nominal, core_);
+    model::add_parts(nominal, core_);
   }
 
   /// The load that the model is to carry, in the last link frame.

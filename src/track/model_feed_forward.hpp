@@ -11,43 +11,14 @@
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/dynamics/drive_torque.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
-#include "heft/core/dynamics/run_time_arm.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/model/run_time_arm.hpp"
 
 namespace heft::track {
 
 /// Scale of the smooth Coulomb sign in feed-forward and residual [rad/s, m/s].
 inline constexpr double kSignWidth = 0.02;
-
-/// What a controller has room for.
-inline constexpr int kMaxEffects = 64, kMaxCouplings = 8;
-
-/// A robot's model in core, with that room.
-template <int N>
-using ModelOf = RunTimeArm<N, kMaxEffects, kMaxCouplings>;
-
-/// Adds effects and gear couplings of a robot to one of core's models of it.
-/// @throws ModelError
-template <int N, typename Model>
-void add_parts(const model::Robot& robot, Model& model) {
-  for (const JointEffect<double>& effect : robot.effects) {
-    if (model.add(effect) != Status::kOk) {
-      throw ModelError(
-          fmt::format("tracking: robot \"{}\" has {} effects on {} joints; expected at most {}, each "
-                      "of a joint and with finite values",
-                      robot.name, robot.effects.size(), N, kMaxEffects));
-    }
-  }
-  for (const GearCoupling<double>& coupling : robot.couplings) {
-    if (model.add(coupling) != Status::kOk) {
-      throw ModelError(fmt::format(
-          "tracking: robot \"{}\" has {} gear couplings on {} joints; expected at most {}, each of two "
-          "joints and with finite values",
-          robot.name, robot.couplings.size(), N, kMaxCouplings));
-    }
-  }
-}
 
 /// What a model holds beyond rigid bodies and declared friction, along the reference: joint effects, gear couplings
 /// and where the motors of elastic joints have to be for the links to follow.
@@ -69,7 +40,7 @@ class ModelFeedForward {
       throw ModelError(
           fmt::format("tracking: robot \"{}\": friction and rotors: expected finite values", nominal.name));
     }
-    add_parts<N>(nominal, drive_);
+    model::add_parts(nominal, drive_);
   }
 
   bool needed() const { return drive_.has_effects() || drive_.has_couplings() || !elasticities_.empty(); }
@@ -116,7 +87,7 @@ class ModelFeedForward {
   Arm nominal_;
   std::array<JointActuation<double>, static_cast<std::size_t>(N)> actuation_;
   std::vector<Elasticity<double>> elasticities_;
-  DriveTorque<double, N, kMaxEffects, kMaxCouplings> drive_;
+  DriveTorque<double, N, model::kMaxEffects, model::kMaxCouplings> drive_;
   Vector last_load_ = Vector::Zero(), last_change_ = Vector::Zero();
   int points_{0};
 };

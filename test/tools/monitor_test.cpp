@@ -1,13 +1,9 @@
 /// heft monitor as a user runs it: what it refuses, and what it writes for others.
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
-
-#include <sys/wait.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,6 +16,7 @@
 namespace heft {
 namespace {
 
+using test::lines_of;
 using test::Outcome;
 using test::run_heft;
 using ::testing::AllOf;
@@ -51,11 +48,7 @@ class MonitorCommand : public ::testing::Test {
   static std::string read(const std::string& name) { return host::read_file(folder_->path(name), "output"); }
   /// heft with `input` on its standard input.
   static Outcome piped(const std::string& arguments, const std::string& input) {
-    host::write_file_atomically(folder_->path("piped.in"), input);
-    const std::string command = "cd " + test::shell_quote(folder_->path("")) + " && cat piped.in | " +
-                                test::shell_quote(HEFT_COMMAND) + " " + arguments + " >piped.out 2>piped.err";
-    const int status = std::system(command.c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("piped.out"), read("piped.err")};
+    return test::piped_heft(arguments, input, folder_->path(""));
   }
 
   static test::TemporaryFolder* folder_;
@@ -78,14 +71,6 @@ TEST_F(MonitorCommand, WritesContactsWithTheFieldsThatScriptsRelyOn) {
     EXPECT_TRUE(json.at("false_alarms_per_hour").contains(field));
   EXPECT_EQ(json.at("thresholds").size(), 4U);
   EXPECT_EQ(json.at("delay").size(), 4U);
-}
-
-/// The lines of a text, without their line feeds.
-std::vector<std::string> lines_of(const std::string& text) {
-  std::vector<std::string> lines;
-  std::istringstream stream(text);
-  for (std::string line; std::getline(stream, line);) lines.push_back(line);
-  return lines;
 }
 
 TEST_F(MonitorCommand, AStreamGivesTheContactsOfTheLog) {
@@ -113,30 +98,20 @@ TEST_F(MonitorCommand, AStreamGivesTheContactsOfTheLog) {
 TEST_F(MonitorCommand, AStreamTellsOfAContactWithTheRowThatShowsIt) {
   const Outcome whole = run({"monitor", "--model", "watched.json", "--log", "touched.csv", "--json", "-"});
   const double begin = nlohmann::json::parse(whole.out).at("contacts").at(0).at("begin").get<double>();
-  const std::string command = "cd " + test::shell_quote(folder_->path("")) + " && " +
-                              test::shell_quote(HEFT_COMMAND) +
-                              " monitor - --model watched.json >live.out 2>live.err";
-  std::FILE* const recorder = ::popen(command.c_str(), "w");
-  ASSERT_NE(recorder, nullptr);
+  test::Recorder recorder("monitor - --model watched.json", folder_->path(""));
+  ASSERT_TRUE(recorder.running());
   const std::vector<std::string> rows = lines_of(read("touched.csv"));
   std::size_t row = 0;
-  const auto write_one = [&] { std::fprintf(recorder, "%s\n", rows[row++].c_str()); };
-  write_one();
-  while (std::atof(rows[row].c_str()) < begin - 1e-9) write_one();
-  std::fflush(recorder);
+  recorder.write(rows[row++]);
+  while (std::atof(rows[row].c_str()) < begin - 1e-9) recorder.write(rows[row++]);
+  recorder.hand_over();
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  EXPECT_EQ(read("live.out"), "");
-  write_one();  // the row whose sample begins the contact, and none behind it
-  std::fflush(recorder);
-  std::string told;
-  for (int wait = 0; wait < 200 && told.empty(); ++wait) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    told = read("live.out");
-  }
+  EXPECT_EQ(recorder.said(), "");
+  recorder.write(rows[row]);  // the row whose sample begins the contact, and none behind it
+  const std::string told = recorder.wait_for_words();
   EXPECT_THAT(told, HasSubstr("contact begins on joint"));
   EXPECT_EQ(lines_of(told).size(), 1U) << told;
-  const int status = ::pclose(recorder);
-  EXPECT_EQ(WIFEXITED(status) ? WEXITSTATUS(status) : -1, 0) << read("live.err");
+  EXPECT_EQ(recorder.stop(), 0) << read("live.err");
   EXPECT_THAT(read("live.out"), HasSubstr("1 contact, the first at"));
 }
 

@@ -139,10 +139,7 @@ Action set_up_monitor(CommandLine line) {
       throw UsageError(
           "give a log to look for contacts in with --log LOG.csv, or logs to learn from with --learn FREE.csv");
     }
-    if (options->learn.empty() && !options->output.empty()) {
-      throw UsageError(
-          "--output writes the thresholds that --learn gives; without it there is nothing to write");
-    }
+    refuse_output_without(options->learn, options->output, "the thresholds that --learn gives");
   });
   line.footer(
       "Thresholds depend on speed, load, rate of the load and the time since a joint turned round. Learn them from logs that "

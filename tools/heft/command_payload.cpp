@@ -1,5 +1,5 @@
 /// @file
-/// heft payload: the load at the flange, estimated sample by sample over a log.
+/// heft payload: the load at the flange, estimated sample by sample over a log or a stream.
 #include <memory>
 #include <optional>
 #include <string>
@@ -7,11 +7,13 @@
 
 #include "command.hpp"
 #include "console.hpp"
+#include "heft/data/live_log.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/payload/payload.hpp"
 #include "heft/report/payload.hpp"
+#include "live_stream.hpp"
 #include "options.hpp"
 
 namespace heft::tools {
@@ -21,6 +23,7 @@ struct Options {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
+  std::string stream;
   std::vector<std::string> baselines;
   std::vector<std::string> zeros;
   std::string output;
@@ -34,6 +37,7 @@ data::LogSet open(const Options& options, const model::Robot& robot) {
   judge.insert(judge.end(), options.log.logs.begin(), options.log.logs.end());
   data::LogFiles files = files_of(options.log, robot, judge);
   files.train = options.baselines;
+  files.split = 0.0;
   return open_logs(robot, files);
 }
 
@@ -51,10 +55,8 @@ class Steps {
   std::optional<Progress> progress_;
 };
 
-void run(const Options& options) {
-  const Console console{options.output, options.result.json};
-  const model::Robot robot = load_robot(options.robot);
-  const data::LogSet logs = open(options, robot);
+/// How to estimate, with what is known against the torque of the logs.
+payload::Options settings(const Options& options, const model::Robot& robot, const data::LogSet& logs) {
   payload::Options how;
   how.first_joint = options.rows;
   how.cutoff = options.log.band;
@@ -62,6 +64,38 @@ void run(const Options& options) {
   how.true_mass = options.true_mass;
   for (const data::LogSource& log : logs.given())
     how.torque.push_back(judge_torque(data::stream(log), robot, options.log, logs.torque_at()));
+  return how;
+}
+
+/// Rows from standard input as they arrive.
+void run_live(const Options& options) {
+  const model::Robot robot = load_robot(options.robot);
+  const data::LogSet logs = open(options, robot);
+  const payload::Options how = settings(options, robot, logs);
+  const std::size_t zeros = options.zeros.size();
+  const payload::UnloadedArm arm =
+      options.baselines.empty()
+          ? payload::arm_from_file(robot, model::read_model(options.robot.model), logs, zeros, how)
+          : payload::fit_unloaded(robot, logs, zeros, how);
+  for (const std::string& line : arm.notes) note(line);
+  note(report::brief(arm));
+  payload::LiveLoad live(arm, how);
+  data::LiveLog rows(options.stream, live_needs(options.log, robot), note);
+  LiveOutput output(options.result);
+  for (data::LiveRow row; output.is_read() && rows.next(row);) {
+    if (const std::optional<payload::LiveEvent> event = live.push(row))
+      output.print(report::brief(*event), report::json(*event));
+  }
+  const payload::LiveSummary summary = live.end(rows.refused());
+  output.print(report::brief(summary), report::json(summary));
+  if (!summary.unanswered.empty()) throw NotIdentifiableError(options.stream + ": " + summary.unanswered);
+}
+
+void run(const Options& options) {
+  const Console console{options.output, options.result.json};
+  const model::Robot robot = load_robot(options.robot);
+  const data::LogSet logs = open(options, robot);
+  payload::Options how = settings(options, robot, logs);
   payload::Weighing found;
   {
     Steps steps;
@@ -83,8 +117,10 @@ void run(const Options& options) {
 
 Action set_up_payload(CommandLine line) {
   auto options = std::make_shared<Options>();
+  add_stream_argument(line, options->stream);
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
+  line.get_option("--log").required(false);
   add_accept_torque_option(line, options->log);
   line.add_option("--baseline", options->baselines,
                   "log of the arm without load, to fit the model to; may be given several times")
@@ -108,26 +144,31 @@ Action set_up_payload(CommandLine line) {
   add_output_option(line, options->output, "the model that --baseline gives (JSON), for --model next time",
                     false);
   add_result_options(line, options->result);
-  line.parse_complete_callback([options] {
+  line.parse_complete_callback([options, line] {
+    if (!options->stream.empty()) {
+      refuse_with_stream(line, options->result, {"--log", "--output", "--true-mass"});
+    } else if (options->log.logs.empty()) {
+      throw UsageError("give a log with the load with --log LOG.csv, or '-' for rows on standard input");
+    }
     if (options->robot.model.empty() == options->baselines.empty()) {
       throw UsageError(
           "the load is what the model of the arm without load does not explain: give either --model "
           "MODEL.json or --baseline NOLOAD.csv, a log to fit it to");
     }
-    if (options->baselines.empty() && !options->output.empty()) {
-      throw UsageError(
-          "--output writes the model that --baseline gives; with --model there is nothing to write");
-    }
+    refuse_output_without(options->baselines, options->output, "the model that --baseline gives");
   });
   line.footer(
       "Logs need torque (tau1..tauN, or currents with --torque-constant). The arm without load is fitted by "
       "recursive\n"
-      "least squares over all joints; its errors go into the interval. The interval holds for the torque "
-      "scale given:\n"
-      "a torque constant that is 2 % off moves the mass by 2 %.\n"
-      "With one log --json gives one object, with several a list.\n"
-      "Example: heft payload --urdf ur10e --baseline empty.csv --log carrying.csv --report load.html");
-  return [options] { run(*options); };
+      "least squares over all joints; its errors go into the interval. Where its logs hold the controller's target "
+      "torque\n"
+      "(tauref1..tauN), the error of the torque constants is taken off the load and goes into the interval, too; "
+      "without,\n"
+      "torque constants that are 2 % off move the mass by 2 %.\n"
+      "With one log --json gives one object, with several a list; of a stream a line for each event.\n"
+      "Example: heft payload --urdf ur10e --baseline empty.csv --log carrying.csv --report load.html -o bare.json\n"
+      "         recorder | heft payload - --urdf ur10e --model bare.json");
+  return [options] { options->stream.empty() ? run(*options) : run_live(*options); };
 }
 
 }  // namespace heft::tools

@@ -1,5 +1,5 @@
 /// @file
-/// What commands share that read a log from standard input as it is written: `heft monitor -`.
+/// What commands share that read a log from standard input as it is written: `heft monitor -`, `heft payload -`.
 #pragma once
 
 #include <initializer_list>

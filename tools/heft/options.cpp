@@ -251,4 +251,10 @@ model::PointLoad payload_of(const std::vector<double>& values) {
   return payload;
 }
 
+void refuse_output_without(const std::vector<std::string>& sources, const std::string& output,
+                           const char* what) {
+  if (!sources.empty() || output.empty()) return;
+  throw UsageError(fmt::format("--output writes {}; without it there is nothing to write", what));
+}
+
 }  // namespace heft::tools

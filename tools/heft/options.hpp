@@ -105,6 +105,11 @@ void write_each(std::initializer_list<std::function<void()>> files);
 /// -o/--output, a file.
 void add_output_option(CommandLine line, std::string& output, const std::string& meaning,
                        bool required = true);
+/// @param sources  logs that the output is made from
+/// @param what     it holds, "the model that --baseline gives"
+/// @throws UsageError when there is an output and nothing to make it from
+void refuse_output_without(const std::vector<std::string>& sources, const std::string& output,
+                           const char* what);
 
 /// --payload, a point mass at the flange.
 void add_payload_option(CommandLine line, std::vector<double>& payload);

@@ -9,7 +9,9 @@
 /// @endcode
 #pragma once
 
+#include <array>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +19,7 @@
 #include <Eigen/Core>
 
 #include "heft/core/arm_model.hpp"
+#include "heft/data/live_log.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/model/model_file.hpp"
@@ -224,5 +227,82 @@ Weighing weigh(const model::Robot& robot, const data::LogSet& logs, std::size_t 
 /// The same with the arm of a model file, see arm_from_file().
 Weighing weigh(const model::Robot& robot, const model::ModelFile& file, const data::LogSet& logs,
                std::size_t zeros = 0, const Options& options = {});
+
+/// A load at one moment, about the flange frame.
+struct LoadValue {
+  statistics::Interval mass;                ///< [kg]
+  std::array<statistics::Interval, 3> com;  ///< [m]; NaN while the mass does not exceed its interval
+};
+
+/// What a row of a live stream brought about.
+struct LiveEvent {
+  enum class Kind {
+    kKnown,      ///< the first load is known; its interval may hold zero: there is none
+    kChange,     ///< the torques show another load than `before`; which one is not known yet
+    kAttached,   ///< `load` since `since`; there was none
+    kDetached,   ///< none since `since`; there was `before`
+    kReplaced,   ///< `load` in place of `before` since `since`
+    kUnchanged,  ///< after a kChange: the load is what it was; a contact, or another disturbance
+    kCorrected,  ///< `load` lies outside the interval of `before`, which was stated last
+    kImpossible,  ///< a mass below zero by more than its interval: the model is not that of this arm without load
+    kRefused  ///< a torque, a velocity or a step that no such arm can have: the row is left out, and those like it behind it
+  };
+  Kind kind{Kind::kKnown};
+  double time{0.0};   ///< of the row [s]
+  double since{0.0};  ///< when the torques began to show `load`, as far as that was seen [s]
+  LoadValue load, before;
+  int joint{-1};  ///< of kRefused, from 0
+};
+
+/// What a live stream held.
+struct LiveSummary {
+  double seconds{0.0};  ///< [s]
+  long samples{0};      ///< taken
+  long refused{0};      ///< left out here or by whoever read the rows
+  /// Of the last load that was stated, with all rows up to the end or to the change that ended it; absent: none was.
+  std::optional<LoadValue> load;
+  double load_since{0.0};  ///< [s]
+  bool changing{false};    ///< another load came last, and was not known by the end
+  std::vector<LoadChange> changes;
+  /// Why no load is known, or that none can be what was found, as a sentence without a full stop; empty: one is known.
+  std::string unanswered;
+};
+
+/// Follows the load while rows arrive, with heft::LoadObserver as a controller runs it; the friction of every joint may have changed.
+/// A load is stated once the half-width of its 95 % interval is below 15 % of the mass, or 1 % of the arm's mass; that holds the
+/// model's error, the zero check and the torque scale as estimate() does. What a row brings about is known before the next one. The first
+/// kFirstRows give the sample period and are gone through together, while nothing could be known yet.
+///
+/// @code
+/// payload::LiveLoad live(arm, options);   // an UnloadedArm
+/// data::LiveLog rows("-", {.num_joints = robot.num_joints(), .torque = true}, tell);
+/// for (data::LiveRow row; rows.next(row);)
+///   if (const auto event = live.push(row)) std::puts(report::brief(*event).c_str());
+/// @endcode
+class LiveLoad {
+ public:
+  static constexpr std::size_t kFirstRows = 6;
+  /// Half-width of a mass that is stated, in parts of the mass [1]: enough to tell loads apart, and reached in seconds.
+  static constexpr double kClear = 0.15;
+  /// The same in parts of the arm's mass [1]: below this a load hardly matters to the arm.
+  static constexpr double kLight = 0.01;
+
+  /// @param options  `true_mass`, `torque` and `progress` are not used
+  /// @throws InputError when the robot does not have Options::first_joint, NotIdentifiableError when no motion shows the mass in the rows from
+  ///         there on; ModelError
+  LiveLoad(const UnloadedArm& arm, const Options& options = {});
+  ~LiveLoad();
+
+  /// Takes a row. One whose time is not beyond that of the row before starts anew: the clock was set. What is carried stays stated until
+  /// the rows behind it show another load.
+  /// @return what it brings about; mostly nothing
+  std::optional<LiveEvent> push(const data::LiveRow& row);
+  /// The stream ends. @param refused  rows that did not get here
+  LiveSummary end(long refused = 0);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace heft::payload

@@ -17,6 +17,14 @@ std::string full(const payload::Payload& load);
 /// Fields as tools/README.md names them.
 std::string json(const payload::Payload& load);
 
+/// What a row of a live stream brought about: one line, as `heft payload -` prints it.
+std::string brief(const payload::LiveEvent& event);
+/// What the stream held: one line.
+std::string brief(const payload::LiveSummary& summary);
+/// The same as one line of JSON each; fields in tools/README.md.
+std::string json(const payload::LiveEvent& event);
+std::string json(const payload::LiveSummary& summary);
+
 /// One sentence: where the model of the arm without load comes from.
 std::string brief(const payload::UnloadedArm& arm);
 /// The same with the model's residual, where it was fitted.

@@ -1,0 +1,45 @@
+/// @file
+/// A robot's model in core's templates for arms that are known at run time only: ArmTorque, LoadObserver, DriveTorque.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "heft/core/dynamics/run_time_arm.hpp"
+#include "heft/core/status.hpp"
+#include "heft/host/error.hpp"
+#include "heft/model/robot.hpp"
+
+namespace heft::model {
+
+/// Room of such a model.
+inline constexpr int kMaxEffects = 64, kMaxCouplings = 8;
+
+/// To be used in the place of a description, with room for what robots have.
+template <int N>
+using ModelOf = RunTimeArm<N, kMaxEffects, kMaxCouplings>;
+
+/// Adds effects and gear couplings of a robot to one of core's models of it.
+/// @throws ModelError when one does not fit
+template <typename Model>
+void add_parts(const Robot& robot, Model& model) {
+  const auto refused = [&](std::size_t count, const char* parts, int most, const char* expected) {
+    return ModelError("robot \"" + robot.name + "\" has " + std::to_string(count) + parts + " on " +
+                      std::to_string(robot.num_joints()) + " joints; expected at most " +
+                      std::to_string(most) + expected);
+  };
+  for (const JointEffect<double>& effect : robot.effects) {
+    if (model.add(effect) != Status::kOk) {
+      throw refused(robot.effects.size(), " effects", kMaxEffects,
+                    ", each of a joint and with finite values");
+    }
+  }
+  for (const GearCoupling<double>& coupling : robot.couplings) {
+    if (model.add(coupling) != Status::kOk) {
+      throw refused(robot.couplings.size(), " gear couplings", kMaxCouplings,
+                    ", each of two joints and with finite values");
+    }
+  }
+}
+
+}  // namespace heft::model
