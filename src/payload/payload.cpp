@@ -74,6 +74,18 @@ void compare_torque(const model::Robot& arm, const data::MotionLog& read, const 
   result.after_friction = validate::score(log, with_load + friction, band);
 }
 
+/// The log row by row through LiveLoad.
+std::vector<LiveEvent> events_of(const UnloadedArm& arm, const data::Log& log, const Options& options) {
+  LiveLoad live(arm, options);
+  std::vector<LiveEvent> events;
+  for (Eigen::Index k = 0; k < log.time.size(); ++k) {
+    data::LiveRow row{log.time[k], log.q.row(k), {}, log.tau.row(k)};
+    if (log.qd.cols() > 0) row.qd = log.qd.row(k);
+    if (std::optional<LiveEvent> event = live.push(row)) events.push_back(std::move(*event));
+  }
+  return events;
+}
+
 void add_notes(Payload& result) {
   const PayloadRun& run = result.run;
   const int rejected = run.rows_rejected.sum();
@@ -127,6 +139,12 @@ std::string Payload::unanswered() const {
   return answered() ? "" : fmt::format("{}: the load cannot be determined: {}", log, run.missing);
 }
 
+const LiveEvent* Payload::first_stated() const {
+  const auto first = std::find_if(
+      live.begin(), live.end(), [](const LiveEvent& event) { return event.kind == LiveEvent::Kind::kKnown; });
+  return first == live.end() ? nullptr : &*first;
+}
+
 Payload estimate(const UnloadedArm& arm, const data::LogSource& source, const Options& options) {
   refuse_unloaded(arm, source);
   Payload result;
@@ -142,6 +160,7 @@ Payload estimate(const UnloadedArm& arm, const data::LogSource& source, const Op
   result.log_seconds = rows > 1 ? log.time[rows - 1] - log.time[0] : 0.0;
   result.log_rate = result.log_seconds > 0.0 ? static_cast<double>(rows - 1) / result.log_seconds : 0.0;
   result.run = run_payload(unloaded, log, run_options(arm, log, options, arm.zero_mass_std()));
+  if (result.run.mass_visible) result.live = events_of(arm, log, options);
   result.has_model_covariance = arm.covariance.has_value();
   result.zero_checks = arm.zero_checks;
   result.drive_scale = arm.drive_scale;

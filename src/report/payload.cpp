@@ -173,6 +173,24 @@ std::vector<std::string> remarks(const Payload& result) {
   return lines;
 }
 
+/// What a controller says, and when.
+std::string live_words(const Payload& result) {
+  const payload::LiveEvent* first = result.first_stated();
+  if (first == nullptr) return "A controller that runs heft::LoadObserver would state no load.";
+  std::string text = fmt::format("A controller that runs heft::LoadObserver states {} kg ± {} kg at {:.3g} s",
+                                 page::number(first->load.mass.value, 3),
+                                 page::number(first->load.mass.half_width(), 2), first->time);
+  const auto later =
+      std::count_if(result.live.begin(), result.live.end(), [](const payload::LiveEvent& event) {
+        using Kind = payload::LiveEvent::Kind;
+        return event.kind == Kind::kAttached || event.kind == Kind::kDetached ||
+               event.kind == Kind::kReplaced;
+      });
+  return text + (later == 0   ? "."
+                 : later == 1 ? ", then 1 change."
+                              : fmt::format(", then {} changes.", later));
+}
+
 /// Range of the mass plot: that of the values known after the first tenth of the run, so that the wild
 /// values at the start do not flatten the rest.
 std::pair<double, double> settled_range(const Payload& result) {
@@ -273,6 +291,8 @@ nlohmann::ordered_json to_json(const Payload& result) {
   json["samples"] = result.run.samples;
   json["converged_at"] = result.run.converged_at ? nlohmann::ordered_json(*result.run.converged_at)
                                                  : nlohmann::ordered_json(nullptr);
+  const payload::LiveEvent* stated = result.first_stated();
+  json["stated_at"] = stated ? nlohmann::ordered_json(stated->time) : nlohmann::ordered_json(nullptr);
   json["changes"] = changes_json(result.run.changes);
   if (result.before.rmse.size() > 0) {
     json["rmse_before"] = host::json_array(result.before.rmse);
@@ -306,8 +326,10 @@ void add_to(page::Page& page, const Payload& result) {
     facts.push_back({"mass", page::number(result.run.mass.value) + " kg",
                      "± " + page::number(result.run.mass.half_width(), 2) + " kg (95 %)"});
   }
-  facts.push_back({"converged at",
-                   result.run.converged_at ? fmt::format("{:.3g} s", *result.run.converged_at) : "–", ""});
+  facts.push_back(
+      {"converged at", result.run.converged_at ? fmt::format("{:.3g} s", *result.run.converged_at) : "–",
+       result.first_stated() ? fmt::format("a controller states it at {:.3g} s", result.first_stated()->time)
+                             : ""});
   facts.push_back({"samples", fmt::format("{}", result.run.samples),
                    fmt::format("torque of joints {} and up", result.run.first_joint)});
   page.facts(facts);
@@ -368,6 +390,7 @@ std::string full(const Payload& result) {
   if (!result.frame.empty()) text += fmt::format("In {}; inertia about its origin.\n", result.frame);
   text += result.run.converged_at ? fmt::format("Converged at {:.3g} s.\n", *result.run.converged_at)
                                   : "Not converged.\n";
+  text += live_words(result) + "\n";
   for (const std::string& line : remarks(result)) text += line + '\n';
   for (const payload::LoadChange& change : result.run.changes) {
     text += std::isfinite(change.mass)

@@ -85,8 +85,10 @@ TEST_F(LiveLoadOf, AStreamIsTheLoadOfItsLogAndKnownBeforeItsEnd) {
   EXPECT_NEAR(events.front().load.mass.value, kMass, 0.15 * kMass);
   const LiveSummary summary = live.end(7);
   ASSERT_TRUE(summary.load.has_value());
-  const PayloadRun whole =
-      estimate(unloaded_, data::log_set(arm_.joint_specs(), {}, {log}).judge().front()).run;
+  const Payload weighed = estimate(unloaded_, data::log_set(arm_.joint_specs(), {}, {log}).judge().front());
+  const PayloadRun& whole = weighed.run;
+  ASSERT_NE(weighed.first_stated(), nullptr);
+  EXPECT_EQ(report::brief(*weighed.first_stated()), report::brief(events.front())) << "the same code";
   EXPECT_TRUE(whole.mass.contains(summary.load->mass.value));
   EXPECT_TRUE(summary.load->mass.contains(whole.mass.value));
   EXPECT_TRUE(summary.load->mass.contains(kMass));

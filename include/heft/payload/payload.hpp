@@ -166,6 +166,32 @@ struct PayloadRun {
   std::string missing;
 };
 
+/// A load at one moment, about the flange frame.
+struct LoadValue {
+  statistics::Interval mass;                ///< [kg]
+  std::array<statistics::Interval, 3> com;  ///< [m]; NaN while the mass does not exceed its interval
+};
+
+/// What a row brought about for a controller, or whoever follows a stream.
+struct LiveEvent {
+  enum class Kind {
+    kKnown,      ///< the first load is known; its interval may hold zero: there is none
+    kChange,     ///< the torques show another load than `before`; which one is not known yet
+    kAttached,   ///< `load` since `since`; there was none
+    kDetached,   ///< none since `since`; there was `before`
+    kReplaced,   ///< `load` in place of `before` since `since`
+    kUnchanged,  ///< after a kChange: the load is what it was; a contact, or another disturbance
+    kCorrected,  ///< `load` lies outside the interval of `before`, which was stated last
+    kImpossible,  ///< a mass below zero by more than its interval: the model is not that of this arm without load
+    kRefused  ///< a torque, a velocity or a step that no such arm can have: the row is left out, and those like it behind it
+  };
+  Kind kind{Kind::kKnown};
+  double time{0.0};   ///< of the row [s]
+  double since{0.0};  ///< when the torques began to show `load`, as far as that was seen [s]
+  LoadValue load, before;
+  int joint{-1};  ///< of kRefused, from 0
+};
+
 /// A load.
 struct Payload {
   std::string robot;
@@ -181,6 +207,8 @@ struct Payload {
   /// the load is not known: a part of it must not pass for an improvement.
   validate::Score before;
   std::optional<validate::Score> after, after_friction;
+  /// What LiveLoad says of the rows of this log one after the other, as a controller would; empty where no motion shows the mass.
+  std::vector<LiveEvent> live;
   Eigen::VectorXd time;  ///< of the two errors [s]
   Eigen::MatrixXd error_before,
       error_after;  ///< measured minus predicted, samples × n [N·m, N]; the latter may be empty
@@ -193,6 +221,8 @@ struct Payload {
   bool answered() const;
   /// Why the load is not known or cannot be, with the log; empty: it is known.
   std::string unanswered() const;
+  /// The first load that a controller states, see `live`; null: it states none.
+  const LiveEvent* first_stated() const;
   bool usable() const { return judgement.usable(); }
 };
 
@@ -227,32 +257,6 @@ Weighing weigh(const model::Robot& robot, const data::LogSet& logs, std::size_t 
 /// The same with the arm of a model file, see arm_from_file().
 Weighing weigh(const model::Robot& robot, const model::ModelFile& file, const data::LogSet& logs,
                std::size_t zeros = 0, const Options& options = {});
-
-/// A load at one moment, about the flange frame.
-struct LoadValue {
-  statistics::Interval mass;                ///< [kg]
-  std::array<statistics::Interval, 3> com;  ///< [m]; NaN while the mass does not exceed its interval
-};
-
-/// What a row of a live stream brought about.
-struct LiveEvent {
-  enum class Kind {
-    kKnown,      ///< the first load is known; its interval may hold zero: there is none
-    kChange,     ///< the torques show another load than `before`; which one is not known yet
-    kAttached,   ///< `load` since `since`; there was none
-    kDetached,   ///< none since `since`; there was `before`
-    kReplaced,   ///< `load` in place of `before` since `since`
-    kUnchanged,  ///< after a kChange: the load is what it was; a contact, or another disturbance
-    kCorrected,  ///< `load` lies outside the interval of `before`, which was stated last
-    kImpossible,  ///< a mass below zero by more than its interval: the model is not that of this arm without load
-    kRefused  ///< a torque, a velocity or a step that no such arm can have: the row is left out, and those like it behind it
-  };
-  Kind kind{Kind::kKnown};
-  double time{0.0};   ///< of the row [s]
-  double since{0.0};  ///< when the torques began to show `load`, as far as that was seen [s]
-  LoadValue load, before;
-  int joint{-1};  ///< of kRefused, from 0
-};
 
 /// What a live stream held.
 struct LiveSummary {
