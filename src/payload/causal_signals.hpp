@@ -44,6 +44,11 @@ inline constexpr double kFastPole = 5.0;
 /// quarter.
 inline constexpr double kFastest = 0.1;
 
+/// Pole of the fast filter [Hz].
+inline double fast_pole(double cutoff, double sample_rate) {
+  return std::max(cutoff, std::min(kFastPole * cutoff, kFastest * sample_rate));
+}
+
 /// What became of a sample.
 enum class Taken {
   kRefused,   ///< implausible: nothing changed
@@ -69,7 +74,7 @@ class CausalSignals {
       torque_limit_[i] = kImplausibleTorque * robot.joints[static_cast<std::size_t>(i)].effort_limit;
       velocity_limit_[i] = kImplausibleVelocity * robot.joints[static_cast<std::size_t>(i)].velocity_limit;
     }
-    const double fast = std::max(cutoff, std::min(kFastPole * cutoff, kFastest * sample_rate));
+    const double fast = fast_pole(cutoff, sample_rate);
     configured_ = motion_.configure(fast) == Status::kOk && torque_.configure(fast) == Status::kOk &&
                   sign_.configure(fast) == Status::kOk && columns_->configure(cutoff) == Status::kOk &&
                   slow_torque_.configure(cutoff) == Status::kOk;

@@ -25,8 +25,8 @@ using Eigen::VectorXd;
 
 /// Poles of the filter where nothing says which one the model's residual was measured behind [Hz].
 constexpr double kCutoff = 5.0;
-/// Updates a period of the filter's poles. Noise behind three poles ω is correlated over some 3/ω, half of such a period; at three
-/// a period neighbours are correlated by a third, which the observer learns and allows for.
+/// Updates a period of the low-pass that the model's residual was measured behind. The residual is correlated over longer than that; more
+/// updates would only make the observer certain too early.
 constexpr double kUpdatesPerPeriod = 3.0;
 /// Of the Coulomb sign [rad/s, m/s].
 constexpr double kSignWidth = 0.02;
@@ -37,7 +37,7 @@ constexpr double kRest = 5.0;
 /// Residual of a model from elsewhere, in parts of a joint's largest torque: what fits usually leave [1].
 constexpr double kUsualResidual = 0.01;
 
-double filter_pole(const PayloadRunOptions& options) {
+double cutoff_of(const PayloadRunOptions& options) {
   return options.cutoff > 0.0 ? options.cutoff : options.residual ? options.residual->cutoff : kCutoff;
 }
 
@@ -75,11 +75,14 @@ class SizedFollower final : public LoadFollower::Sized {
   using Vector = JointVector<double, N>;
 
  public:
-  SizedFollower(const model::Robot& arm, const PayloadRunOptions& options, const VectorXd& noise) {
+  SizedFollower(const model::Robot& arm, const PayloadRunOptions& options, const VectorXd& noise,
+                double period) {
     typename Core::Config config;
     config.first_row = options.first_joint - 1;
-    config.filter_hz = filter_pole(options);
-    config.update_rate = kUpdatesPerPeriod * config.filter_hz;
+    // The torque of the arm behind a filter is not that of the motion behind it: off by 3 (q̇/ω)²/2 of the whole torque. So the filter
+    // is fast; its noise is learnt.
+    config.filter_hz = fast_pole(cutoff_of(options), 1.0 / period);
+    config.update_rate = kUpdatesPerPeriod * cutoff_of(options);
     config.friction_prior = friction_prior(arm, config.first_row, noise, options.torque_at_joint);
     config.noise_std = noise;
     config.sign_width = kSignWidth;
@@ -147,12 +150,12 @@ LoadFollower::LoadFollower(const model::Robot& arm, const PayloadRunOptions& opt
       to_flange_(to_flange(arm)),
       noise_(noise_of(arm, options)),
       period_(period),
-      rate_(std::min(kUpdatesPerPeriod * filter_pole(options), 1.0 / period)),
+      rate_(std::min(kUpdatesPerPeriod * cutoff_of(options), 1.0 / period)),
       late_(arm.torque_delay) {
   together_ = VectorXd::Ones(arm.num_joints());
   if (options.residual) together_ = (rate_ * options.residual->correlation_time).cwiseMax(1.0);
   core_ = model::with_joint_count(arm.num_joints(), arm.name, [&](auto joints) -> std::unique_ptr<Sized> {
-    return std::make_unique<SizedFollower<decltype(joints)::value>>(arm, options_, noise_);
+    return std::make_unique<SizedFollower<decltype(joints)::value>>(arm, options_, noise_, period_);
   });
   error_ = std::make_unique<ArmError>(kWider * kWider * core_->covariance().diagonal(),
                                       options_.model_covariance, options_.drive_scale);
@@ -199,8 +202,15 @@ LoadFollower::Taken LoadFollower::take(const data::LiveRow& row) {
     qd = started_ ? VectorXd((row.q - last_.q) / step) : VectorXd(VectorXd::Zero(row.q.size()));
   VectorXd q = row.q;
   late_.take(row.time, q, qd);
-  taken.refused = core_->update(q, qd, scaled(q, qd, row.tau), step, taken) != Status::kOk;
+  // The observer takes a torque as that of the time since the row before, at motion half-way; a row's torque is of the row. Half-way points
+  // of rows that jitter are further apart, or less, than the rows: timed like these, motion would get a noise of its own.
+  const double spacing = last_step_ > 0.0 ? 0.5 * (step + last_step_) : step;
+  const VectorXd tau = scaled(q, qd, row.tau);
+  const VectorXd between = started_ ? VectorXd(0.5 * (tau + last_tau_)) : tau;
+  taken.refused = core_->update(q, qd, between, spacing, taken) != Status::kOk;
   if (taken.refused) return taken;
+  last_tau_ = tau;
+  last_step_ = started_ ? step : 0.0;
   last_ = row;
   started_ = true;
   if (taken.estimated) add_rows();

@@ -23,9 +23,9 @@ namespace heft::payload {
 /// velocities where the rows have none (differences), and a torque scale that is known: torque is divided by it, except for the arm's
 /// own part, which was fitted as measured.
 ///
-/// Settings follow from the fit of the arm: the filter is the one that its residual was measured behind, the guess of the noise is that
-/// residual, and updates come three times a period of the filter's poles: samples closer together are correlated by the filter, and
-/// counting them as independent makes the observer certain too early. The friction of every joint in use may differ from the model.
+/// Settings follow from the fit of the arm: the filter is its fast one (causal_signals.hpp), the guess of the noise its residual, and
+/// updates come three times a period of its low-pass: counting samples closer together as independent makes the observer certain too
+/// early. The friction of every joint in use may differ from the model.
 class LoadFollower {
  public:
   /// What became of a row.
@@ -66,7 +66,9 @@ class LoadFollower {
   LateMotion late_;
   std::unique_ptr<Sized> core_;
   std::unique_ptr<ArmError> error_;
-  data::LiveRow last_;  ///< that was taken
+  data::LiveRow last_;        ///< that was taken
+  Eigen::VectorXd last_tau_;  ///< the same in true units
+  double last_step_{0.0};     ///< before it [s]; 0: there was none
   bool started_{false}, restart_due_{false};
 };
 

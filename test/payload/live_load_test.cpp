@@ -144,6 +144,29 @@ TEST_F(LiveLoadOf, NothingIsCarriedWhereNothingIs) {
   EXPECT_THAT(report::brief(live.end()), HasSubstr("No load: "));
 }
 
+// Rows at uneven times, as recorders write them. Fewer than 16 of 20 intervals come by chance once in four hundred.
+TEST_F(LiveLoadOf, IntervalsHoldTheLoadFromTheFirstOneOn) {
+  const model::Robot arm = test::six_joint_arm();
+  const model::Robot truth =
+      test::carrying(arm, test::body(1.5, {0.04, 0.11, -0.05}, {0.01, 0.001, 0.008, -0.002, 0.0005, 0.012}));
+  test::SyntheticSettings settings;
+  settings.noise = 0.01;
+  settings.jitter = 0.3;
+  const UnloadedArm fit = fitted(arm, {test::synthetic_log(arm, settings)});
+  settings.duration = 6.0;
+  int held = 0, of = 0;
+  for (std::uint32_t seed = 10; seed < 20; ++seed) {
+    settings.motion_seed = settings.noise_seed = seed;
+    LiveLoad live(fit);
+    const std::vector<LiveEvent> events = push(live, test::synthetic_log(truth, settings));
+    ASSERT_FALSE(events.empty()) << seed;
+    held += events.front().load.mass.contains(1.5) ? 1 : 0;
+    held += live.end().load.value().mass.contains(1.5) ? 1 : 0;
+    of += 2;
+  }
+  EXPECT_GE(held, 16) << "of " << of;
+}
+
 TEST_F(LiveLoadOf, FrictionThatChangedDoesNotPassForLoad) {
   model::Robot warm = loaded_;
   for (model::RobotJoint& joint : warm.joints) {
