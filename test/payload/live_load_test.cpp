@@ -1,5 +1,6 @@
 /// The load of a stream of rows: what is said, when, and that it is what the whole log says.
-#include <algorithm>
+#include <cmath>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 
 #include "heft/data/live_log.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/numbers.hpp"
 #include "heft/payload/payload.hpp"
 #include "heft/report/payload.hpp"
 #include "support/arms.hpp"
@@ -71,7 +73,12 @@ class LiveLoadOf : public ::testing::Test {
       test::carrying(arm_, test::body(kMass, {0.3, 0, 0}, {0, 0, 0.001, 0, 0, 0.001}));
   const model::Robot heavier_ =
       test::carrying(arm_, test::body(2.0, {0.2, 0.05, 0}, {0, 0, 0.002, 0, 0, 0.002}));
-  const UnloadedArm unloaded_ = fitted(arm_, {log_of(arm_, 1), log_of(arm_, 2)});
+  static const UnloadedArm& fitted_once() {
+    static const UnloadedArm arm = fitted(
+        test::planar_two_link(), {log_of(test::planar_two_link(), 1), log_of(test::planar_two_link(), 2)});
+    return arm;
+  }
+  const UnloadedArm& unloaded_ = fitted_once();
 };
 
 TEST_F(LiveLoadOf, AStreamIsTheLoadOfItsLogAndKnownBeforeItsEnd) {
@@ -129,6 +136,11 @@ TEST_F(LiveLoadOf, SaysWhatIsAttachedReplacedAndDetached) {
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_NEAR(summary.changes[c].time, 14.0 + 15.0 * static_cast<double>(c), 0.5) << c;
   EXPECT_NEAR(summary.changes[0].mass, kMass, 0.15 * kMass);
+  for (const LiveEvent& event : events) {
+    const double truth = event.kind == Kind::kAttached ? kMass : event.kind == Kind::kReplaced ? 2.0 : kNaN;
+    if (std::isnan(truth)) continue;
+    EXPECT_TRUE(event.load.mass.contains(truth)) << report::brief(event);
+  }
   EXPECT_NEAR(summary.changes[1].mass_before, kMass, 0.3 * kMass);
   EXPECT_NEAR(summary.changes[1].mass, 2.0, 0.15 * 2.0);
   ASSERT_TRUE(summary.load.has_value());

@@ -135,13 +135,16 @@ TEST(PayloadStreamOfUr10e, FindsTheKnownLoadWhileItIsPipedIn) {
   const std::string folder = HEFT_DATA_DIR "/ur10e-dynamic-calibration/";
   HEFT_NEEDS_MEASURED_DATA(folder);
   const test::TemporaryFolder here;
-  const std::string robot = "--urdf " + test::shell_quote(folder + "robot.urdf");
-  const std::string with = "payload - " + robot + " --json - --baseline " +
-                           test::shell_quote(folder + "exc-12h-50s.csv") + " --rows ";
+  const std::string robot = folder + "robot.urdf", load = folder + "exc-14h-50s-load2p805kg.csv";
+  const Outcome fitted = test::run_heft({"payload", "--urdf", robot, "--baseline", folder + "exc-12h-50s.csv",
+                                         "--log", load, "-o", "bare.json"},
+                                        here.path(""));
+  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
+  const std::string with =
+      "payload - --urdf " + test::shell_quote(robot) + " --model bare.json --json - --rows ";
   for (const int k : {1, 4}) {
     const Outcome live =
-        test::piped_heft(with + std::to_string(k),
-                         host::read_file(folder + "exc-14h-50s-load2p805kg.csv", "log"), here.path(""));
+        test::piped_heft(with + std::to_string(k), host::read_file(load, "log"), here.path(""));
     ASSERT_EQ(live.exit_code, 0) << live.err;
     const std::vector<std::string> lines = lines_of(live.out);
     for (const std::string& line : lines) {
