@@ -272,10 +272,11 @@ struct LiveSummary {
   std::string unanswered;
 };
 
-/// Follows the load while rows arrive, with heft::LoadObserver as a controller runs it; the friction of every joint may have changed.
-/// A load is stated once the half-width of its 95 % interval is below 15 % of the mass, or 1 % of the arm's mass; that holds the
-/// model's error, the zero check and the torque scale as estimate() does. What a row brings about is known before the next one. The first
-/// kFirstRows give the sample period and are gone through together, while nothing could be known yet.
+/// Follows the load while rows arrive, with heft::LoadObserver as a controller runs it; the friction of every joint may have
+/// changed. A load is stated once the half-width of its 95 % interval is below 15 % of the mass, or 1 % of the arm's mass; the
+/// interval holds the model's error, the zero check and the torque scale, as that of estimate() does. What a row brings about is
+/// known before the next one. The first kFirstRows give the sample period and are gone through together, while nothing could be
+/// known yet.
 ///
 /// @code
 /// payload::LiveLoad live(arm, options);   // an UnloadedArm
@@ -292,8 +293,8 @@ class LiveLoad {
   static constexpr double kLight = 0.01;
 
   /// @param options  `true_mass`, `torque` and `progress` are not used
-  /// @throws InputError when the robot does not have Options::first_joint, NotIdentifiableError when no motion shows the mass in the rows from
-  ///         there on; ModelError
+  /// @throws InputError when the robot does not have Options::first_joint; NotIdentifiableError when no motion shows the mass in
+  ///         the rows from there on; ModelError
   LiveLoad(const UnloadedArm& arm, const Options& options = {});
   ~LiveLoad();
 
