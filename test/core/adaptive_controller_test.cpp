@@ -13,28 +13,19 @@
 #include "heft/core/denavit_hartenberg.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/reference_dynamics.hpp"
+#include "support/planar_rig.hpp"
 #include "support/random_arm.hpp"
 
 namespace heft {
 namespace {
 
+using test::carrying;
+using test::mass_of;
+using test::planar_arm;
+using test::Plant;
 using test::Random;
-
-template <int N>
-MassMatrix<double, N> mass_of(const ArmModel<double, N>& model, const JointVector<double, N>& q) {
-  const DynamicArm<double, N> arm(model);
-  MassMatrix<double, N> mass;
-  mass_matrix(arm, joint_trigonometry<DynamicArm<double, N>>(q), q, mass);
-  return mass;
-}
-
-template <int N>
-ArmModel<double, N> carrying(ArmModel<double, N> arm, const InertialParameters<double>& load) {
-  for (std::size_t i = 0; i < 10; ++i) {
-    arm.links[N - 1][i] += load[i];
-  }
-  return arm;
-}
+using test::reference_at;
+using test::some_load;
 
 /// C(q, q̇) as the torque of unit reference velocities without gravity and acceleration.
 template <int N>
@@ -113,65 +104,6 @@ TEST(ReferenceDynamics, RegressorTimesLoadIsWhatTheLoadAddsToTheTorque) {
     EXPECT_LT((Y * a - expected).norm(), 1e-10 * (1 + expected.norm())) << n;
   }
 }
-
-/// A planar arm of two links in the vertical plane, 3 kg and 2 kg, rotors of 0.1 kg·m².
-template <typename Scalar>
-ArmModel<Scalar, 2> planar_arm() {
-  ArmModel<Scalar, 2> arm;
-  arm.joints[1].position = {Scalar(0.4), Scalar(0), Scalar(0)};
-  const Scalar none(0);
-  arm.links[0] = make_inertial_parameters<Scalar>(Scalar(3), {Scalar(0.2), none, none},
-                                                  {none, none, Scalar(0.04), none, none, Scalar(0.04)});
-  arm.links[1] = make_inertial_parameters<Scalar>(Scalar(2), {Scalar(0.15), none, none},
-                                                  {none, none, Scalar(0.02), none, none, Scalar(0.02)});
-  for (auto& actuation : arm.actuation) {
-    actuation.rotor_inertia = Scalar(0.1);
-  }
-  arm.gravity = {none, Scalar(-9.81), none};
-  return arm;
-}
-
-/// 1.5 kg at 0.3 m from the second joint.
-InertialParameters<double> some_load() {
-  return make_inertial_parameters<double>(1.5, {0.3, 0.0, 0.0}, {0.003, 0, 0.003, 0, 0, 0.003});
-}
-
-template <typename Scalar>
-JointReference<Scalar, 2> reference_at(double t) {
-  JointReference<Scalar, 2> r;
-  for (int i = 0; i < 2; ++i) {
-    const double w = i == 0 ? 1.7 : 2.9, a = i == 0 ? 0.6 : 0.8;
-    r.q[i] = Scalar(a * std::sin(w * t));
-    r.qd[i] = Scalar(a * w * std::cos(w * t));
-    r.qdd[i] = Scalar(-a * w * w * std::sin(w * t));
-  }
-  return r;
-}
-
-/// The arm with a load, which integrates the equations of motion by steps of a cycle.
-class Plant {
- public:
-  explicit Plant(const InertialParameters<double>& load) : arm_(carrying<2>(planar_arm<double>(), load)) {
-    q = reference_at<double>(0).q;
-    qd = reference_at<double>(0).qd;
-  }
-
-  void step(const Eigen::Vector2d& tau, double dt) {
-    MassMatrix<double, 2> mass;
-    Eigen::Vector2d bias;
-    const auto trig = joint_trigonometry<DynamicArm<double, 2>>(q);
-    mass_matrix(arm_, trig, q, mass);
-    bias_torque(arm_, trig, q, qd, bias);
-    mass.diagonal().array() += 0.1;
-    qd += dt * mass.llt().solve(tau - bias);
-    q += dt * qd;
-  }
-
-  Eigen::Vector2d q, qd;
-
- private:
-  DynamicArm<double, 2> arm_;
-};
 
 /// Largest position error of the last two of 15 seconds under PD with the gravity of the arm without load, 20 rad/s of bandwidth.
 double late_error_of_pd() {
@@ -292,11 +224,35 @@ TYPED_TEST(Adaptive, DoesNotWindUpWhileATorqueIsCut) {
   EXPECT_EQ(controller.load(), before);
 }
 
+TYPED_TEST(Adaptive, AReferenceThatStandsTeachesNothing) {
+  typename TestFixture::Controller controller;
+  ASSERT_EQ(controller.configure(this->usual(), planar_arm<TypeParam>()), Status::kOk);
+  typename TestFixture::Joints tau, none = TestFixture::Joints::Zero(), q = TestFixture::Joints::Zero();
+  typename TestFixture::Controller::Record record;
+  auto reference = reference_at<TypeParam>(0);
+  reference.q.setConstant(TypeParam(0.01));
+  reference.qd.setZero();
+  int adapted = 0;
+  for (int k = 0; k < 1000; ++k) {
+    ASSERT_EQ(controller.update(reference, q, none, none, TypeParam(1e-3), tau, record), Status::kOk);
+    if (std::abs(k - 500) > 2) {  // sums of sample times round
+      EXPECT_EQ(record.at_rest, k > 500) << k;
+    }
+    EXPECT_EQ(record.adapted, !record.at_rest);
+    adapted += record.adapted ? 1 : 0;
+  }
+  EXPECT_NEAR(adapted, 500, 2);
+  reference.qd[1] = TypeParam(0.002);
+  ASSERT_EQ(controller.update(reference, q, none, none, TypeParam(1e-3), tau, record), Status::kOk);
+  EXPECT_TRUE(record.adapted);
+}
+
 TYPED_TEST(Adaptive, KeepsTheEstimateAmongTheBodiesThatCanExist) {
   // An arm that does not move, in want of ever more torque, then of ever less.
   auto config = this->usual();
   config.largest_mass = TypeParam(4);
   config.reach = TypeParam(0.2);
+  config.longest_rest = TypeParam(100);  // goes on adapting
   typename TestFixture::Controller controller;
   ASSERT_EQ(controller.configure(config, planar_arm<TypeParam>()), Status::kOk);
   typename TestFixture::Joints tau, none = TestFixture::Joints::Zero(), q = TestFixture::Joints::Zero();

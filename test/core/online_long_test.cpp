@@ -1,14 +1,17 @@
 /// Ten hours at rest, at 1 kHz: neither drift nor false certainty, and right again within two seconds of motion.
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "heft/core/control/arm_controllers.hpp"
 #include "heft/core/control/terminal_link_controller.hpp"
 #include "heft/core/converted.hpp"
 #include "heft/core/estimate/extended_kalman_filter.hpp"
 #include "heft/core/estimate/load_observer.hpp"
 #include "support/online_rig.hpp"
+#include "support/planar_rig.hpp"
 #include "support/two_link_arm.hpp"
 
 namespace heft {
@@ -113,6 +116,20 @@ TEST(OnlineForHoursInFloat, AKalmanFilterRestsForTenHours) {
   for (int i = 0; i < 2; ++i) {
     EXPECT_NEAR(static_cast<double>(filter.coulomb(i)), rig.arm.coulomb[i], 0.25 * rig.arm.coulomb[i]);
   }
+}
+
+TYPED_TEST(OnlineForHours, AdaptationAndEstimatesHoldStillForTenMinutes) {
+  using Scalar = TypeParam;
+  using Arm = RunTimeArm<2, 2, 1>;
+  const auto rest = [](auto controller) {
+    typename decltype(controller)::Config config;
+    if constexpr (requires { config.estimator; }) config.estimator.noise_std.setConstant(Scalar(0.1));
+    ASSERT_EQ(controller.configure(test::planar_arm<Scalar>(), config), Status::kOk);
+    test::expect_no_drift_at_rest(std::move(controller), 600);
+  };
+  rest(LoadEstimatingController<Arm, Scalar>{});
+  rest(ArmEstimatingController<Arm, Scalar>{});
+  rest(AdaptiveArmController<Arm, Scalar>{});
 }
 
 }  // namespace

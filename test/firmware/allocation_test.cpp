@@ -1,5 +1,6 @@
 // Gate 4: the control cycle takes nothing from the heap, in ten thousand cycles of a Release build.
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <memory>
 #include <random>
@@ -10,6 +11,8 @@
 #include "firmware/log_table.hpp"
 #include "firmware/online_replay.hpp"
 #include "firmware/replay.hpp"
+#include "heft/core/control/arm_controllers.hpp"
+#include "heft/core/control/controller_switch.hpp"
 #include "heft/core/control/terminal_link_controller.hpp"
 #include "heft/core/converted.hpp"
 #include "heft/core/dynamics/regressor.hpp"
@@ -220,6 +223,48 @@ void expect_monitor_without_allocation() {
   EXPECT_GT(events, 0);  // contacts were looked into
 }
 
+/// Controllers of the one interface, another in charge every 400 cycles, on a motion smooth enough to be estimated from.
+template <typename Scalar>
+void expect_controllers_without_allocation() {
+  constexpr int kN = firmware::kNumJoints;
+  using Arm = RunTimeArm<kN, 8, 1>;
+  using Vector = JointVector<Scalar, kN>;
+  using All = ControllerSwitch<PdController<Arm, Scalar>, ComputedTorqueController<Arm, Scalar>,
+                               LoadEstimatingController<Arm, Scalar>, ArmEstimatingController<Arm, Scalar>,
+                               AdaptiveArmController<Arm, Scalar>>;
+  const auto all = std::make_unique<All>();
+  const auto model = converted<Scalar>(firmware::PaperArm::kModel);
+  ASSERT_EQ(all->template get<0>().configure(model), Status::kOk);
+  ASSERT_EQ(all->template get<1>().configure(model), Status::kOk);
+  ASSERT_EQ(all->template get<2>().configure(model), Status::kOk);
+  ASSERT_EQ(all->template get<3>().configure(model), Status::kOk);
+  ASSERT_EQ(all->template get<4>().configure(model), Status::kOk);
+  int cycle = 0, refused = 0, estimates = 0, adapted = 0;
+  const test::AllocationCount spent = allocations_of([&](const LogRow& row) {
+    typename All::Reference reference;
+    for (int i = 0; i < kN; ++i) {
+      const double w = 2 + 0.7 * i, t = 1e-3 * cycle;
+      reference.q[i] = Scalar(0.5 * std::sin(w * t));
+      reference.qd[i] = Scalar(0.5 * w * std::cos(w * t));
+    }
+    typename All::Measurement measured;
+    measured.q = reference.q;
+    measured.qd = reference.qd + Vector::Constant(Scalar(0.01));
+    measured.tau = Eigen::Map<const Eigen::Matrix<float, kN, 1>>(row.tau).cast<Scalar>();
+    measured.dt = Scalar(1e-3);
+    refused += all->select(static_cast<std::size_t>(cycle / 400 % 5)) == Status::kOk ? 0 : 1;
+    refused += all->step(reference, measured).status == Status::kOk ? 0 : 1;
+    estimates += all->template get<3>().observed().new_estimate ? 1 : 0;
+    adapted += all->template get<4>().adaptation().adapted ? 1 : 0;
+    ++cycle;
+  });
+  EXPECT_EQ(spent.operator_new, 0U);
+  EXPECT_EQ(spent.malloc, 0U);
+  EXPECT_EQ(refused, 0);
+  EXPECT_GT(estimates, 0);
+  EXPECT_GT(adapted, 0);
+}
+
 template <typename Scalar>
 void expect_statics_without_allocation() {
   constexpr int kN = firmware::kNumJoints;
@@ -251,6 +296,14 @@ void expect_statics_without_allocation() {
 TEST_F(Allocation, MonitorInDoubleTakesNothingFromTheHeap) { expect_monitor_without_allocation<double>(); }
 
 TEST_F(Allocation, MonitorInFloatTakesNothingFromTheHeap) { expect_monitor_without_allocation<float>(); }
+
+TEST_F(Allocation, ControllersInDoubleTakeNothingFromTheHeap) {
+  expect_controllers_without_allocation<double>();
+}
+
+TEST_F(Allocation, ControllersInFloatTakeNothingFromTheHeap) {
+  expect_controllers_without_allocation<float>();
+}
 
 TEST_F(Allocation, StaticsInDoubleTakeNothingFromTheHeap) { expect_statics_without_allocation<double>(); }
 

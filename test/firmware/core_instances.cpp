@@ -3,6 +3,8 @@
 #include "arms.hpp"
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/control/adaptive_controller.hpp"
+#include "heft/core/control/arm_controllers.hpp"
+#include "heft/core/control/controller_switch.hpp"
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/control/terminal_link_controller.hpp"
 #include "heft/core/control/terminal_link_cycle.hpp"
@@ -325,6 +327,24 @@ HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
   template Status check_physical(const InertialParameters<Scalar>&) noexcept;                        \
   template Status make_physical(InertialParameters<Scalar>&, Scalar) noexcept
 
+/// The controllers of one interface, and their exchange.
+#define HEFT_INSTANTIATE_CONTROLLERS(Scalar, ...)                    \
+  template class PdController<__VA_ARGS__, Scalar>;                  \
+  template class ComputedTorqueController<__VA_ARGS__, Scalar>;      \
+  template class LoadEstimatingController<__VA_ARGS__, Scalar>;      \
+  template class AdaptiveArmController<__VA_ARGS__, Scalar>;         \
+  template class ControllerSwitch<PdController<__VA_ARGS__, Scalar>, \
+                                  ComputedTorqueController<__VA_ARGS__, Scalar>>
+
+#define HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(Scalar, ...)     \
+  HEFT_INSTANTIATE_CONTROLLERS(Scalar, __VA_ARGS__);           \
+  template class ArmEstimatingController<__VA_ARGS__, Scalar>; \
+  template Status ArmEstimatingController<__VA_ARGS__, Scalar>::add(const Elasticity<Scalar>&) noexcept
+
+HEFT_INSTANTIATE_CONTROLLERS(float, firmware::EffectsArm);
+HEFT_INSTANTIATE_CONTROLLERS(double, firmware::EffectsArm);
+HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(float, RunTimeArm<7, 8, 1>);
+HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(double, RunTimeArm<7, 8, 1>);
 HEFT_INSTANTIATE_FACADES(float);
 HEFT_INSTANTIATE_FACADES(double);
 HEFT_INSTANTIATE_JOINTS(float, 6);

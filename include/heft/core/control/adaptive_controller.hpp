@@ -2,6 +2,7 @@
 /// A controller that adapts to what the arm carries: Slotine and Li's passivity-based law for the ten parameters of a load.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -10,6 +11,7 @@
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/arm_model.hpp"
 #include "heft/core/control/joint_controller.hpp"
+#include "heft/core/dynamics/detail/usable_model.hpp"
 #include "heft/core/dynamics/reference_dynamics.hpp"
 #include "heft/core/numeric_range.hpp"
 #include "heft/core/physical_body.hpp"
@@ -39,6 +41,8 @@ namespace heft {
 ///   make_physical() leaves it with `reach`. This is not the nearest body in the metric of Γ⁻¹, so V may rise at the boundary; the
 ///   estimate is bounded all the same.
 /// - Anti-windup. While a torque is cut at its limit, s is the limit's doing and nothing is adapted.
+/// - Rest. When the reference has stood for `longest_rest` nothing is adapted: static friction holds what is left of s, and
+///   an estimate that followed it would move the arm at some time.
 ///
 /// Switching over without a jump of the torque: set_load() with the load that the controller before believed in.
 ///
@@ -68,6 +72,10 @@ class AdaptiveController {
     Vector dead_zone = Vector::Constant(static_cast<Scalar>(0.005));
     /// A longer cycle adapts as this one would, > 0 [s]: across a dropout s is not known.
     Scalar longest_step{static_cast<Scalar>(0.02)};
+    /// Of a reference that moves, all joints slower stand, ≥ 0 [rad/s, m/s].
+    Scalar rest_speed{static_cast<Scalar>(0.001)};
+    /// A reference that stands longer teaches nothing, > 0 [s].
+    Scalar longest_rest{static_cast<Scalar>(0.5)};
   };
 
   /// What a cycle did.
@@ -76,6 +84,7 @@ class AdaptiveController {
     std::uint32_t limited{0};   ///< bit i: torque of joint i was cut at its limit
     bool adapted{false};        ///< the estimate took a step: outside the dead zone, no torque cut
     bool projected{false};      ///< the step would have left the loads that can exist
+    bool at_rest{false};        ///< the reference has stood for longer than `longest_rest`
   };
 
   /// Starts without load.
@@ -85,7 +94,7 @@ class AdaptiveController {
     if (!in_range(config)) {
       return Status::kOutOfRange;
     }
-    if (!usable(arm)) {
+    if (!detail::is_usable_model(arm)) {
       return Status::kNonFiniteInput;
     }
     typename JointFeedback<Scalar, N>::Config limits;
@@ -99,6 +108,7 @@ class AdaptiveController {
       rotor_[i] = arm.actuation[static_cast<std::size_t>(i)].rotor_inertia;
     }
     load_ = {};
+    rest_ = Scalar(0);
     configured_ = true;
     return Status::kOk;
   }
@@ -117,6 +127,16 @@ class AdaptiveController {
     return Status::kOk;
   }
 
+  /// Reflected inertias of the motors, n, where they are not those of the arm; not finite: the old ones stay [kg·m², kg].
+  void set_rotors(const Vector& rotors) noexcept { rotor_ = all_usable(rotors) ? rotors : rotor_; }
+
+  /// Replaces gravity, in the base frame [m/s²]; not finite: the old one stays.
+  void set_gravity(const std::array<Scalar, 3>& gravity) noexcept {
+    if (all_usable(gravity)) {
+      dynamics_.set_gravity(gravity);
+    }
+  }
+
   /// What the torque is computed with, about the last link frame: mass [kg], first moment [kg·m], inertia [kg·m²].
   const Load& load() const noexcept { return load_; }
 
@@ -125,9 +145,10 @@ class AdaptiveController {
   /// @param feed_forward  torque beyond rigid links and rotors, friction along the reference for instance, n [N·m, N]
   /// @param dt            since the cycle before, > 0 [s]
   /// @param tau           torque, n [N·m, N]
+  /// @param cut           not zero: the torque of the cycle before was not what acted; nothing is adapted
   /// @return kNotConfigured, kNonFiniteInput, kOutOfRange (dt): tau, record and load are as they were
   Status update(const Reference& reference, const Vector& q, const Vector& qd, const Vector& feed_forward,
-                Scalar dt, Vector& tau, Record& record) noexcept {
+                Scalar dt, Vector& tau, Record& record, std::uint32_t cut = 0) noexcept {
     if (!configured_) {
       return Status::kNotConfigured;
     }
@@ -161,7 +182,11 @@ class AdaptiveController {
     record = {};
     record.s = s;
     record.limited = control.limited;
-    if (control.limited == 0) {
+    const bool stands = reference.qd.cwiseAbs().maxCoeff() <= config_.rest_speed;
+    const Scalar rest = stands ? rest_ + dt : Scalar(0);
+    record.at_rest = rest > config_.longest_rest;
+    rest_ = record.at_rest ? config_.longest_rest : rest;
+    if (control.limited == 0 && cut == 0 && !record.at_rest) {
       adapt(Y, s, dt < config_.longest_step ? dt : config_.longest_step, record);
     }
     return Status::kOk;
@@ -180,18 +205,8 @@ class AdaptiveController {
     return c.damping_rate >= Scalar(0) && is_usable(c.damping_rate) && c.mass_gain >= Scalar(0) &&
            is_usable(c.mass_gain) && c.size > Scalar(0) && is_usable(c.size) && c.largest_mass > Scalar(0) &&
            is_usable(c.largest_mass) && c.reach > Scalar(0) && is_usable(c.reach) &&
-           c.longest_step > Scalar(0) && is_usable(c.longest_step);
-  }
-
-  static bool usable(const ArmModel<Scalar, N>& arm) noexcept {
-    for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
-      const Joint<Scalar>& joint = arm.joints[i];
-      if (!all_usable(joint.rotation) || !all_usable(joint.position) || !all_usable(joint.axis) ||
-          !all_usable(arm.links[i]) || !is_usable(arm.actuation[i].rotor_inertia)) {
-        return false;
-      }
-    }
-    return all_usable(arm.gravity);
+           c.longest_step > Scalar(0) && is_usable(c.longest_step) && c.rest_speed >= Scalar(0) &&
+           is_usable(c.rest_speed) && c.longest_rest > Scalar(0) && is_usable(c.longest_rest);
   }
 
   /// â ← projection of â − Γ Yᵀ s dt.
@@ -232,7 +247,8 @@ class AdaptiveController {
   Dynamics dynamics_{};
   JointFeedback<Scalar, N> limits_;
   Vector rotor_ = Vector::Zero();
-  Load load_{};  ///< â
+  Load load_{};     ///< â
+  Scalar rest_{0};  ///< the reference has stood for so long [s]
   bool configured_{false};
 };
 

@@ -12,6 +12,7 @@
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/converted.hpp"
+#include "heft/core/dynamics/detail/mass_bounds.hpp"
 #include "heft/core/dynamics/detail/rigid_arm.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
@@ -400,25 +401,7 @@ class TerminalLinkController {
       found(i, i) += nominal_.rotor[i];
       nominal(i, i) += nominal_.rotor[i];
     }
-    const Mass above = found - config_.least_inertia * nominal;
-    const Mass below = config_.most_inertia * nominal - found;
-    return positive_definite(above) && positive_definite(below);
-  }
-
-  /// Cholesky without the roots; NaN is not positive.
-  static bool positive_definite(Mass m) noexcept {
-    for (int j = 0; j < kNumJoints; ++j) {
-      if (!(m(j, j) > Scalar(0))) {
-        return false;
-      }
-      for (int i = j + 1; i < kNumJoints; ++i) {
-        const Scalar factor = m(i, j) / m(j, j);
-        for (int k = j + 1; k <= i; ++k) {
-          m(i, k) -= factor * m(k, j);
-        }
-      }
-    }
-    return true;
+    return detail::between<Scalar, kNumJoints>(found, nominal, config_.least_inertia, config_.most_inertia);
   }
 
   Config config_{};

@@ -2,6 +2,8 @@
 /// Torque and regressor of an arm that moves at one velocity and is to move at another, as passivity-based controllers need them.
 #pragma once
 
+#include <array>
+
 #include <Eigen/Core>
 
 #include "heft/core/arm_geometry.hpp"
@@ -35,6 +37,8 @@ class ReferenceDynamics {
     weightless_.set_gravity({Scalar(0), Scalar(0), Scalar(0)});
   }
 
+  /// @param gravity  in the base frame, finite [m/s²]
+  void set_gravity(const std::array<Scalar, 3>& gravity) noexcept { arm_.set_gravity(gravity); }
   const Arm& arm() const noexcept { return arm_; }
 
   /// @param trig   of q

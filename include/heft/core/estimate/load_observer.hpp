@@ -149,9 +149,11 @@ class LoadObserver {
   /// @param qd   velocities, n, of any source: their sign decides about friction [rad/s, m/s]
   /// @param tau  torques that acted since the sample before, n, link side [N·m, N]
   /// @param dt   since the sample before, refused ones included; of the first sample the nominal one, > 0, at most 1e6 [s]
+  /// @param cut  bit i: torque i was cut at a limit, of the drive for instance, and does not count
   /// @return kNonFiniteInput, kOutOfRange (dt not positive or too short for the filter, or a variance beyond kLargestWeight),
   ///         kNotConfigured: the sample is refused and leaves no trace but its time
-  Status update(const Vector& q, const Vector& qd, const Vector& tau, Scalar dt, Record& record) noexcept {
+  Status update(const Vector& q, const Vector& qd, const Vector& tau, Scalar dt, Record& record,
+                std::uint32_t cut = 0) noexcept {
     record = Record{};
     record.state = state_;
     if (!configured_) {
@@ -171,7 +173,7 @@ class LoadObserver {
         return Status::kOk;
       }
       const Front before = front_;
-      status = take(q, qd, tau, elapsed, record);
+      status = take(q, qd, tau, elapsed, cut, record);
       if (status != Status::kOk) {
         front_ = before;
         record = Record{};
@@ -348,11 +350,11 @@ class LoadObserver {
     rows_a_sample_ = config_.rows_per_sample > least ? config_.rows_per_sample : least;
   }
 
-  Status take(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed,
+  Status take(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed, std::uint32_t cut,
               Record& record) noexcept {
     Front& f = front_;
     const typename detail::SampleFaults<Scalar, kNumJoints>::Found faults =
-        f.faults.look(f.previous_q, f.previous_qd, q, qd, tau, config_.torque_limit, elapsed, omega_);
+        f.faults.look(f.previous_q, f.previous_qd, q, qd, tau, config_.torque_limit, elapsed, omega_, cut);
     const Vector middle_q = static_cast<Scalar>(0.5) * (q + f.previous_q);
     const Vector middle_qd = static_cast<Scalar>(0.5) * (qd + f.previous_qd);
     f.previous_q = q;

@@ -47,7 +47,14 @@ struct ArmSource {
   /// Its drives, with everything that an exported header holds.
   template <typename Scalar, typename Drive>
   static Status configure(Drive& drive, Scalar sign_width) noexcept {
-    Status status = drive.configure(kModel<Scalar>.actuation, sign_width);
+    const Status status = drive.configure(kModel<Scalar>.actuation, sign_width);
+    return status == Status::kOk ? add_parts<Scalar>(drive) : status;
+  }
+
+  /// Couplings, effects and elastic joints alone.
+  template <typename Scalar, typename Drive>
+  static Status add_parts(Drive& drive) noexcept {
+    Status status = Status::kOk;
     const auto add_all = [&](const auto& entries) {
       for (const auto& entry : entries) {
         status = status == Status::kOk ? drive.add(entry) : status;
@@ -169,6 +176,11 @@ class RigidArm {
     run(q, qd, structural::ZeroVector{}, tau, structural::NoVisitor{});
   }
 
+  /// The torque at rest.
+  void gravity(const Vector& q, Vector& tau) const noexcept {
+    run(q, structural::ZeroVector{}, structural::ZeroVector{}, tau, structural::NoVisitor{});
+  }
+
   void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
                           LoadColumns<Scalar, kN>& columns) const noexcept {
     run(q, qd, qdd, tau, LoadColumnsVisitor<Arm>{columns, {}});
@@ -230,8 +242,8 @@ class RigidArm {
     return out;
   }();
 
-  template <typename Acceleration, typename Visitor>
-  void run(const Vector& q, const Vector& qd, const Acceleration& qdd, Vector& tau,
+  template <typename Velocity, typename Acceleration, typename Visitor>
+  void run(const Vector& q, const Velocity& qd, const Acceleration& qdd, Vector& tau,
            const Visitor& visitor) const noexcept {
     using namespace structural;
     const Dense3<Scalar> base = {-gravity_[0], -gravity_[1], -gravity_[2]};
@@ -272,6 +284,10 @@ class RigidArm<RunTimeArm<N, MaxEffects, MaxCouplings>, Scalar> {
 
   void bias(const Vector& q, const Vector& qd, Vector& tau) const noexcept {
     bias_torque(arm_, joint_trigonometry<Arm>(q), q, qd, tau);
+  }
+
+  void gravity(const Vector& q, Vector& tau) const noexcept {
+    gravity_torque(arm_, joint_trigonometry<Arm>(q), q, tau);
   }
 
   void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,

@@ -29,9 +29,11 @@ class SampleFaults {
 
   /// @param before,velocity_before  the sample before
   /// @param limit  of torques
+  /// @param cut    bit i: torque i is known to be cut, whatever was measured
   /// @param omega  of the filter behind [1/s]
   Found look(const Vector& before, const Vector& velocity_before, const Vector& q, const Vector& qd,
-             const Vector& tau, const Vector& limit, const Scalar& elapsed, const Scalar& omega) noexcept {
+             const Vector& tau, const Vector& limit, const Scalar& elapsed, const Scalar& omega,
+             std::uint32_t cut = 0) noexcept {
     using std::abs;
     Found found;
     // A line between two samples is no motion once they are further apart than usual and than the filter averages.
@@ -51,9 +53,9 @@ class SampleFaults {
         stood_[i] = Scalar(0);
       }
       found.frozen |= abs(stood_[i]) > static_cast<Scalar>(kLongestWay) ? bit : 0U;
-      clipped_[i] = abs(tau[i]) >= limit[i] ? remembered
-                    : clipped_[i] > elapsed ? clipped_[i] - elapsed
-                                            : Scalar(0);
+      clipped_[i] = abs(tau[i]) >= limit[i] || (cut & bit) != 0 ? remembered
+                    : clipped_[i] > elapsed                     ? clipped_[i] - elapsed
+                                                                : Scalar(0);
       found.clipped |= clipped_[i] > Scalar(0) ? bit : 0U;
     }
     return found;
