@@ -3,188 +3,181 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string>
 #include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Core>
 
-#include "heft/core/control/adaptive_controller.hpp"
-#include "heft/core/control/joint_controller.hpp"
+#include "heft/core/control/arm_controllers.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/model/run_time_arm.hpp"
 #include "heft/model/sized.hpp"
-#include "load_observer.hpp"
-#include "model_feed_forward.hpp"
+#include "heft/sim/core_controller.hpp"
+#include "load_trace.hpp"
 
 namespace heft::track {
 namespace {
 
+/// Scale of the smooth Coulomb sign in feed-forward and residual [rad/s, m/s].
+constexpr double kSignWidth = 0.02;
 /// Where a property is taken along a reference.
 constexpr int kPoints = 50;
 /// Least of ControllerSettings::load_response that a gain is made for, 1 kg at 0.2 m on a joint of 1 kg·m² [m²/s⁴/kg]: what is
 /// felt less needs no faster adaptation.
 constexpr double kLeastResponse = 4.0;
 
-/// The robot with what has a place in its actuation put there: rotor inertia, offset, motors behind elastic joints.
-model::Robot with_actuation_of_effects(model::Robot robot) {
-  std::vector<JointEffect<double>> others;
-  for (const JointEffect<double>& effect : robot.effects) {
-    JointActuation<double>& actuation = robot.joints[static_cast<std::size_t>(effect.joint)].actuation;
-    if (effect.kind == joint_effect_kind<RotorInertia>()) {
-      actuation.rotor_inertia += effect.parameters[0];
-    } else if (effect.kind == joint_effect_kind<Offset>()) {
-      actuation.friction_offset += effect.parameters[0];
-    } else {
-      others.push_back(effect);
-    }
+/// A configured controller, with everything that the robot's model holds.
+/// @param refused  says what the settings should have been
+template <int N, typename Core, typename Refused>
+std::shared_ptr<sim::CoreController<Core>> configured(std::shared_ptr<sim::CoreController<Core>> controller,
+                                                      const typename Core::Config& config,
+                                                      const model::Robot& robot, const Refused& refused) {
+  const Status status = controller->core().configure(model::to_arm_model<N>(robot), config);
+  if (status == Status::kNonFiniteInput) {
+    throw ModelError(fmt::format("tracking: robot \"{}\": links, friction and rotors: expected finite values",
+                                 robot.name));
   }
-  robot.effects = std::move(others);
-  for (const Elasticity<double>& elasticity : robot.elasticities) {
-    robot.joints[static_cast<std::size_t>(elasticity.joint)].actuation.rotor_inertia +=
-        elasticity.motor_inertia;
-  }
-  return robot;
+  if (status != Status::kOk) throw ModelError(refused());
+  model::add_parts(robot, controller->core());
+  model::add_elasticities(robot, controller->core());
+  return controller;
 }
 
+/// Computed torque with the load that is estimated, and the estimate over time.
 template <int N>
-class TrackingController final : public sim::Controller {
- public:
-  using Arm = DynamicArm<double, N>;
-  using Vector = JointVector<double, N>;
+class TracedController final : public sim::CoreController<LoadEstimatingController<model::ModelOf<N>, double>> {
+  using Base = sim::CoreController<LoadEstimatingController<model::ModelOf<N>, double>>;
 
-  TrackingController(Method method, const model::Robot& nominal, const ControllerSettings& settings,
-                     std::shared_ptr<LoadTrace> trace)
-      : method_(method),
-        nominal_(model::to_arm_model<N>(nominal)),
-        arm_(nominal_),
-        beyond_(nominal, settings.friction_feed_forward) {
-    const double w = 2 * std::numbers::pi * settings.bandwidth_hz;
-    typename JointFeedback<double, N>::Config config;
-    const bool scaled = method == Method::kPd || method == Method::kPdGravity;
-    const Vector inertia = scaled ? Vector(settings.inertia) : Vector(Vector::Ones());
-    config.stiffness = inertia * (w * w);
-    config.damping = inertia * (2 * settings.damping_ratio * w);
-    if (settings.torque_limit.size() == N) config.torque_limit = settings.torque_limit.cwiseMin(1e30);
-    if (feedback_.configure(config) != Status::kOk) {
+ public:
+  explicit TracedController(std::shared_ptr<LoadTrace> trace) : trace_(std::move(trace)) {}
+
+  void control(double t, const sim::Measurement& m, Eigen::Ref<Eigen::VectorXd> torque) override {
+    Base::control(t, m, torque);
+    if (trace_) note_load(this->core().observer(), this->core().observed(), m.time, *trace_);
+  }
+
+ private:
+  std::shared_ptr<LoadTrace> trace_;
+};
+
+/// The controllers of an arm with N joints.
+template <int N>
+class Workshop {
+ public:
+  using Arm = model::ModelOf<N>;
+  using Vector = JointVector<double, N>;
+  using Product = std::shared_ptr<sim::Controller>;
+
+  Workshop(const model::Robot& robot, const ControllerSettings& settings)
+      : robot_(robot), settings_(settings), w_(2 * std::numbers::pi * settings.bandwidth_hz) {
+    if (settings.torque_limit.size() == N) limit_ = settings.torque_limit.cwiseMin(1e30);
+    if (!(limit_.array() > 0).all() || !(w_ > 0) || !(settings.damping_ratio >= 0)) {
       throw ModelError(fmt::format(
           "tracking: bandwidth {} Hz, damping ratio {}: expected positive values and torque limits "
           "above zero",
           settings.bandwidth_hz, settings.damping_ratio));
     }
-    friction_.sign_width = kSignWidth;
-    if (settings.friction_feed_forward) {
-      for (int i = 0; i < N; ++i) {
-        const auto& actuation = nominal_.actuation[static_cast<std::size_t>(i)];
-        friction_.coulomb[i] = actuation.coulomb_friction;
-        friction_.viscous[i] = actuation.viscous_friction;
-        friction_.offset[i] = actuation.friction_offset;
-      }
-    }
-    if (method == Method::kEstimated) {
-      observer_ = std::make_unique<LoadObserver<N>>(nominal, settings, std::move(trace));
-    }
-    if (method == Method::kAdaptive) set_up_adaptation(settings, config.torque_limit);
   }
 
-  void control(double t, const sim::Measurement& m, Eigen::Ref<Eigen::VectorXd> torque) override {
-    JointReference<double, N> reference;
-    reference.q = m.q_ref;
-    reference.qd = m.qd_ref;
-    reference.qdd = m.qdd_ref;
-    const Vector q = m.q, qd = m.qd;
-    Vector tau = Vector::Zero();
-    ControlRecord record;
-    Status status = Status::kOk;
-    if (method_ == Method::kAdaptive) {
-      status = adaptive(t, m.sample_time, reference, q, qd, tau);
-    } else if (method_ == Method::kPd || method_ == Method::kPdGravity) {
-      Vector wanted = feedback_.feedback(reference, q, qd);
-      if (method_ == Method::kPdGravity) {
-        Vector gravity;
-        gravity_torque(arm_, joint_trigonometry<Arm>(q), q, gravity);
-        wanted += gravity;
-      }
-      status = feedback_.limit(wanted, tau, record);
-    } else {
-      if (observer_) {
-        // A refused sample leaves the load as it was.
-        static_cast<void>(observer_->sample(m));
-        carry(observer_->load());
-      }
-      status = beyond_.needed() ? extended(t, m.sample_time, reference, q, qd, tau, record)
-                                : computed_torque(feedback_, arm_, friction_, reference, q, qd, tau, record);
+  Product make(Method method, std::shared_ptr<LoadTrace> trace) const {
+    switch (method) {
+      case Method::kPd: return pd(false);
+      case Method::kPdGravity: return pd(true);
+      case Method::kComputedTorque:
+      case Method::kIdentified: return plain<ComputedTorqueController<Arm, double>>(gains());
+      case Method::kEstimated: return with_load(std::move(trace));
+      case Method::kArmEstimated: return with_arm();
+      case Method::kAdaptive: return adaptive();
     }
-    // A measurement that is not finite leaves the torque as it was.
-    if (status == Status::kOk) torque = tau;
+    throw ModelError("tracking: unknown method");
   }
 
  private:
+  /// What a configuration has in common, gains of accelerations.
+  ControllerConfig<double, N> gains() const {
+    ControllerConfig<double, N> config;
+    config.stiffness = Vector::Ones() * (w_ * w_);
+    config.damping = Vector::Ones() * (2 * settings_.damping_ratio * w_);
+    config.torque_limit = limit_;
+    config.friction = settings_.friction_feed_forward;
+    config.sign_width = kSignWidth;
+    return config;
+  }
+
+  template <typename Core>
+  Product plain(const typename Core::Config& config) const {
+    return configured<N, Core>(std::make_shared<sim::CoreController<Core>>(), config, robot_,
+                               [] { return std::string("tracking: expected settings within their ranges"); });
+  }
+
+  Product pd(bool gravity) const {
+    PdConfig<double, N> config{gains(), gravity};
+    const Vector inertia = settings_.inertia;
+    config.stiffness = inertia * (w_ * w_);
+    config.damping = inertia * (2 * settings_.damping_ratio * w_);
+    return plain<PdController<Arm, double>>(config);
+  }
+
+  Product with_load(std::shared_ptr<LoadTrace> trace) const {
+    using Core = LoadEstimatingController<Arm, double>;
+    typename Core::Config config{gains(), {}};
+    config.observer.first_row = settings_.rows - 1;
+    config.observer.filter_hz = settings_.filter_hz;
+    config.observer.update_rate = settings_.update_rate;
+    config.observer.mass_prior = settings_.mass_prior;
+    if (settings_.noise.size() == N) config.observer.noise_std = settings_.noise;
+    config.observer.sign_width = kSignWidth;
+    config.observer.transition_time = 0.0;
+    return configured<N, Core>(std::make_shared<TracedController<N>>(std::move(trace)), config, robot_, [&] {
+      return fmt::format(
+          "tracking: estimator settings k = {}, filter {} Hz, mass prior {} kg: expected k from "
+          "1 to {} and positive values",
+          settings_.rows, settings_.filter_hz, settings_.mass_prior, N);
+    });
+  }
+
+  Product with_arm() const {
+    using Core = ArmEstimatingController<Arm, double>;
+    typename Core::Config config{gains(), {}};
+    config.estimator.doubt = settings_.doubt;
+    config.estimator.filter_hz = settings_.filter_hz;
+    config.estimator.update_rate = settings_.update_rate;
+    config.estimator.mass_prior = settings_.mass_prior;
+    if (settings_.noise.size() == N) config.estimator.noise_std = settings_.noise;
+    config.estimator.sign_width = kSignWidth;
+    return configured<N, Core>(std::make_shared<sim::CoreController<Core>>(), config, robot_, [&] {
+      return fmt::format("tracking: filter {} Hz, mass prior {} kg, doubt {}: expected positive values",
+                         settings_.filter_hz, settings_.mass_prior, settings_.doubt);
+    });
+  }
+
   /// Poles of the error as computed torque has them. They are real, so that a damping ratio below 1 counts as 1.
-  void set_up_adaptation(const ControllerSettings& settings, const Vector& torque_limit) {
-    const double w = 2 * std::numbers::pi * settings.bandwidth_hz;
-    const double damping = std::max(1.0, settings.damping_ratio);
+  Product adaptive() const {
+    using Core = AdaptiveArmController<Arm, double>;
+    const double damping = std::max(1.0, settings_.damping_ratio);
     const double apart = std::sqrt(damping * damping - 1);
-    typename AdaptiveController<double, N>::Config config;
-    config.position_rate.setConstant(w * (damping - apart));
-    config.damping_rate = w * (damping + apart);
-    config.torque_limit = torque_limit;
+    typename Core::Config config{gains(), {}};
+    config.law.position_rate.setConstant(w_ * (damping - apart));
+    config.law.damping_rate = w_ * (damping + apart);
+    config.law.torque_limit = limit_;
     // The fastest that brings the mass in without overshoot.
-    config.mass_gain =
-        config.damping_rate * config.damping_rate / (4 * std::max(kLeastResponse, settings.load_response));
-    if (adaptation_.configure(config, nominal_) != Status::kOk) {
-      throw ModelError(
-          fmt::format("tracking: adaptive control with bandwidth {} Hz, damping ratio {}: expected positive "
-                      "values and a model with finite numbers",
-                      settings.bandwidth_hz, settings.damping_ratio));
-    }
+    config.law.mass_gain = config.law.damping_rate * config.law.damping_rate /
+                           (4 * std::max(kLeastResponse, settings_.load_response));
+    return configured<N, Core>(std::make_shared<sim::CoreController<Core>>(), config, robot_, [&] {
+      return fmt::format(
+          "tracking: adaptive control with bandwidth {} Hz, damping ratio {}: expected positive "
+          "values and a model with finite numbers",
+          settings_.bandwidth_hz, settings_.damping_ratio);
+    });
   }
 
-  /// Puts a load on the last link of the arm that the model is.
-  void carry(const InertialParameters<double>& load) {
-    InertialParameters<double> last = nominal_.links[N - 1];
-    for (std::size_t i = 0; i < last.size(); ++i) last[i] += load[i];
-    arm_.set_link(N - 1, last);
-  }
-
-  /// Adaptive control of the links, everything else that the model holds fed forward.
-  Status adaptive(double t, double sample_time, const JointReference<double, N>& reference, const Vector& q,
-                  const Vector& qd, Vector& tau) {
-    if (beyond_.needed()) {
-      carry(adaptation_.load());
-      if (const Status status = beyond_.update(t, sample_time, arm_, reference); status != Status::kOk)
-        return status;
-    }
-    typename AdaptiveController<double, N>::Record record;
-    return adaptation_.update(reference, q - beyond_.deflection, qd - beyond_.rate,
-                              friction_.torque(reference.qd + beyond_.rate) + beyond_.torque, sample_time,
-                              tau, record);
-  }
-
-  /// Computed torque for the links of elastic joints, everything else that the model holds fed forward.
-  Status extended(double t, double sample_time, const JointReference<double, N>& reference, const Vector& q,
-                  const Vector& qd, Vector& tau, ControlRecord& record) {
-    if (const Status status = beyond_.update(t, sample_time, arm_, reference); status != Status::kOk)
-      return status;
-    // The encoders sit on the motors; the links are where the reference's torque bends the joints to.
-    const Vector link_q = q - beyond_.deflection, link_qd = qd - beyond_.rate;
-    const Vector qdd = commanded_acceleration<double, N>(feedback_, reference, link_q, link_qd);
-    Vector wanted = inverse_dynamics(arm_, link_q, link_qd, qdd) +
-                    friction_.torque(reference.qd + beyond_.rate) + beyond_.torque;
-    for (int i = 0; i < N; ++i) {
-      wanted[i] += nominal_.actuation[static_cast<std::size_t>(i)].rotor_inertia * qdd[i];
-    }
-    return feedback_.limit(wanted, tau, record);
-  }
-
-  Method method_;
-  ArmModel<double, N> nominal_;
-  Arm arm_;
-  ModelFeedForward<N> beyond_;
-  JointFeedback<double, N> feedback_;
-  FrictionFeedForward<double, N> friction_;
-  std::unique_ptr<LoadObserver<N>> observer_;
-  AdaptiveController<double, N> adaptation_;
+  const model::Robot& robot_;
+  const ControllerSettings& settings_;
+  double w_;  ///< [1/s]
+  Vector limit_ = Vector::Constant(1e30);
 };
 
 }  // namespace
@@ -196,6 +189,8 @@ const char* to_string(Method method) {
     case Method::kComputedTorque: return "computed torque, nominal";
     case Method::kEstimated: return "computed torque, estimated";
     case Method::kAdaptive: return "adaptive";
+    case Method::kIdentified: return "computed torque, identified";
+    case Method::kArmEstimated: return "computed torque, arm estimated";
   }
   return "unknown";
 }
@@ -245,11 +240,9 @@ double load_response(const model::Robot& robot, const sim::Reference& reference,
 std::shared_ptr<sim::Controller> make_controller(Method method, const model::Robot& nominal,
                                                  const ControllerSettings& settings,
                                                  std::shared_ptr<LoadTrace> trace) {
-  const model::Robot arm = with_actuation_of_effects(nominal);
-  return model::with_joint_count(
-      arm.num_joints(), arm.name, [&](auto joints) -> std::shared_ptr<sim::Controller> {
-        return std::make_shared<TrackingController<decltype(joints)::value>>(method, arm, settings, trace);
-      });
+  return model::with_joint_count(nominal.num_joints(), nominal.name, [&](auto joints) {
+    return Workshop<decltype(joints)::value>(nominal, settings).make(method, std::move(trace));
+  });
 }
 
 }  // namespace heft::track

@@ -4,15 +4,35 @@
 
 #include <gtest/gtest.h>
 
+#include "heft/core/estimate/load_observer.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/model/dynamics.hpp"
-#include "load_observer.hpp"
+#include "heft/sim/controller.hpp"
+#include "model_parts.hpp"
 #include "support/arms.hpp"
 
 namespace heft::track {
 namespace {
 
-using Observer = LoadObserver<2>;
+/// Core's observer of a robot, as the tracking controllers make it.
+class Observer {
+ public:
+  using Core = heft::LoadObserver<ModelOf<2>, double>;
+
+  explicit Observer(const model::Robot& arm, const Core::Config& config = {}) {
+    EXPECT_EQ(core_.configure(model::to_arm_model<2>(arm), config), Status::kOk);
+    add_parts<2>(arm, core_);
+  }
+  Status sample(const sim::Measurement& m) {
+    Core::Record record;
+    return core_.update(m.q, m.qd, m.tau, m.sample_time, record);
+  }
+  const InertialParameters<double>& load() const { return core_.load(); }
+  const Core::Estimator& estimator() const { return core_.estimator(); }
+
+ private:
+  Core core_;
+};
 
 /// The planar arm on a slow motion, with a load of 0.5 kg at its tip.
 class Motion {
@@ -58,7 +78,7 @@ Estimate estimate_of(const Observer& observer) {
 }
 
 TEST(LoadObserver, WeighsTheLoad) {
-  Observer observer(test::planar_two_link(), {}, nullptr);
+  Observer observer(test::planar_two_link());
   const Motion motion;
   for (int k = 0; k < 4000; ++k) ASSERT_EQ(observer.sample(motion.at(k)), Status::kOk);
   EXPECT_NEAR(observer.load()[kMass], 0.5, 0.02);
@@ -69,9 +89,9 @@ TEST(LoadObserver, ARowThatIsRefusedTakesTheRowsBeforeItWithIt) {
   // refused when row 1 has been taken.
   model::Robot arm = test::planar_two_link();
   arm.joints[1].actuation.coulomb_friction = 1.8e30;
-  ControllerSettings settings;
-  settings.noise = Eigen::Vector2d(1.0, 0.9e30);
-  Observer observer(arm, settings, nullptr);
+  Observer::Core::Config settings;
+  settings.noise_std = Eigen::Vector2d(1.0, 0.9e30);
+  Observer observer(arm, settings);
   Estimate before = estimate_of(observer);
   int refused = 0;
   for (int k = 0; k < 500; ++k) {
@@ -89,7 +109,7 @@ TEST(LoadObserver, ARowThatIsRefusedTakesTheRowsBeforeItWithIt) {
 }
 
 TEST(LoadObserver, ARefusedSampleLeavesNoTrace) {
-  Observer disturbed(test::planar_two_link(), {}, nullptr);
+  Observer disturbed(test::planar_two_link());
   const Motion motion;
   for (int k = 0; k < 3000; ++k) {
     sim::Measurement m = motion.at(k);

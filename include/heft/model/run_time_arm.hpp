@@ -42,4 +42,17 @@ void add_parts(const Robot& robot, Model& model) {
   }
 }
 
+/// Adds elastic joints of a robot to a model that has room for one a joint.
+/// @throws ModelError when one does not fit
+template <typename Model>
+void add_elasticities(const Robot& robot, Model& model) {
+  for (const Elasticity<double>& elasticity : robot.elasticities) {
+    if (model.add(elasticity) != Status::kOk) {
+      throw ModelError("robot \"" + robot.name + "\" has " + std::to_string(robot.elasticities.size()) +
+                       " elastic joints of " + std::to_string(robot.num_joints()) +
+                       "; expected at most one a joint, of positive stiffness");
+    }
+  }
+}
+
 }  // namespace heft::model

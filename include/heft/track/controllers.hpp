@@ -1,5 +1,5 @@
 /// @file
-/// Core's controllers and its payload estimator behind the simulator's controller interface, for any robot.
+/// Core's controllers behind the simulator's controller interface, for any robot.
 #pragma once
 
 #include <array>
@@ -20,7 +20,9 @@ enum class Method {
   kPdGravity,       ///< with the gravity torque of the nominal arm
   kComputedTorque,  ///< the nominal arm
   kEstimated,       ///< computed torque with the load that is estimated while the arm moves
-  kAdaptive         ///< Slotine and Li's adaptive control of the load, see AdaptiveController
+  kAdaptive,        ///< Slotine and Li's adaptive control of the load, see AdaptiveController
+  kIdentified,      ///< computed torque with an identified arm, where the nominal one is wrong
+  kArmEstimated     ///< computed torque with links, friction and load estimated while the arm moves
 };
 const char* to_string(Method method);
 
@@ -40,6 +42,8 @@ struct ControllerSettings {
   double mass_prior{0.0};
   /// First guess of the torque residual's standard deviation; size 0: from friction and weight.
   Eigen::VectorXd noise;
+  /// Of kArmEstimated: how well the arm is known, see ArmEstimator.
+  double doubt{0.2};
   /// Of kAdaptive: largest sum over joints of y²/M along the motion, where a joint of inertia M feels 1 kg at the last link as
   /// y [N·m/kg]. It sets the gain of the adaptation [m²/s⁴/kg].
   double load_response{50.0};
@@ -65,7 +69,7 @@ double load_response(const model::Robot& robot, const sim::Reference& reference,
 /// A controller for the simulator.
 /// @param nominal  the arm as the controller believes it to be, without load: friction, rotors, gear couplings,
 ///                 effects and elastic joints are fed forward along the reference by computed torque, and subtracted
-///                 from the torque that the estimator uses
+///                 from the torque that the estimator uses. kIdentified takes its arm here, too
 /// @param trace    filled by kEstimated; may be null
 /// @throws ModelError when the robot has more joints or effects than heft handles
 std::shared_ptr<sim::Controller> make_controller(Method method, const model::Robot& nominal,
