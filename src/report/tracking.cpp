@@ -20,8 +20,11 @@ namespace {
 using track::Method;
 using track::Tracking;
 
-double rms(const Tracking& tracking, Method method) {
-  return tracking.judged()[static_cast<std::size_t>(method)].rms();
+double rms(const Tracking& tracking, Method method) { return tracking.judged(method).rms(); }
+
+/// "the estimated load".
+const char* estimated(const Tracking& tracking) {
+  return tracking.wrong ? "the estimated arm" : "the estimated load";
 }
 
 std::string load_sentence(const Tracking& tracking) {
@@ -69,9 +72,10 @@ page::PlotSpec mass_plot(const Tracking& tracking) {
 
 std::string brief(const Tracking& tracking) {
   return fmt::format(
-      "Computed torque with the estimated load leaves {:.3g} mrad, with nominal values {:.3g} mrad, PD {:.3g} mrad{}.",
-      1e3 * rms(tracking, Method::kEstimated), 1e3 * rms(tracking, Method::kComputedTorque),
-      1e3 * rms(tracking, Method::kPd), tracking.after.empty() ? "" : " after the last payload event");
+      "Computed torque with {} leaves {:.3g} mrad, with nominal values {:.3g} mrad, PD {:.3g} mrad{}.",
+      estimated(tracking), 1e3 * rms(tracking, tracking.estimating()),
+      1e3 * rms(tracking, Method::kComputedTorque), 1e3 * rms(tracking, Method::kPd),
+      tracking.after.empty() ? "" : " after the last payload event");
 }
 
 std::string full(const Tracking& tracking) {
@@ -84,6 +88,7 @@ std::string full(const Tracking& tracking) {
     text += fmt::format("From {:.6g} s on, 1 s after the last payload event:\n{}", tracking.settled,
                         tracking_table(tracking.after).to_text(2));
   }
+  if (tracking.wrong) text += wrong_sentence(tracking.wrong) + "\n";
   return text + fmt::format("{}\n{}", load_sentence(tracking), verdict_text(tracking.judgement));
 }
 
@@ -94,6 +99,7 @@ std::string json(const Tracking& tracking) {
                               {"from", tracking.from},
                               {"model_effects", tracking.model_effects},
                               {"controllers", tracking_json(tracking.counted)}};
+  put_wrong(json, tracking.wrong);
   if (!tracking.after.empty()) {
     json["after_last_payload_event"] = {{"from", tracking.settled},
                                         {"controllers", tracking_json(tracking.after)}};
@@ -115,6 +121,7 @@ page::Page page(const Tracking& tracking) {
   page::Page page =
       page::new_page(fmt::format("{}: tracking", tracking.robot), file_name_of(tracking.scenario));
   page.verdict(brief(tracking), tracking.judgement);
+  if (tracking.wrong) page.paragraph(wrong_sentence(tracking.wrong));
   page.paragraph(load_sentence(tracking));
   page.table(tracking_table(tracking.counted), "Root mean square tracking error per joint");
   if (!tracking.after.empty()) {

@@ -1,5 +1,6 @@
 /// Commands that close the loop, as a user runs them.
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -102,6 +103,73 @@ TEST(Track, EstimatedLoadTracksBest) {
   EXPECT_LT(total[4], 0.5 * total[2]);  // however it becomes known
   EXPECT_NEAR(result["load"]["mass"]["value"].get<double>(), 1.5,
               result["load"]["mass"]["half_width_95"].get<double>());
+}
+
+/// Nothing but the load's mass differs between the runs; the grasp is early, so that a short movement shows it.
+constexpr const char* kLoads = R"({
+  "robot": "ur5e", "duration": 4.0, "sample_rate": 1000, "log_rate": 250, "seed": 3,
+  "rotor_inertia": [0.7, 0.7, 0.7, 0.12, 0.12, 0.12],
+  "friction": {"coulomb": [5, 5, 4, 1.5, 1.5, 1.2], "viscous": [4, 4, 3, 1, 1, 0.8]},
+  "reference": {"kind": "fourier", "q0": [0.1, -1.1, 1.1, -0.4, 0.6, 0.0],
+    "amplitude": [[0.4, 0.1], [0.3, 0.1], [0.3, 0.1], [0.5, 0.1], [0.5, 0.1], [0.8, 0.1]],
+    "frequency_hz": [[0.2, 0.9], [0.25, 0.8], [0.3, 0.7], [0.35, 0.9], [0.4, 0.8], [0.45, 0.7]],
+    "phase": [[0.0, 1.0], [0.5, 0.0], [1.0, 2.0], [1.5, 0.3], [2.0, 0.1], [2.5, 1.2]], "ramp": 1.5},
+  "sensors": {"encoder_resolution": 2e-5, "velocity": "differenced", "velocity_cutoff_hz": 100,
+    "torque_noise": [0.5, 0.5, 0.5, 0.1, 0.1, 0.1]},
+  "controller": {"kind": "track", "bandwidth_hz": 3},
+  "payload": [{"event": "grasp", "time": 1.0, "mass": 2.0, "com": [0.0, 0.02, 0.05], "inertia": [0.006, 0, 0.006, 0, 0, 0.006]}]
+})";
+
+TEST(Track, WhereTheArmIsWrongTheEstimatedOneLeavesAFractionOfTheErrorWithEveryLoad) {
+  const test::TemporaryFolder folder;
+  folder.write("loads.json", kLoads);
+  const Outcome outcome = run_heft({"track", "--scenario", folder.path("loads.json"), "--from", "2.5",
+                                    "--wrong-model", "0.1,0.3", "--seed", "1", "--loads", "0,2,5", "--json",
+                                    folder.path("out.json"), "--report", folder.path("page.html")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("Load of 5 kg"));
+  EXPECT_THAT(outcome.out, HasSubstr("tool, largest [mm]"));
+  EXPECT_THAT(outcome.out, HasSubstr("by 10 to 30 % each, drawn with seed 1"));
+  const nlohmann::json result = json_of(folder.path("out.json"));
+  EXPECT_EQ(result["wrong_model"]["most"], 0.3);
+  ASSERT_EQ(result["loads"].size(), 3U);
+  for (const auto& load : result["loads"]) {
+    std::map<std::string, double> joints, tool;
+    for (const auto& run : load["controllers"]) {
+      double squares = 0;
+      for (const auto& v : run["rms_error"]) squares += v.get<double>() * v.get<double>();
+      joints[run["controller"]] = std::sqrt(squares);
+      tool[run["controller"]] = run["tool_rms_error"];
+      EXPECT_GE(run["tool_max_error"].get<double>(), run["tool_rms_error"].get<double>());
+    }
+    ASSERT_EQ(joints.size(), 7U);
+    const double estimated = joints["computed torque, arm estimated"];
+    EXPECT_LT(estimated, 0.4 * joints["computed torque, nominal"]) << load["mass"];
+    EXPECT_LT(estimated, 0.15 * joints["PD"]) << load["mass"];
+    EXPECT_LT(tool["computed torque, arm estimated"], 0.4 * tool["computed torque, nominal"]) << load["mass"];
+    // What the arm is in truth is the best without a load, and does not know of one.
+    EXPECT_LT(joints["computed torque, identified"],
+              (load["mass"] == 0 ? 0.2 : 1.0) * joints["computed torque, nominal"]);
+  }
+}
+
+TEST(Track, RefusesAWrongModelAndLoadsThatMakeNoSense) {
+  const test::TemporaryFolder folder;
+  folder.write("loads.json", kLoads);
+  std::string bare = kLoads;
+  bare.resize(bare.find(",\n  \"payload\""));
+  folder.write("bare.json", bare + "}");
+  const auto refused = [&](const std::string& scenario, const std::vector<std::string>& options) {
+    std::vector<std::string> line{"track", "--scenario", folder.path(scenario)};
+    line.insert(line.end(), options.begin(), options.end());
+    const Outcome outcome = run_heft(line);
+    EXPECT_EQ(outcome.exit_code, 3) << outcome.out;
+    return outcome.err;
+  };
+  EXPECT_THAT(refused("loads.json", {"--wrong-model", "0.3,0.1"}),
+              HasSubstr("expected 0 ≤ least ≤ most < 1"));
+  EXPECT_THAT(refused("loads.json", {"--wrong-model", "0.1,1"}), HasSubstr("expected 0 ≤ least ≤ most < 1"));
+  EXPECT_THAT(refused("bare.json", {"--loads", "2"}), HasSubstr("found no grasp"));
 }
 
 TEST(Track, WorksOnAnArmWithAPrismaticAxis) {

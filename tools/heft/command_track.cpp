@@ -1,7 +1,9 @@
 /// @file
 /// heft track: one scenario under several controllers, side by side.
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "command.hpp"
 #include "console.hpp"
@@ -19,8 +21,20 @@ struct Options {
   std::string scenario;
   std::string model;
   double from{0.0};
+  std::vector<double> wrong_model;
+  std::uint64_t seed{1};
+  std::vector<double> loads;
   ResultOptions result;
 };
+
+/// Prints an answer and what should be known besides, and writes its files.
+template <typename Answer>
+void show(const Answer& answer, const std::vector<std::string>& notes, const Console& console,
+          const ResultOptions& result) {
+  for (const std::string& text : notes) note(text);
+  console.print("{}", report::full(answer));
+  finish(console, "", result, report::json(answer), report::page(answer));
+}
 
 void run(const Options& options) {
   const Console console{options.result.json};
@@ -28,14 +42,20 @@ void run(const Options& options) {
   track::Options how;
   how.from = options.from;
   if (!options.model.empty()) how.model = model::read_model(options.model);
-  const track::Tracking tracking = [&] {
-    Progress progress("simulating");
-    how.progress = [&](double done) { progress.update(done); };
-    return track::track(scenario, how);
-  }();
-  for (const std::string& text : tracking.notes) note(text);
-  console.print("{}", report::full(tracking));
-  finish(console, "", options.result, report::json(tracking), report::page(tracking));
+  if (!options.wrong_model.empty()) {
+    how.wrong = track::WrongModel{options.wrong_model[0], options.wrong_model[1], options.seed};
+  }
+  auto progress = std::make_unique<Progress>("simulating");
+  how.progress = [&](double done) { progress->update(done); };
+  if (options.loads.empty()) {
+    const track::Tracking tracking = track::track(scenario, how);
+    progress.reset();
+    show(tracking, tracking.notes, console, options.result);
+  } else {
+    const track::LoadComparison comparison = track::compare_loads(scenario, options.loads, how);
+    progress.reset();
+    show(comparison, comparison.tracking.front().notes, console, options.result);
+  }
 }
 
 }  // namespace
@@ -56,6 +76,24 @@ Action set_up_track(CommandLine line) {
   line.add_option("--from", options->from, "errors count from this time on [s]")
       .not_negative()
       .capture_default_str();
+  const auto wrong =
+      line.add_option(
+              "--wrong-model", options->wrong_model,
+              "make masses, centres of mass and friction of the controllers' arm wrong by shares between these; adds "
+              "computed torque with the arm as it was, and with links, friction and load estimated on the way")
+          .type_name("LEAST,MOST")
+          .delimiter(',')
+          .expected(2)
+          .not_negative();
+  line.add_option("--seed", options->seed, "--wrong-model: of the shares drawn")
+      .needs(wrong)
+      .capture_default_str();
+  line.add_option(
+          "--loads", options->loads,
+          "compare these masses [kg] in the place of that of the scenario's load, with a table for each")
+      .type_name("KG,KG,...")
+      .delimiter(',')
+      .not_negative();
   add_result_options(line, options->result);
   line.footer(
       std::string(kScenarioKeys) +
@@ -67,7 +105,9 @@ Action set_up_track(CommandLine line) {
       "torque_residual (per joint, from friction and weight).\n"
       "Effects of the scenario are the arm's alone. With a --model that holds them computed torque feeds them forward along\n"
       "the reference. The error of an elastic joint is that of its link.\n"
-      "Example: heft track --scenario pick.json --report pick.html");
+      "Examples:\n"
+      "  heft track --scenario pick.json --report pick.html\n"
+      "  heft track --scenario pick.json --from 3 --wrong-model 0.1,0.3 --loads 0,2,5");
   return [options] { run(*options); };
 }
 

@@ -20,7 +20,13 @@ std::string full(const track::Tracking& tracking);
 std::string json(const track::Tracking& tracking);
 page::Page page(const track::Tracking& tracking);
 
-/// Root mean square and largest tracking error per joint and controller.
+/// The same of several loads: a table a load.
+std::string brief(const track::LoadComparison& comparison);
+std::string full(const track::LoadComparison& comparison);
+std::string json(const track::LoadComparison& comparison);
+page::Page page(const track::LoadComparison& comparison);
+
+/// Root mean square and largest tracking error per joint and controller, and of the tool.
 page::Table tracking_table(const std::vector<track::Run>& runs);
 /// One plot a joint: every controller's error over time.
 std::vector<page::PlotSpec> tracking_plots(const std::vector<track::Run>& runs,
