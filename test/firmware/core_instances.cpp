@@ -336,10 +336,11 @@ HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
   template class ControllerSwitch<PdController<__VA_ARGS__, Scalar>, \
                                   ComputedTorqueController<__VA_ARGS__, Scalar>>
 
-#define HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(Scalar, ...)     \
-  HEFT_INSTANTIATE_CONTROLLERS(Scalar, __VA_ARGS__);           \
-  template class ArmEstimatingController<__VA_ARGS__, Scalar>; \
-  template Status ArmEstimatingController<__VA_ARGS__, Scalar>::add(const Elasticity<Scalar>&) noexcept
+#define HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(Scalar, ...)                                     \
+  HEFT_INSTANTIATE_CONTROLLERS(Scalar, __VA_ARGS__);                                           \
+  template class ArmEstimatingController<__VA_ARGS__, Scalar>;                                 \
+  template Status ArmEstimator<__VA_ARGS__, Scalar>::add(const JointEffect<Scalar>&) noexcept; \
+  template Status ReferenceDrive<__VA_ARGS__, Scalar>::add(const Elasticity<Scalar>&) noexcept
 
 HEFT_INSTANTIATE_CONTROLLERS(float, firmware::EffectsArm);
 HEFT_INSTANTIATE_CONTROLLERS(double, firmware::EffectsArm);

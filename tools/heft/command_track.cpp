@@ -85,7 +85,7 @@ Action set_up_track(CommandLine line) {
           .delimiter(',')
           .expected(2)
           .not_negative();
-  line.add_option("--seed", options->seed, "--wrong-model: of the shares drawn")
+  line.add_option("--seed", options->seed, "seed of the shares that --wrong-model draws")
       .needs(wrong)
       .capture_default_str();
   line.add_option(

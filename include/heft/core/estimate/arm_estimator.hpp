@@ -16,7 +16,6 @@
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/dynamics/run_time_arm.hpp"
-#include "heft/core/estimate/detail/change_watch.hpp"
 #include "heft/core/estimate/detail/load_priors.hpp"
 #include "heft/core/estimate/detail/sample_faults.hpp"
 #include "heft/core/estimate/innovation_gate.hpp"
@@ -60,10 +59,9 @@ class ArmEstimator {
   struct Config {
     /// Standard deviation of masses, centres of mass, inertia and friction, as a share of their values, > 0.
     Scalar doubt{static_cast<Scalar>(0.2)};
-    Scalar mass_prior{0};  ///< standard deviation of the load's mass; 0: a third of the arm's mass [kg]
-    Vector noise_std = Vector::
-        Zero();  ///< of the torque, n [N·m, N]; 0: from friction and weight. Too small, noise passes for a change of load
-    Scalar memory{static_cast<Scalar>(1)};  ///< time constant of forgetting, in motion, > 0 [s]
+    Scalar mass_prior{0};  ///< standard deviation of the load's mass; 0: a tenth of the arm's mass [kg]
+    Vector noise_std = Vector::Zero();        ///< of the torque, n [N·m, N]; 0: from friction and weight
+    Scalar memory{static_cast<Scalar>(0.5)};  ///< time constant of forgetting, in motion, > 0 [s]
     Scalar filter_hz{20};     ///< poles of the filter that motion and torque pass, see AlignedMotion [Hz]
     Scalar update_rate{100};  ///< > 0 [Hz]
     Scalar sign_width{static_cast<Scalar>(0.02)};  ///< of the Coulomb sign [rad/s, m/s]
@@ -79,7 +77,6 @@ class ArmEstimator {
   /// Treatment of a sample.
   struct Record {
     bool new_estimate{false};      ///< model() changed
-    bool changed{false};           ///< the torques showed another load: everything is uncertain again
     bool estimate_refused{false};  ///< its mass matrix is out of bounds
     bool settling{false};          ///< filters settle: nothing is estimated
     bool at_rest{false};           ///< longer than `longest_rest`: nothing is estimated
@@ -118,9 +115,6 @@ class ArmEstimator {
       const Scalar noise = config.noise_std[i] > Scalar(0) ? config.noise_std[i] : priors.noise[i];
       variance_[i] = Priors::at_least(noise * noise, 1e-9);
     }
-    settings_ = settings;
-    prior_variance_ = variance;
-    watch_ = {};
     config_ = config;
     nominal_.set_model(model);
     trial_.set_model(model);
@@ -245,7 +239,8 @@ class ArmEstimator {
 
   static void set_variances(const Model& model, const Config& config, const Priors& priors,
                             Row& variance) noexcept {
-    const Scalar load = config.mass_prior > Scalar(0) ? config.mass_prior : priors.mass;
+    const Scalar load =
+        config.mass_prior > Scalar(0) ? config.mass_prior : static_cast<Scalar>(0.3) * priors.mass;
     const auto square = [](const Scalar& value) { return value * value + static_cast<Scalar>(1e-10); };
     for (std::size_t j = 0; j < static_cast<std::size_t>(kNumJoints); ++j) {
       const InertialParameters<Scalar>& link = model.links[j];
@@ -324,8 +319,6 @@ class ArmEstimator {
     Vector tau = Vector::Zero();
     drive_.add_inertia(aligned_.qdd(), tau);
     tau = aligned_.tau() - tau;
-    Scalar ratio(0);
-    int rows = 0;
     for (int i = 0; i < kNumJoints; ++i) {
       if (((clipped_ >> i) & 1U) != 0 || !is_usable(tau[i]) ||
           !is_usable(regressor_.row(i).cwiseAbs().sum())) {
@@ -342,23 +335,9 @@ class ArmEstimator {
       const Scalar friction = static_cast<Scalar>(0.5) * doubt_[i] *
                               drive_.actuation()[static_cast<std::size_t>(i)].coulomb_friction;
       typename Estimator::Record taken;
-      if (recursion_.add(row_, tau[i], variance_[i] + friction * friction, gate_, taken) != Status::kOk) {
-        continue;
-      }
-      const Scalar squared = taken.innovation * taken.innovation / taken.innovation_variance;
-      const auto most = static_cast<Scalar>(detail::ChangeWatch<Scalar>::kLargestRatio);
-      ratio += squared < most ? squared : most;
-      ++rows;
+      static_cast<void>(recursion_.add(row_, tau[i], variance_[i] + friction * friction, gate_, taken));
     }
     recursion_.forget();
-    if (rows > 0 && watch_.look(ratio / static_cast<Scalar>(rows), Scalar(0), Scalar(0))) {
-      // Another load: what was found stays, as uncertain as in the beginning, and the model waits for the filters.
-      static_cast<void>(recursion_.configure(settings_, recursion_.solution(), prior_variance_));
-      watch_.restart();
-      settling_ = static_cast<Scalar>(kSettled) / omega_;
-      record.changed = true;
-      return;
-    }
     take(q, record);
   }
 
@@ -404,11 +383,9 @@ class ArmEstimator {
   Aligned aligned_;
   detail::SampleFaults<Scalar, kNumJoints> faults_;
   Estimator recursion_;
-  typename Estimator::Config settings_{};
-  detail::ChangeWatch<Scalar> watch_;
   InnovationGate<Scalar> gate_;  ///< never rejects
   LinkRegressor<Scalar, kNumJoints> regressor_;
-  Row row_{}, prior_variance_{};
+  Row row_{};
   RunClock<Scalar> clock_;
   Vector variance_ = Vector::Ones(), doubt_ = Vector::Ones(), last_q_ = Vector::Zero(),
          last_qd_ = Vector::Zero();
