@@ -3,7 +3,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 
 #include "heft/host/numbers.hpp"
@@ -19,21 +18,16 @@ void note_load(const Observer& observer, const typename Observer::Record& record
                LoadTrace& trace) {
   if (record.changed) trace.change.push_back(time);
   if (!record.due) return;
-  const auto& estimator = observer.estimator();
-  const InertialParameters<double> load = estimator.payload();
-  const double wide = statistics::kNormal95 * observer.widening();
-  const double half = record.settling ? kNaN : wide * estimator.standard_deviation(0);
+  const LoadEstimate<double> found = observer.estimate();
+  const double half = record.settling ? kNaN : statistics::kNormal95 * found.std[kMass];
   trace.time.push_back(time);
-  trace.mass.push_back(record.settling ? kNaN : load[kMass]);
+  trace.mass.push_back(record.settling ? kNaN : found.value[kMass]);
   trace.mass_half_width.push_back(half);
   std::array<double, 3> com{kNaN, kNaN, kNaN}, com_half{kNaN, kNaN, kNaN};
-  if (std::abs(load[kMass]) > 3 * half) {
+  if (found.value[kMass] > 3 * half) {
     for (std::size_t a = 0; a < 3; ++a) {
-      com[a] = load[kMcx + a] / load[kMass];
-      typename Observer::Estimator::Row row{};
-      row[kMass] = -com[a] / load[kMass];
-      row[kMcx + a] = 1 / load[kMass];
-      com_half[a] = wide * std::sqrt(estimator.estimator().variance(row));
+      com[a] = found.com[a];
+      com_half[a] = statistics::kNormal95 * found.com_std[a];
     }
   }
   trace.com.push_back(com);

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "heft/core/arm_model.hpp"
@@ -40,6 +42,27 @@ struct LoadEstimate {
   std::array<bool, 10> excited{};
   LoadState state{LoadState::kUnknown};
   Scalar since{0};  ///< data count from here on [s since the first sample]
+  /// Centre of mass in the last link frame, with standard deviations [m]; 0 where the mass is below three of its own.
+  std::array<Scalar, 3> com{}, com_std{};
+
+  /// Fills in the centre of mass.
+  /// @param recursion  with variance(row), the ten parameters first
+  /// @param factor     on its variances
+  template <typename Recursion>
+  void add_com(const Recursion& recursion, const Scalar& factor) noexcept {
+    using std::sqrt;
+    const Scalar mass = value[kMass];
+    if (!(mass > Scalar(3) * std[kMass])) {
+      return;
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      com[axis] = value[kMcx + axis] / mass;
+      typename Recursion::Row row{};
+      row[kMass] = -com[axis] / mass;
+      row[kMcx + axis] = Scalar(1) / mass;
+      com_std[axis] = sqrt(factor * recursion.variance(row));
+    }
+  }
 };
 
 /// The latest change of load.

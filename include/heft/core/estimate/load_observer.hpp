@@ -13,6 +13,7 @@
 #include "heft/core/dynamics/detail/rigid_arm.hpp"
 #include "heft/core/dynamics/run_time_arm.hpp"
 #include "heft/core/estimate/detail/change_watch.hpp"
+#include "heft/core/estimate/detail/friction_doubt.hpp"
 #include "heft/core/estimate/detail/load_batch.hpp"
 #include "heft/core/estimate/detail/load_fade.hpp"
 #include "heft/core/estimate/detail/load_priors.hpp"
@@ -191,14 +192,15 @@ class LoadObserver {
 
   /// What is known, and how well. Silent (state kUnknown or kChanging) until it means something.
   LoadEstimate<Scalar> estimate() const noexcept {
-    LoadEstimate<Scalar> out{estimator_.payload(), {}, {}, state_, since_};
-    const Scalar wide = widening();
+    LoadEstimate<Scalar> out{estimator_.payload(), {}, {}, state_, since_, {}, {}};
     for (std::size_t i = 0; i < 10; ++i) {
       using std::sqrt;
-      const Scalar variance = estimator_.estimator().covariance(static_cast<int>(i), static_cast<int>(i));
-      out.std[i] = wide * sqrt(variance);
+      const Scalar variance =
+          noise_.factor() * estimator_.estimator().covariance(static_cast<int>(i), static_cast<int>(i));
+      out.std[i] = sqrt(variance);
       out.excited[i] = variance < static_cast<Scalar>(kExcited) * prior_variance_[i];
     }
+    out.add_com(estimator_.estimator(), noise_.factor());
     return out;
   }
 
@@ -228,18 +230,13 @@ class LoadObserver {
   /// The load was put down just now.
   Status detach() noexcept { return declare({}); }
 
-  /// How much wider intervals are than those of white residuals.
+  /// How much wider intervals are than by the recursion's variances: residuals are correlated in time.
   Scalar widening() const noexcept {
     using std::sqrt;
-    Scalar factor(0);
-    for (int i = config_.first_row; i < kNumJoints; ++i) {
-      const Scalar of_row = noise_[static_cast<std::size_t>(i)].widening();
-      factor = of_row > factor ? of_row : factor;
-    }
-    return sqrt(factor);
+    return sqrt(noise_.factor());
   }
 
-  /// The recursion, for variances of combinations.
+  /// The recursion, for variances of combinations: times widening(), squared.
   const Estimator& estimator() const noexcept { return estimator_; }
 
  private:
@@ -263,7 +260,7 @@ class LoadObserver {
     Drive drive;
     Filter motion, torque;
     detail::SampleFaults<Scalar, kNumJoints> faults;
-    Vector doubt = Vector::Ones();  ///< about the level of friction, 0 to 1
+    detail::FrictionDoubt<Scalar, kNumJoints> doubt;
     Vector previous_q = Vector::Zero(), previous_qd = Vector::Zero();
     Scalar settling{0};  ///< left to wait [s]
     Scalar rest{0};      ///< all joints have been slow for so long [s]
@@ -314,9 +311,7 @@ class LoadObserver {
     omega_ = static_cast<Scalar>(6.283185307179586) * config.filter_hz;
     settle_time_ = static_cast<Scalar>(kSettled) / omega_;
     farthest_ = priors.farthest;
-    for (int i = 0; i < kNumJoints; ++i) {
-      noise_[static_cast<std::size_t>(i)].start(settings.noise_std[i]);
-    }
+    noise_.start(settings.noise_std, config.update_rate, omega_, kBeforeLearning);
     front_ = front;
     front_.drive = drive;
     batch_ = Batch{};
@@ -355,25 +350,20 @@ class LoadObserver {
     Front& f = front_;
     const typename detail::SampleFaults<Scalar, kNumJoints>::Found faults =
         f.faults.look(f.previous_q, f.previous_qd, q, qd, tau, config_.torque_limit, elapsed, omega_, cut);
-    const Vector middle_q = static_cast<Scalar>(0.5) * (q + f.previous_q);
+    const Vector before_q = f.previous_q;
+    const Vector middle_q = static_cast<Scalar>(0.5) * (q + before_q);
     const Vector middle_qd = static_cast<Scalar>(0.5) * (qd + f.previous_qd);
     f.previous_q = q;
     f.previous_qd = qd;
-    using std::exp;
-    const Scalar forget = exp(-elapsed * omega_ / Scalar(3));
-    bool slow = true;
-    for (int i = 0; i < kNumJoints; ++i) {
-      // Around a reversal and at rest friction is anything between its two levels; the filter remembers that.
-      const bool uncertain =
-          middle_qd[i] < config_.uncertain_speed && middle_qd[i] > -config_.uncertain_speed;
-      f.doubt[i] = uncertain ? Scalar(1) : f.doubt[i] * forget;
-      slow = slow && uncertain;
-    }
+    const bool slow = f.doubt.look(middle_qd, q - before_q, config_.uncertain_speed, elapsed, omega_);
     f.rest = slow ? f.rest + elapsed : Scalar(0);
     f.rest = f.rest < config_.longest_rest + elapsed ? f.rest : config_.longest_rest + elapsed;
     const Scalar left = f.settling - elapsed;
     f.settling = faults.disturbed ? Scalar(2) * settle_time_ : left > Scalar(0) ? left : Scalar(0);
-    if (const Status status = filter(middle_q, middle_qd, tau, elapsed); status != Status::kOk) {
+    // Between two samples a joint moves at their difference: that has no delay, where the given velocity has that of its
+    // low-pass. Viscous friction takes it; what passes the filter is then the filtered motion's own.
+    const Vector slope = (q - before_q) * (Scalar(1) / elapsed);
+    if (const Status status = filter(middle_q, middle_qd, slope, tau, elapsed); status != Status::kOk) {
       return status;
     }
     record.frozen = faults.frozen;
@@ -398,10 +388,14 @@ class LoadObserver {
   }
 
   /// Torque of the rigid bodies alone, and the motion, through the same filter.
-  Status filter(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed) noexcept {
+  Status filter(const Vector& q, const Vector& qd, const Vector& slope, const Vector& tau,
+                const Scalar& elapsed) noexcept {
     Front& f = front_;
     Vector known = Vector::Zero();
     f.drive.add_friction(qd, known);
+    for (int i = 0; i < kNumJoints; ++i) {
+      known[i] += f.drive.actuation()[static_cast<std::size_t>(i)].viscous_friction * (slope[i] - qd[i]);
+    }
     const Vector without_friction = tau - known;
     known.setZero();
     if (f.drive.has_effects()) {
@@ -436,10 +430,10 @@ class LoadObserver {
     b.residual -= known;
     for (int i = config_.first_row; i < kNumJoints; ++i) {
       const std::size_t at = static_cast<std::size_t>(i);
-      const Scalar friction =
-          static_cast<Scalar>(0.5) * front_.doubt[i] * front_.drive.actuation()[at].coulomb_friction;
-      b.variance[i] = noise_[at].variance() + friction * friction;
-      b.certain[at] = front_.doubt[i] < static_cast<Scalar>(0.1);
+      const Scalar doubt = front_.doubt.variance(i, front_.drive.actuation()[at].coulomb_friction);
+      b.scatter[i] = noise_.scatter(i, doubt);
+      b.variance[i] = noise_.weight(i, doubt);
+      b.certain[at] = noise_.certain(i, doubt);
       b.left_out[at] = ((clipped >> i) & 1U) != 0;
       const Scalar largest = b.columns.row(i).cwiseAbs().sum();
       if (!is_usable(b.residual[i]) || !is_usable(largest)) {
@@ -462,6 +456,7 @@ class LoadObserver {
     static_cast<void>(estimator_.estimator().configure({}, {}, prior_variance_));
     reset_due_ = false;
     watch_.restart();
+    noise_.restart(kBeforeLearning);
     since_ = clock_.seconds();
   }
 
@@ -507,32 +502,37 @@ class LoadObserver {
       return;
     }
     typename Recursion::Record taken;
-    if (estimator_.estimator().update(estimator_.load_row(b.columns, b.qd, i), b.residual[i], b.variance[i],
-                                      taken) != Status::kOk) {
+    const typename Estimator::Row row = estimator_.load_row(b.columns, b.qd, i);
+    if (estimator_.estimator().update(row, b.residual[i], b.variance[i], taken) != Status::kOk) {
       return;  // unchanged; cannot be, by the checks of begin_batch
     }
     ++b.rows;
     const Scalar squared = taken.innovation * taken.innovation;
-    b.unexplained += squared / b.variance[i];
-    b.whole += b.residual[i] * b.residual[i] / b.variance[i];
-    const Scalar ratio = squared / taken.innovation_variance;
+    const Scalar information = noise_.factor() * (taken.innovation_variance - b.variance[i]);
+    b.unexplained += squared / b.scatter[i];
+    b.whole += b.residual[i] * b.residual[i] / b.scatter[i];
+    const Scalar ratio = squared / (b.scatter[i] + information);
     const auto most = static_cast<Scalar>(detail::ChangeWatch<Scalar>::kLargestRatio);
     b.ratio += ratio < most ? ratio : most;
     const bool learns = b.certain[at] && watch_.updates() >= kBeforeLearning;
-    if (learns && (watch_.calm() || !noise_[at].known())) {
-      noise_[at].learn(taken.innovation, taken.innovation_variance);
+    if (learns && (watch_.calm() || !noise_.known(i))) {
+      noise_.learn(i, row, b.residual[i], taken.innovation, information);
     }
   }
 
   void finish(Record& record) noexcept {
     const Batch& b = batch_;
-    const bool changed = watch_.look(b.ratio / static_cast<Scalar>(b.rows), b.unexplained, b.whole);
-    carry();
-    if (changed) {
-      restart(false);
-    }
     record.estimated = true;
-    record.changed = changed;
+    const bool changed = watch_.look(b.ratio / static_cast<Scalar>(b.rows), b.unexplained, b.whole);
+    if (noise_.end_update(estimator_.estimator().solution())) {
+      forget_load();
+    } else if (noise_.learnt()) {
+      carry();
+      record.changed = changed;
+      if (changed) {
+        restart(false);
+      }
+    }
   }
 
   /// Hands the estimate to the model, gradually, once enough samples have gone into it; a load whose mass cannot be
@@ -544,8 +544,8 @@ class LoadObserver {
     }
     InertialParameters<Scalar> load = estimator_.payload();
     using std::sqrt;
-    const Scalar variance = estimator_.estimator().covariance(kMass, kMass);
-    const bool weighs = !(load[kMass] < Scalar(4) * widening() * sqrt(variance));
+    const Scalar variance = noise_.factor() * estimator_.estimator().covariance(kMass, kMass);
+    const bool weighs = !(load[kMass] < Scalar(4) * sqrt(variance));
     const bool explained = watch_.explained();
     state_ = weighs ? (explained ? LoadState::kKnown : LoadState::kUnexplained)
              : variance < static_cast<Scalar>(kExcited) * prior_variance_[kMass] ? LoadState::kNone
@@ -585,7 +585,7 @@ class LoadObserver {
   Front front_;
   Estimator estimator_;
   typename Estimator::Row prior_variance_{};
-  std::array<detail::ResidualNoise<Scalar>, static_cast<std::size_t>(kNumJoints)> noise_{};
+  detail::ResidualNoises<Scalar, kNumJoints, Estimator::kParameters> noise_;
   Batch batch_;
   detail::LoadFade<Scalar> fade_;
   detail::ChangeWatch<Scalar> watch_;

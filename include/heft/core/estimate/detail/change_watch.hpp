@@ -43,8 +43,8 @@ class ChangeWatch {
 
  private:
   /// Mean squared innovation, over some ten updates and all rows, that another load gives and noise does not [variances].
-  static constexpr double kSurprise = 20;
-  static constexpr double kCalm = 10;    ///< and below this it is noise
+  static constexpr double kSurprise = 12;
+  static constexpr double kCalm = 6;     ///< and below this it is noise
   static constexpr int kPatience = 500;  ///< updates
   /// Loads do not come and go several times a second: what does is something that no load explains [updates].
   static constexpr int kBetweenChanges = 100;

@@ -20,6 +20,7 @@ struct LoadBatch {
   Stage stage{Stage::kIdle};
   LoadColumns<Scalar, N> columns = LoadColumns<Scalar, N>::Zero();
   Vector qd = Vector::Zero(), residual = Vector::Zero(), variance = Vector::Ones();
+  Vector scatter = Vector::Ones();  ///< variance of one residual; `variance` is its weight in the recursion
   std::array<bool, static_cast<std::size_t>(N)> left_out{};  ///< clipped
   std::array<bool, static_cast<std::size_t>(N)> certain{};   ///< the sign of friction is known
   int next{0};                                               ///< row
