@@ -80,7 +80,8 @@ void add_log(const model::Robot& robot, const data::LogSource& log, Sums& sums) 
     for (Index k = 0; k < piece.row_time.size(); ++k) {
       const std::size_t block = first_block + static_cast<std::size_t>((piece.row_time[k] - begin) / kBlock);
       if (block >= sums.blocks.size())
-        sums.blocks.resize(block + 1, std::vector<Gram>(static_cast<std::size_t>(n), Gram::Zero(kTerms, kTerms)));
+        sums.blocks.resize(block + 1,
+                           std::vector<Gram>(static_cast<std::size_t>(n), Gram::Zero(kTerms, kTerms)));
       for (Index j = 0; j < n; ++j) {
         VectorXd row(kTerms);
         for (Index p = 0; p < kOffset; ++p)
@@ -107,8 +108,8 @@ struct Solution {
 VectorXd inertia_of(double mass, const Vector3d& moment) {
   const Vector3d c = moment / mass;
   VectorXd inertia(6);
-  inertia << c.y() * c.y() + c.z() * c.z(), -c.x() * c.y(), c.x() * c.x() + c.z() * c.z(), -c.x() * c.z(), -c.y() * c.z(),
-      c.x() * c.x() + c.y() * c.y();
+  inertia << c.y() * c.y() + c.z() * c.z(), -c.x() * c.y(), c.x() * c.x() + c.z() * c.z(), -c.x() * c.z(),
+      -c.y() * c.z(), c.x() * c.x() + c.y() * c.y();
   return mass * inertia;
 }
 
@@ -130,8 +131,8 @@ double fit_slope(const Gram& gram, double mass, const Vector3d& moment, double& 
 }
 
 /// First moment of the load given the slopes, all joints weighted by what they leave; inertia as that of `before`.
-Vector3d fit_moment(const std::vector<Gram>& grams, double mass, const Vector3d& before, const VectorXd& slope,
-                    const VectorXd& noise) {
+Vector3d fit_moment(const std::vector<Gram>& grams, double mass, const Vector3d& before,
+                    const VectorXd& slope, const VectorXd& noise) {
   MatrixXd A = MatrixXd::Zero(3, 3);
   VectorXd r = VectorXd::Zero(3);
   const VectorXd inertia = inertia_of(mass, before);
@@ -142,7 +143,8 @@ Vector3d fit_moment(const std::vector<Gram>& grams, double mass, const Vector3d&
     // Friction is taken out of all terms first: G − G_f F⁻¹ G_fᵀ.
     const Gram& G = grams[j];
     const MatrixXd Gf = G.middleCols(kOffset, kFriction);
-    const MatrixXd free = G - Gf * least_squares(G.block(kOffset, kOffset, kFriction, kFriction), Gf.transpose());
+    const MatrixXd free =
+        G - Gf * least_squares(G.block(kOffset, kOffset, kFriction, kFriction), Gf.transpose());
     const auto of_load = [&](Index first, Index count) { return free.block(kMoment, first, 3, count); };
     A += b * b / left * of_load(kMoment, 3);
     r += b / left * (of_load(kResidual, 1) - b * (mass * of_load(kMass, 1) + of_load(kInertia, 6) * inertia));
@@ -175,7 +177,8 @@ Vector3d moment_of(const model::Robot& robot, double mass, const std::array<doub
 }  // namespace
 
 TorqueConstants from_known_load(const model::Robot& robot, const data::LogSet& logs, const KnownLoad& load,
-                                const std::vector<double>& assumed) {
+                                const std::vector<double>& assumed,
+                                const std::vector<std::string>& fitted_to) {
   if (!(load.mass > 0.0) || !std::isfinite(load.mass))
     throw InputError(fmt::format("a known load of {} kg: expected a mass above 0", load.mass));
   const auto n = static_cast<std::size_t>(robot.num_joints());
@@ -184,6 +187,7 @@ TorqueConstants from_known_load(const model::Robot& robot, const data::LogSet& l
         "{} torque constants were given; expected 1 or {}, those that made the torque", assumed.size(), n));
   }
   TorqueConstants constants;
+  data::refuse_seen(logs, fitted_to, &constants.notes);
   Sums sums;
   for (const data::LogSource& log : logs.judge().empty() ? logs.train() : logs.judge()) {
     constants.logs.push_back(log.path);

@@ -59,16 +59,16 @@ std::vector<bool> calm_rows(const data::MotionChunk& piece) {
   return calm;
 }
 
-data::StreamOptions with_signals(const std::string& signal) {
+data::StreamOptions all_signals() {
   data::StreamOptions options;
   options.cut_standstill = false;
-  options.extra = {"tauref", signal};
+  options.extra = {"tauref", "iref", "i", "tau"};
   return options;
 }
 
 /// Terms of the equation of from_targets for one joint, rows × kColumns, and the signal behind the same low-pass.
-std::pair<MatrixXd, VectorXd> terms(const data::MotionChunk& piece, Index joint, double cutoff,
-                                    bool with_acceleration) {
+std::pair<MatrixXd, VectorXd> terms(const data::MotionChunk& piece, std::size_t signal, Index joint,
+                                    double cutoff, bool with_acceleration) {
   const VectorXd target = piece.extra[0].col(joint), v = piece.qd.col(joint);
   const VectorXd sign = (v.array() / kSignWidth).tanh();
   MatrixXd all(piece.time.size(), kColumns + 1);
@@ -80,37 +80,21 @@ std::pair<MatrixXd, VectorXd> terms(const data::MotionChunk& piece, Index joint,
   all.col(kRoot) = v.array().abs().sqrt() * sign.array();
   all.col(kCubic) = v.array().cube();
   all.col(kAcceleration) = with_acceleration ? VectorXd(piece.qdd.col(joint)) : VectorXd::Zero(v.size());
-  all.col(kColumns) = piece.extra[1].col(joint);
+  all.col(kColumns) = piece.extra[signal].col(joint);
   if (cutoff > 0.0) all = data::low_pass_zero_phase(all, piece.sample_rate, cutoff);
   return {all.leftCols(kColumns), all.col(kColumns)};
 }
 
-/// Largest absolute values of target torque, signal, speed and acceleration of one joint: the scale of each term.
+/// Largest absolute values of one joint: the scale of each term.
 struct Scales {
-  VectorXd target, signal, speed, acceleration;
+  double target, signal, speed, acceleration;
 };
 
-Scales scales_of(const data::MotionStream& stream) {
-  const Index n = stream.summary().num_joints;
-  Scales scales{VectorXd::Zero(n), VectorXd::Zero(n), VectorXd::Zero(n), VectorXd::Zero(n)};
-  const auto widen = [](VectorXd& largest, const MatrixXd& values) {
-    largest = largest.cwiseMax(values.cwiseAbs().colwise().maxCoeff().transpose());
-  };
-  stream.for_each([&](const data::MotionChunk& piece) {
-    if (piece.extra[0].cols() != n || piece.extra[1].cols() != n) return;
-    widen(scales.target, piece.extra[0]);
-    widen(scales.signal, piece.extra[1]);
-    widen(scales.speed, piece.qd);
-    widen(scales.acceleration, piece.qdd);
-  });
-  return scales;
-}
-
 /// Before the data every coefficient is zero, give or take what explains the whole signal many times over.
-VectorXd vague_variance(const Scales& scales, Index joint) {
-  const double signal = scales.signal[joint], target = scales.target[joint], speed = scales.speed[joint];
+VectorXd vague_variance(const Scales& scales) {
+  const double signal = scales.signal, target = scales.target, speed = scales.speed;
   const std::array<double, kColumns> size{
-      target, target, 1.0, 1.0, speed, std::sqrt(speed), speed * speed * speed, scales.acceleration[joint]};
+      target, target, 1.0, 1.0, speed, std::sqrt(speed), speed * speed * speed, scales.acceleration};
   VectorXd variance(kColumns);
   for (Index c = 0; c < kColumns; ++c) {
     const double unit = size[static_cast<std::size_t>(c)];
@@ -134,75 +118,105 @@ Slope slope_of(const statistics::BlockJackknife& fit) {
   return slope;
 }
 
+/// Ratios at standstill of one joint, a median each standstill.
+class RestRatios {
+ public:
+  /// @param target,signal  columns of a piece
+  /// @param least  target torque that says something
+  void add(const data::MotionChunk& piece, const std::vector<bool>& calm, const VectorXd& target,
+           const VectorXd& signal, double least) {
+    for (Index k = piece.begin; k < piece.begin + piece.count; ++k) {
+      if (calm[static_cast<std::size_t>(k)] && std::abs(target[k]) > least) {
+        ratios_.push_back(signal[k] / target[k]);
+      } else {
+        end_standstill();
+      }
+    }
+    end_standstill();
+  }
+
+  Slope slope() const {
+    Slope slope;
+    if (medians_.empty()) return slope;
+    const double value = statistics::median(medians_);
+    slope.opposite = value < 0.0;
+    if (!(value > 0.0)) return slope;
+    std::vector<double> off;
+    for (const double ratio : medians_) off.push_back(std::abs(ratio - value));
+    constexpr double kStdOfMedianDeviation = 1.4826;  // of a normal distribution
+    slope.value = value;
+    slope.std =
+        kStdOfMedianDeviation * statistics::median(off) / std::sqrt(static_cast<double>(medians_.size()));
+    slope.factor = statistics::kNormal95;
+    return slope;
+  }
+
+ private:
+  void end_standstill() {
+    if (!ratios_.empty()) medians_.push_back(statistics::median(ratios_));
+    ratios_.clear();
+  }
+
+  std::vector<double> ratios_, medians_;
+};
+
 }  // namespace
 
-std::vector<Slope> slopes_at_rest(const data::LogSource& log, const std::string& signal) {
-  const data::MotionStream stream = data::stream(log, with_signals(signal));
-  const Scales scales = scales_of(stream);
-  const Index n = stream.summary().num_joints;
-  std::vector<std::vector<double>> of_stretches(static_cast<std::size_t>(n));  // medians, one a standstill
-  stream.for_each([&](const data::MotionChunk& piece) {
-    if (piece.extra[0].cols() != n || piece.extra[1].cols() != n) return;
-    const std::vector<bool> calm = calm_rows(piece);
-    for (Index j = 0; j < n; ++j) {
-      std::vector<double> ratios;
-      const auto end_stretch = [&] {
-        if (!ratios.empty()) of_stretches[static_cast<std::size_t>(j)].push_back(statistics::median(ratios));
-        ratios.clear();
-      };
-      for (Index k = piece.begin; k < piece.begin + piece.count; ++k) {
-        const double target = piece.extra[0](k, j);
-        const bool loaded = std::abs(target) > kLeastLoad * scales.target[j];
-        if (calm[static_cast<std::size_t>(k)] && loaded) {
-          ratios.push_back(piece.extra[1](k, j) / target);
-        } else {
-          end_stretch();
-        }
-      }
-      end_stretch();
+DriveLog::DriveLog(const data::LogSource& log) : stream_(data::stream(log, all_signals())) {
+  const Index n = stream_.summary().num_joints;
+  const auto widen = [n](VectorXd& largest, const MatrixXd& values) {
+    if (largest.size() == 0) largest = VectorXd::Zero(n);
+    largest = largest.cwiseMax(values.cwiseAbs().colwise().maxCoeff().transpose());
+  };
+  stream_.for_each([&](const data::MotionChunk& piece) {
+    for (std::size_t g = 0; g < kGroups; ++g) {
+      has_[g] = piece.extra[g].cols() == n;
+      if (has_[g]) widen(largest_[g], piece.extra[g]);
     }
+    widen(speed_, piece.qd);
+    widen(acceleration_, piece.qdd);
   });
-  std::vector<Slope> slopes(static_cast<std::size_t>(n));
-  for (std::size_t j = 0; j < slopes.size(); ++j) {
-    std::vector<double>& ratios = of_stretches[j];
-    if (ratios.empty()) continue;
-    const double value = statistics::median(ratios);
-    slopes[j].opposite = value < 0.0;
-    if (!(value > 0.0)) continue;
-    std::vector<double> off;
-    for (const double ratio : ratios) off.push_back(std::abs(ratio - value));
-    constexpr double kStdOfMedianDeviation = 1.4826;  // of a normal distribution
-    slopes[j].value = value;
-    slopes[j].std =
-        kStdOfMedianDeviation * statistics::median(off) / std::sqrt(static_cast<double>(ratios.size()));
-    slopes[j].factor = statistics::kNormal95;
-  }
-  return slopes;
 }
 
-std::vector<Slope> slopes_in_motion(const data::LogSource& log, const std::string& signal) {
-  const data::MotionStream stream = data::stream(log, with_signals(signal));
-  const data::StreamSummary& summary = stream.summary();
-  const Scales scales = scales_of(stream);
-  const Index n = summary.num_joints;
+Slopes DriveLog::slopes(Signal signal, bool at_rest) const {
+  const data::StreamSummary& summary = stream_.summary();
+  const std::size_t group = index(signal);
+  const auto n = static_cast<std::size_t>(summary.num_joints);
+  const auto scales_of = [&](std::size_t j) {
+    const auto at = static_cast<Index>(j);
+    return Scales{largest_[0][at], largest_[group][at], speed_[at], acceleration_[at]};
+  };
+  std::vector<RestRatios> ratios(n);
   std::vector<statistics::BlockJackknife> fits;
-  for (Index j = 0; j < n; ++j) fits.emplace_back(VectorXd::Zero(kColumns), vague_variance(scales, j));
-  const bool with_acceleration = signal != "iref";  // a target current is made from the target torque alone
-  stream.for_each([&](const data::MotionChunk& piece) {
-    if (piece.extra[0].cols() != n || piece.extra[1].cols() != n) return;
-    for (Index j = 0; j < n; ++j) {
-      if (!(scales.target[j] > 0.0) || !(scales.signal[j] > 0.0)) continue;
-      const auto [columns, values] = terms(piece, j, summary.cutoff, with_acceleration);
-      const double variance = scales.signal[j] * scales.signal[j];
-      for (Index k = piece.begin; k < piece.begin + piece.count; ++k) {
-        if (!piece.usable[k] || std::abs(piece.qd(k, j)) < kMoving) continue;
-        const int block = static_cast<int>((piece.time[k] - summary.begin) / kBlock);
-        fits[static_cast<std::size_t>(j)].add(block, columns.row(k).transpose(), values[k], variance);
-      }
+  for (std::size_t j = 0; j < n; ++j)
+    fits.emplace_back(VectorXd::Zero(kColumns), vague_variance(scales_of(j)));
+  const bool with_acceleration =
+      signal != Signal::kTargetCurrent;  // a target current is made from the target torque alone
+  const auto add_motion = [&](const data::MotionChunk& piece, std::size_t j) {
+    const Scales scales = scales_of(j);
+    if (!(scales.target > 0.0) || !(scales.signal > 0.0)) return;
+    const auto at = static_cast<Index>(j);
+    const auto [columns, values] = terms(piece, group, at, summary.cutoff, with_acceleration);
+    for (Index k = piece.begin; k < piece.begin + piece.count; ++k) {
+      if (!piece.usable[k] || std::abs(piece.qd(k, at)) < kMoving) continue;
+      const int block = static_cast<int>((piece.time[k] - summary.begin) / kBlock);
+      fits[j].add(block, columns.row(k).transpose(), values[k], scales.signal * scales.signal);
+    }
+  };
+  stream_.for_each([&](const data::MotionChunk& piece) {
+    const std::vector<bool> calm = at_rest ? calm_rows(piece) : std::vector<bool>{};
+    for (std::size_t j = 0; j < n; ++j) {
+      const auto at = static_cast<Index>(j);
+      if (at_rest)
+        ratios[j].add(piece, calm, piece.extra[0].col(at), piece.extra[group].col(at),
+                      kLeastLoad * scales_of(j).target);
+      add_motion(piece, j);
     }
   });
-  std::vector<Slope> slopes;
-  for (const statistics::BlockJackknife& fit : fits) slopes.push_back(slope_of(fit));
+  Slopes slopes;
+  for (const RestRatios& of_joint : ratios)
+    if (at_rest) slopes.at_rest.push_back(of_joint.slope());
+  for (const statistics::BlockJackknife& fit : fits) slopes.in_motion.push_back(slope_of(fit));
   return slopes;
 }
 

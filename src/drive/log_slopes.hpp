@@ -2,10 +2,14 @@
 /// What one log says of a drive: how its current, or its measured torque, goes with the controller's target torque.
 #pragma once
 
-#include <string>
+#include <array>
+#include <cstddef>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "heft/data/log_set.hpp"
+#include "heft/data/motion_stream.hpp"
 #include "heft/host/numbers.hpp"
 
 namespace heft::drive {
@@ -23,14 +27,39 @@ struct Slope {
   bool known() const { return value == value; }
 };
 
-/// Slopes at standstill of all joints: target current over target torque, medians.
-/// @param signal  "iref"
-/// @return one a joint; not known where no standstill loads the joint
-std::vector<Slope> slopes_at_rest(const data::LogSource& log, const std::string& signal);
+/// What stands for the motor's torque in a log.
+enum class Signal { kTargetCurrent, kCurrent, kTorque };  // iref, i, tau
 
-/// Slopes while the joint moves, friction estimated with them: the equation of from_targets().
-/// @param signal  "iref", "i" or "tau"
-std::vector<Slope> slopes_in_motion(const data::LogSource& log, const std::string& signal);
+/// Slopes of all joints in one log.
+struct Slopes {
+  /// Target current over target torque, medians; not known where no standstill loads the joint.
+  std::vector<Slope> at_rest;
+  /// While the joint moves, friction estimated with them: the equation of from_targets().
+  std::vector<Slope> in_motion;
+};
+
+/// A log with target torques, looked through once for what it has and how large that is, once more by slopes().
+class DriveLog {
+ public:
+  explicit DriveLog(const data::LogSource& log);
+
+  /// Target torques of all joints.
+  bool has_target() const { return has_[0]; }
+  bool has(Signal signal) const { return has_[index(signal)]; }
+
+  /// @pre has_target(), has(signal)
+  /// @param at_rest  false: in motion only
+  Slopes slopes(Signal signal, bool at_rest) const;
+
+ private:
+  static constexpr std::size_t kGroups = 4;  // of columns: target torque, then the signals
+  static std::size_t index(Signal signal) { return static_cast<std::size_t>(signal) + 1; }
+
+  data::MotionStream stream_;
+  std::array<bool, kGroups> has_{};
+  std::array<Eigen::VectorXd, kGroups> largest_;  // absolute values, n each; no elements: not there
+  Eigen::VectorXd speed_, acceleration_;          // largest absolute values
+};
 
 /// Mean of slopes from several logs with the scatter from log to log in its uncertainty.
 struct Combined {

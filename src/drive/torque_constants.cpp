@@ -29,30 +29,10 @@ constexpr double kScatter = 0.05;
 constexpr double kContradicts = 0.05;
 /// Three standard deviations instead of two: every log is asked about every joint.
 constexpr double kSurely = 1.5;
-
-/// Signals that stand for the current, the better first.
-constexpr const char* kTargetCurrent = "iref";
-constexpr const char* kCurrent = "i";
-
-/// Which of the needed columns a log has.
-struct Columns {
-  bool target{false}, target_current{false}, current{false}, torque{false};
-};
-
-Columns columns_of(const data::LogSource& log) {
-  data::StreamOptions options;
-  options.extra = {"tauref", kTargetCurrent, kCurrent, "tau"};
-  const data::MotionStream stream = data::stream(log, options);
-  const Eigen::Index n = stream.summary().num_joints;
-  Columns columns;
-  bool first = true;
-  stream.for_each([&](const data::MotionChunk& piece) {
-    if (!std::exchange(first, false)) return;
-    columns = {piece.extra[0].cols() == n, piece.extra[1].cols() == n, piece.extra[2].cols() == n,
-               piece.extra[3].cols() == n};
-  });
-  return columns;
-}
+/// Half-width in all joints below which no drive was measured [1]: a tenth of what the best logs give.
+constexpr double kMade = 5e-4;
+/// No geared joint gives so little torque an ampere [N·m/A]: motors of arms give 0.05 to 0.2 before a gear of 50 and more.
+constexpr double kTiny = 0.05;
 
 /// Slopes of all joints in one log.
 struct LogSlopes {
@@ -186,6 +166,52 @@ void judge(TorqueConstants& constants) {
   }
 }
 
+/// Constants of both kinds of current that differ: logs of two arms, or a load that the controller does not know of.
+void compare_kinds(const std::vector<JointConstant>& by_target, const std::vector<LogSlopes>& by_current,
+                   const std::vector<bool>& off, TorqueConstants& constants) {
+  std::vector<int> joints;
+  double largest = 0.0;
+  for (std::size_t j = 0; j < by_target.size() && !by_current.empty(); ++j) {
+    const JointConstant other = constant_of(by_current, off, j, From::kMotion);
+    if (!by_target[j].known() || !other.known()) continue;
+    const statistics::Interval &a = by_target[j].constant, &b = other.constant;
+    const double error = std::abs(a.value - b.value);
+    if (error < kContradicts * a.value || error < kSurely * std::hypot(a.half_width(), b.half_width()))
+      continue;
+    joints.push_back(static_cast<int>(j));
+    largest = std::max(largest, error / a.value);
+  }
+  if (joints.empty()) return;
+  constants.judgement.add(
+      host::Verdict::kDoubtful,
+      fmt::format(
+          "the logs with target current and those without differ by up to {:.0f} % in {}; expected logs of one arm, "
+          "whose controller knows its load",
+          100.0 * largest, host::joints_in_words(joints)));
+}
+
+/// What no drive shows: a current without friction or noise, or thousandths of the usual constant.
+void doubt_signals(const std::vector<LogSlopes>& by_current, TorqueConstants& constants) {
+  for (const LogSlopes& log : by_current) {
+    const bool made = std::all_of(log.slopes.begin(), log.slopes.end(), [](const Slope& slope) {
+      return slope.known() && half_width(slope) < kMade * slope.value;
+    });
+    if (!made) continue;
+    constants.judgement.add(
+        host::Verdict::kDoubtful,
+        fmt::format(
+            "in {} the target torque is the measured current times a constant; expected the torque of the "
+            "controller's model, without friction",
+            file_name(log.log)));
+  }
+  const bool tiny =
+      std::all_of(constants.joints.begin(), constants.joints.end(),
+                  [](const JointConstant& joint) { return !joint.known() || joint.constant.value < kTiny; });
+  if (tiny && constants.usable())
+    constants.notes.push_back(
+        "All constants are a thousandth of what geared joints have: if the current is in mA, the constants are in N·m/mA.");
+}
+
 std::vector<std::string> names_of(const std::vector<LogSlopes>& logs, const std::vector<bool>& off) {
   std::vector<std::string> names;
   for (std::size_t k = 0; k < logs.size(); ++k)
@@ -256,19 +282,17 @@ TorqueConstants from_targets(const data::LogSet& logs) {
   std::vector<LogSlopes> at_rest, by_target, by_current;
   for (const data::LogSource& log : logs.given()) {
     constants.logs.push_back(log.path);
-    const Columns columns = columns_of(log);
-    if (!columns.target || !(columns.target_current || columns.current)) {
+    const DriveLog signals(log);
+    const bool by_targets = signals.has(Signal::kTargetCurrent);
+    if (!signals.has_target() || !(by_targets || signals.has(Signal::kCurrent))) {
       constants.notes.push_back(fmt::format(
           "{}: columns tauref1.. and one of iref1.., i1.. are not there for all joints; the log is not used",
           log.path));
       continue;
     }
-    if (columns.target_current) {
-      at_rest.push_back({log.path, slopes_at_rest(log, kTargetCurrent)});
-      by_target.push_back({log.path, slopes_in_motion(log, kTargetCurrent)});
-    } else {
-      by_current.push_back({log.path, slopes_in_motion(log, kCurrent)});
-    }
+    const Slopes slopes = signals.slopes(by_targets ? Signal::kTargetCurrent : Signal::kCurrent, by_targets);
+    if (by_targets) at_rest.push_back({log.path, slopes.at_rest});
+    (by_targets ? by_target : by_current).push_back({log.path, slopes.in_motion});
   }
   if (by_target.empty() && by_current.empty()) {
     throw DataError(
@@ -285,6 +309,7 @@ TorqueConstants from_targets(const data::LogSet& logs) {
     if (!best.known() && !by_current.empty()) best = constant_of(by_current, current_off, j, From::kMotion);
     constants.joints.push_back(std::move(best));
   }
+  if (!by_target.empty()) compare_kinds(constants.joints, by_current, current_off, constants);
   for (const std::string& log : names_of(by_current, current_off)) {
     constants.judgement.add(
         host::Verdict::kDoubtful,
@@ -298,14 +323,16 @@ TorqueConstants from_targets(const data::LogSet& logs) {
         "them too small.");
   }
   judge(constants);
+  doubt_signals(by_current, constants);
   return constants;
 }
 
 std::vector<statistics::Interval> torque_scales(const std::vector<data::LogSource>& logs) {
   std::vector<LogSlopes> slopes;
   for (const data::LogSource& log : logs) {
-    const Columns columns = columns_of(log);
-    if (columns.target && columns.torque) slopes.push_back({log.path, slopes_in_motion(log, "tau")});
+    const DriveLog signals(log);
+    if (signals.has_target() && signals.has(Signal::kTorque))
+      slopes.push_back({log.path, signals.slopes(Signal::kTorque, false).in_motion});
   }
   std::vector<statistics::Interval> scales;
   if (slopes.empty()) return scales;

@@ -7,6 +7,7 @@
 #include "heft/host/error.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/synthetic_log.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace heft::drive {
 namespace {
@@ -77,6 +78,20 @@ TEST_F(KnownLoad, NeedsItsMassOnly) {
     ASSERT_TRUE(found.joints[j].known()) << found.joints[j].missing;
     EXPECT_NEAR(found.joints[j].constant.value, kTrue[j], 0.02 * kTrue[j]) << "joint " << j + 1;
   }
+}
+
+TEST_F(KnownLoad, IsNotLookedForInALogThatTheModelWasFittedTo) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("carrying.csv");
+  data::write_log(path, carrying_log(robot_, kLoad, 0.0));
+  data::LogFiles files;
+  files.judge = {path};
+  const data::LogSet judged = data::open_logs(robot_.joint_specs(), files);
+  EXPECT_THROW(from_known_load(robot_, judged, {2.0, {}}, {kAssumed}, {path}), DataError);
+  const TorqueConstants found =
+      from_known_load(robot_, judged, {2.0, {}}, {kAssumed}, {folder.path("gone.csv")});
+  ASSERT_FALSE(found.notes.empty());
+  EXPECT_NE(found.notes.front().find("cannot be read"), std::string::npos) << found.notes.front();
 }
 
 TEST_F(KnownLoad, WithoutMassIsRefused) {

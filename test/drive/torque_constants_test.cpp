@@ -81,6 +81,36 @@ TEST(TorqueConstants, WithAFlippedSignAreRefusedByThatName) {
   EXPECT_NE(found.joints[1].missing.find("sign"), std::string::npos) << found.joints[1].missing;
 }
 
+bool has_reason(const TorqueConstants& found, const std::string& words) {
+  for (const std::string& reason : found.judgement.reasons)
+    if (reason.find(words) != std::string::npos) return true;
+  return false;
+}
+
+TEST(TorqueConstants, OfTwoArmsAreDoubted) {
+  const data::Log one = drive_log({.constant = 10.0, .target_current = true, .rest = 3.0});
+  const TorqueConstants mixed = from_targets(drive_logs({one, drive_log({.constant = 11.5, .seed = 2})}));
+  EXPECT_EQ(mixed.judgement.verdict, host::Verdict::kDoubtful);
+  EXPECT_TRUE(has_reason(mixed, "expected logs of one arm"));
+  const TorqueConstants alike = from_targets(drive_logs({one, drive_log({.constant = 10.0, .seed = 2})}));
+  EXPECT_EQ(alike.judgement.verdict, host::Verdict::kGood);
+}
+
+TEST(TorqueConstants, FromATargetTorqueThatIsTheCurrentAreDoubted) {
+  data::Log log = drive_log({});
+  for (auto& [name, values] : log.extra) values = 10.0 * log.current.col(name == "tauref1" ? 0 : 1);
+  const TorqueConstants found = from_targets(drive_logs({log}));
+  EXPECT_TRUE(has_reason(found, "the measured current times a constant"));
+}
+
+TEST(TorqueConstants, FromMilliamperesAreNoted) {
+  data::Log log = drive_log({});
+  log.current *= 1000.0;
+  const TorqueConstants found = from_targets(drive_logs({log}));
+  ASSERT_FALSE(found.notes.empty());
+  EXPECT_NE(found.notes.back().find("mA"), std::string::npos) << found.notes.back();
+}
+
 TEST(TorqueConstants, NeedTargetTorqueAndCurrent) {
   data::Log log = drive_log({});
   log.extra.clear();

@@ -35,10 +35,9 @@ drive::TorqueConstants constants_of(const Options& options) {
   log.torque_constant = options.assumed;
   data::LogFiles files = files_of(log, loaded.robot, options.logs);
   const data::LogSet logs = open_logs(loaded.robot, files);
-  data::refuse_seen(logs, loaded.fitted_to);
   drive::KnownLoad load{options.load_mass, {}};
   if (!options.load_com.empty()) load.com = {options.load_com[0], options.load_com[1], options.load_com[2]};
-  return drive::from_known_load(loaded.robot, logs, load, options.assumed);
+  return drive::from_known_load(loaded.robot, logs, load, options.assumed, loaded.fitted_to);
 }
 
 void run(const Options& options) {

@@ -83,7 +83,7 @@ data::LogSet open_logs(const std::vector<std::string>& paths);
 /// A constant from the measured current is as right as the model behind τ_ref: a load that the controller does not know of
 /// shows as too small a constant in all joints that carry it.
 ///
-/// Cost: up to eight passes over each log, memory independent of its length.
+/// Cost: three passes over each log, memory independent of its length.
 /// @throws DataError when no log has target torque with a current
 TorqueConstants from_targets(const data::LogSet& logs);
 
@@ -104,9 +104,12 @@ struct KnownLoad {
 /// @param logs     with the load; all of judge(), or of train() when there is none to judge on
 /// @param assumed  [N·m/A] one for all joints or one per joint: the constants that made the torque; the logs' own tau
 ///                 counts as made with them
-/// @throws DataError when a log has no torque, InputError for a load without mass
+/// @param fitted_to  paths of the logs that the model was fitted to: a load that one of them holds is in the model already
+/// @throws DataError when a log has no torque, or when one to judge on is one of `fitted_to` or shares samples with one;
+///         InputError for a load without mass
 TorqueConstants from_known_load(const model::Robot& robot, const data::LogSet& logs, const KnownLoad& load,
-                                const std::vector<double>& assumed);
+                                const std::vector<double>& assumed,
+                                const std::vector<std::string>& fitted_to = {});
 
 /// How far the measured torque of an arm is from the controller's target torque, as a factor: τ = scale · τ_true, τ_true
 /// being what the controller's model gives. The rest as from_targets with the measured torque instead of the current.
