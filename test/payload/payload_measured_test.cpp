@@ -181,5 +181,30 @@ TEST_F(MeasuredUr10e, ALoadTakenUpHalfWayIsSeenAtOnce) {
   EXPECT_LT(*found.converged_at, kGrasp + 5);
 }
 
+/// An arm whose torque scale differs from joint to joint by a factor of two (its README): the model of the bare arm takes that
+/// up, and no load is left over in the run that it was not fitted to.
+TEST(MeasuredAirBot, FindsNoLoadInTheRunThatItsModelHasNotSeen) {
+  const std::string folder = HEFT_DATA_DIR "/airbot-play";
+  HEFT_NEEDS_MEASURED_DATA(folder);
+  data::LogRequirements needs;
+  needs.num_joints = 6;
+  needs.torque = true;
+  const data::Log chirp = data::read_log(folder + "/chirp.csv", needs);
+  const data::Log trapezoidal = data::read_log(folder + "/trapezoidal.csv", needs);
+  for (const bool swapped : {false, true}) {
+    model::Robot arm = urdf::load_urdf(folder + "/robot.urdf");
+    const RecursiveFit fit = fit_recursively(arm, {swapped ? trapezoidal : chirp});
+    model::apply(fit.model, arm);
+    PayloadRunOptions options;
+    options.residual = fit.residual;
+    options.model_covariance = fit.model.covariance;
+    const PayloadRun found = run_payload(arm, swapped ? chirp : trapezoidal, options);
+    EXPECT_LT(std::abs(found.mass.value), found.mass.half_width()) << swapped;
+    // Of an arm of 3 kg: a load of a finger's weight would show.
+    EXPECT_LT(found.mass.half_width(), 0.03) << swapped;
+    EXPECT_TRUE(found.changes.empty()) << swapped;
+  }
+}
+
 }  // namespace
 }  // namespace heft::payload

@@ -27,8 +27,9 @@ class ChangeWatch {
     unexplained_ += static_cast<Scalar>(0.02) * (unexplained - unexplained_);
     whole_ += static_cast<Scalar>(0.02) * (whole - whole_);
     updates_ = updates_ < 1'000'000 ? updates_ + 1 : updates_;
-    uncalm_ = surprise_ < static_cast<Scalar>(kCalm) ? 0 : uncalm_ <= kPatience ? uncalm_ + 1 : uncalm_;
-    return surprise_ > static_cast<Scalar>(kSurprise) && updates_ > kBetweenChanges;
+    uncalm_ = surprise_ < static_cast<Scalar>(kSmall) ? 0 : uncalm_ <= kPatience ? uncalm_ + 1 : uncalm_;
+    const bool sudden = surprise_ > static_cast<Scalar>(kSurprise);
+    return (sudden || uncalm_ == kLasting) && updates_ > kBetweenChanges;
   }
 
   /// Innovations are noise. Others are another load rather than noise, unless they last.
@@ -44,8 +45,10 @@ class ChangeWatch {
  private:
   /// Mean squared innovation, over some ten updates and all rows, that another load gives and noise does not [variances].
   static constexpr double kSurprise = 12;
-  static constexpr double kCalm = 6;     ///< and below this it is noise
-  static constexpr int kPatience = 500;  ///< updates
+  static constexpr double kCalm = 4;     ///< and below this it is noise
+  static constexpr double kSmall = 3;    ///< above this for long it is a small change of load
+  static constexpr int kLasting = 100;   ///< in a row [updates]
+  static constexpr int kPatience = 500;  ///< updates after which it is noise nevertheless
   /// Loads do not come and go several times a second: what does is something that no load explains [updates].
   static constexpr int kBetweenChanges = 100;
 

@@ -27,10 +27,9 @@ class FrictionDoubt {
     bool all_slow = true;
     for (int i = 0; i < N; ++i) {
       const bool stands = abs(qd[i]) < slow;
-      slid_[i] = stands ? Scalar(0) : slid_[i] + abs(way[i]);
-      // What has slid far enough stays so: the sum need not grow.
-      slid_[i] = slid_[i] < Scalar(1) ? slid_[i] : Scalar(1);
-      doubt_[i] = slid_[i] < static_cast<Scalar>(kCreep) ? Scalar(1) : doubt_[i] * forget;
+      const bool creeps = stands || slid_[i] < static_cast<Scalar>(kCreep);
+      slid_[i] = stands ? Scalar(0) : creeps ? slid_[i] + abs(way[i]) : slid_[i];
+      doubt_[i] = creeps ? Scalar(1) : doubt_[i] * forget;
       all_slow = all_slow && stands;
     }
     return all_slow;

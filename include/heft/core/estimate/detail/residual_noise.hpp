@@ -46,8 +46,8 @@ class ResidualScale {
     const Scalar left = Scalar(1) - Scalar(2) * of_blocks_ / length_;
     const Scalar least = static_cast<Scalar>(0.04);
     const Scalar whole = length_ * (Scalar(1) - sqrt(left > least ? left : least));
-    // Of few blocks: the variance of Student's distribution.
-    value_ = (whole > of_blocks_ ? whole : of_blocks_) / white_ * (Scalar(1) + Scalar(2) / blocks);
+    // Of few blocks: the variance of Student's distribution; of half as many, since joints do not show equally much.
+    value_ = (whole > of_blocks_ ? whole : of_blocks_) / white_ * (Scalar(1) + Scalar(4) / blocks);
   }
 
   /// Factor on the recursion's variances.
@@ -89,7 +89,7 @@ class ResidualNoise {
     learnt_ += learnt_ < Scalar(1000) ? Scalar(1) : Scalar(0);
     power_ += share * (cut * cut * variance_ / all - power_);
     if (learnt_ > Scalar(30)) {
-      variance_ = power_ > least_ ? power_ : least_;
+      variance_ = limited(power_);
     }
     information_ = in_block_ > Scalar(0) ? information_ : information;
     sum_ += error;
@@ -114,7 +114,7 @@ class ResidualNoise {
   void weigh(const Scalar& usual) noexcept {
     const Scalar guess = usual * least_ / static_cast<Scalar>(kLeast);
     const Scalar mean = guess + learnt_ / (learnt_ + static_cast<Scalar>(kOthers)) * (power_ - guess);
-    weight_ = mean > least_ ? mean : least_;
+    weight_ = limited(mean);
   }
 
   /// Of one residual.
@@ -125,9 +125,16 @@ class ResidualNoise {
   bool known() const noexcept { return learnt_ > Scalar(100); }
 
  private:
+  Scalar limited(const Scalar& variance) const noexcept {
+    const Scalar most = static_cast<Scalar>(kMost / kLeast) * least_;
+    return variance > most ? most : variance > least_ ? variance : least_;
+  }
+
   static constexpr int kShortest = 12;    ///< errors in a block that says something
   static constexpr double kLeast = 0.25;  ///< of the guess: a model is never much better than that
-  static constexpr double kOthers = 15;   ///< residuals that the other joints count as
+  /// Of the guess, too: what is larger is another load, a contact or a fault, not noise that would hide them for ever.
+  static constexpr double kMost = 25;
+  static constexpr double kOthers = 15;  ///< residuals that the other joints count as
   static constexpr double kShare =
       0.002;  ///< of the newest residual, at least: some movements are remembered
 
