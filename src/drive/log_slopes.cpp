@@ -109,7 +109,8 @@ Slope slope_of(const statistics::BlockJackknife& fit) {
   Slope slope;
   const double b = result.estimate[kTarget];
   if (result.blocks < kFewestBlocks) return slope;
-  slope.opposite = b < -result.interval_factor * std::sqrt(result.covariance(kTarget, kTarget));
+  // As sharp as a slope has to be: of many unloaded joints, some fall significantly by chance.
+  slope.opposite = kWidestLog * -b > result.interval_factor * std::sqrt(result.covariance(kTarget, kTarget));
   if (!(b > 0.0)) return slope;
   slope.value = b;
   slope.std = std::sqrt(result.covariance(kTarget, kTarget));

@@ -14,6 +14,9 @@
 
 namespace heft::drive {
 
+/// Half-width of an interval beyond which a log does not show the constant, as a share of the value [1].
+inline constexpr double kWidestLog = 0.25;
+
 /// The slope of a drive's signal on the target torque of one joint, with its uncertainty.
 struct Slope {
   double value{kNaN};  ///< signal per target torque; NaN: the log does not show it

@@ -18,8 +18,6 @@
 namespace heft::drive {
 namespace {
 
-/// Half-width of an interval beyond which a log does not show the constant, as a share of the value [1].
-constexpr double kWidestLog = 0.25;
 /// The same of the answer: data sheets are as good as this.
 constexpr double kWidest = 0.1;
 /// Scatter from log to log beyond which they do not show one constant [1].

@@ -15,14 +15,14 @@
 namespace heft::test {
 namespace {
 
+enum class Trouble { kFlicker, kContact, kNoNumbers, kTime, kStuck, kClipped, kDropouts, kCount };
+
 template <typename Scalar>
 class LoadTorture : public ::testing::Test {
  public:
   using Observer = LoadObserver<model::Ur5Arm, Scalar>;
   static constexpr long kSamples = 50'000'000;
   static constexpr std::array<double, 3> kCom{0.02, -0.03, 0.06};
-
-  enum class Trouble { kFlicker, kContact, kNoNumbers, kTime, kStuck, kClipped, kDropouts, kCount };
 
   void take(const OnlineSample& s, Status expected) {
     typename Observer::Record record;
@@ -103,7 +103,7 @@ class LoadTorture : public ::testing::Test {
   PickAndPlaceUr5 arm{PickAndPlaceSettings{.seed = 11}};
   Observer observer;
   long samples{0}, wrong{0}, impossible{0}, not_finite{0}, rounds{0};
-  std::array<long, 6> statuses{};
+  std::array<long, 8> statuses{};
   std::array<long, 5> states{};
   std::array<long, static_cast<std::size_t>(Trouble::kCount)> not_right{};
   int stuck{0};
@@ -113,7 +113,6 @@ using Scalars = ::testing::Types<float, double>;
 TYPED_TEST_SUITE(LoadTorture, Scalars);
 
 TYPED_TEST(LoadTorture, FiftyMillionSamples) {
-  using Trouble = typename TestFixture::Trouble;
   this->take(this->arm.next(), Status::kNotConfigured);
   ASSERT_EQ(this->observer.configure(), Status::kOk);
   while (this->samples < TestFixture::kSamples) {
