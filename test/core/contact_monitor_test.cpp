@@ -1,5 +1,6 @@
 #include "heft/core/monitor/contact_monitor.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -7,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/core/dynamics/inverse_dynamics.hpp"
+#include "heft/core/dynamics/loaded_torque.hpp"
 #include "heft/model/named_arms.hpp"
 #include "support/random_arm.hpp"
 
@@ -132,6 +134,75 @@ TYPED_TEST(ContactMonitorTest, ResidualIsTheTorqueFromOutsideBehindALowPass) {
     EXPECT_NEAR(bench.record.residual[i], share * bench.push[i], calm + 0.05 * std::abs(bench.push[i])) << i;
   bench.run(0.5);
   for (int i = 0; i < kN; ++i) EXPECT_NEAR(bench.record.residual[i], bench.push[i], calm) << i;
+}
+
+TYPED_TEST(ContactMonitorTest, TheExplainedTorqueGivesTheSameResidual) {
+  using Arm = typename Bench<TypeParam>::Arm;
+  using Monitor = typename Bench<TypeParam>::Monitor;
+  using Vector = typename Bench<TypeParam>::Vector;
+  Bench<TypeParam> bench(1e3);
+  Monitor monitor;
+  ASSERT_EQ(monitor.configure(bench.monitor.config()), Status::kOk);
+  typename Monitor::Record record;
+  struct {
+    Vector qd, torque;
+    TypeParam period;
+  } explained;
+  auto last = bench.sample();
+  ASSERT_EQ(bench.take(last), Status::kOk);
+  double apart = 0.0;
+  for (int k = 0; k < 1500; ++k) {
+    bench.push[2] = k < 1000 ? 0.0 : 8.0;
+    bench.time += 0.5 * kPeriod;
+    const auto middle = bench.sample();
+    bench.time += 0.5 * kPeriod;
+    const auto now = bench.sample();
+    ASSERT_EQ(bench.take(now), Status::kOk);
+    const Vector q = TypeParam(0.5) * (last.q + now.q);
+    const Vector acceleration = (now.qd - last.qd) / static_cast<TypeParam>(kPeriod);
+    Vector bias;
+    loaded_torque(bench.arm, joint_trigonometry<Arm>(q), q, middle.qd, acceleration, {}, bias,
+                  explained.torque);
+    explained.torque += static_cast<TypeParam>(kRotor) * acceleration + middle.friction;
+    explained.qd = middle.qd;
+    explained.period = static_cast<TypeParam>(kPeriod);
+    ASSERT_EQ(monitor.update(explained, middle.tau, record), Status::kOk);
+    for (int i = 0; i < kN; ++i) {
+      const double other = static_cast<double>(bench.record.residual[i]);
+      apart = std::max(apart, std::abs(static_cast<double>(record.residual[i]) - other));
+    }
+    last = now;
+  }
+  EXPECT_NEAR(record.residual[2], 8.0, 0.02);
+  // With the step of 8 N·m the half sample by which a mean of two torques is late: half of K h, 0.4 N·m.
+  EXPECT_LT(apart, 0.5);
+  EXPECT_NEAR(record.residual[1], bench.record.residual[1], 0.02);
+
+  // What is refused leaves no trace; a gap restarts the observer and is not taken.
+  const Vector before = record.residual;
+  for (const TypeParam bad :
+       {std::numeric_limits<TypeParam>::quiet_NaN(), std::numeric_limits<TypeParam>::max()}) {
+    auto wrong = explained;
+    wrong.torque[3] = bad;
+    EXPECT_EQ(monitor.update(wrong, last.tau, record), Status::kNonFiniteInput);
+    wrong = explained, wrong.qd[0] = bad;
+    EXPECT_EQ(monitor.update(wrong, last.tau, record), Status::kNonFiniteInput);
+    EXPECT_FALSE(record.judged);
+  }
+  auto wrong = explained;
+  wrong.period = TypeParam(0);
+  EXPECT_EQ(monitor.update(wrong, last.tau, record), Status::kOutOfRange);
+  const Vector as_explained = explained.torque - before;
+  ASSERT_EQ(monitor.update(explained, as_explained, record), Status::kOk);
+  for (int i = 0; i < kN; ++i)
+    EXPECT_NEAR(record.residual[i], before[i], 1e-4 * (1 + std::abs(before[i]))) << i;
+  auto gap = explained;
+  gap.period = TypeParam(1);
+  gap.torque.setConstant(TypeParam(1e4));
+  ASSERT_EQ(monitor.update(gap, last.tau, record), Status::kOk);
+  EXPECT_FALSE(record.judged);
+  ASSERT_EQ(monitor.update(explained, explained.torque, record), Status::kOk);
+  for (int i = 0; i < kN; ++i) EXPECT_EQ(record.residual[i], TypeParam(0)) << i;
 }
 
 TYPED_TEST(ContactMonitorTest, FindsARampAtTheElbowWithinTwentyMilliseconds) {

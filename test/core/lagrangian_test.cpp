@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/core/dynamics/joint_space.hpp"
+#include "heft/core/dynamics/loaded_torque.hpp"
 #include "heft/model/named_arms.hpp"
 #include "support/random_arm.hpp"
 
@@ -79,6 +80,50 @@ TYPED_TEST(StaticLagrangian, IsThatOfTheRunTimeArm) {
     load_columns<Arm>(trig, q, columns);
     load_columns(dynamic, joint_trigonometry<DynamicArm<double, 6>>(q), q, run_time);
     EXPECT_LT((columns - run_time).norm(), 1e-12 * run_time.norm()) << n;
+  }
+}
+
+/// Both torques of one pass against inverse dynamics of the arm, and of the arm with the body on its last link.
+template <int N, typename TwoTorques>
+void expect_two_torques(ArmModel<double, N> model, const InertialParameters<double>& body,
+                        const JointVector<double, N>& q, const JointVector<double, N>& qd,
+                        const JointVector<double, N>& qdd, const TwoTorques& both) {
+  const JointVector<double, N> rest = JointVector<double, N>::Zero();
+  const JointVector<double, N> expected_bias = inverse_dynamics(DynamicArm<double, N>(model), q, qd, rest);
+  for (std::size_t k = 0; k < body.size(); ++k) model.links[N - 1][k] += body[k];
+  const JointVector<double, N> expected = inverse_dynamics(DynamicArm<double, N>(model), q, qd, qdd);
+  JointVector<double, N> bias, loaded;
+  both(bias, loaded);
+  EXPECT_LT((bias - expected_bias).norm(), 1e-12 * (1 + expected_bias.norm()));
+  EXPECT_LT((loaded - expected).norm(), 1e-12 * (1 + expected.norm()));
+}
+
+TEST(LoadedTorque, IsThatOfTheArmAndOfTheArmWithABodyAtAnAcceleration) {
+  Random random(5);
+  for (int n = 0; n < 50; ++n) {  // a third of the joints prismatic
+    const ArmModel<double, 5> model = test::random_arm<5>(random, 0.3);
+    const DynamicArm<double, 5> arm(model);
+    const InertialParameters<double> body = test::random_body(random);
+    const auto q = test::random_vector<5>(random, 2), qd = test::random_vector<5>(random, 2),
+               qdd = test::random_vector<5>(random, 9);
+    expect_two_torques<5>(model, body, q, qd, qdd, [&](auto& bias, auto& loaded) {
+      loaded_torque(arm, joint_trigonometry<DynamicArm<double, 5>>(q), q, qd, qdd, body, bias, loaded);
+    });
+  }
+}
+
+TYPED_TEST(StaticLagrangian, LoadedTorqueIsThatOfTheRunTimeArm) {
+  using Arm = StaticArm<double, TypeParam>;
+  Random random(6);
+  for (int n = 0; n < 50; ++n) {
+    const InertialParameters<double> body = test::random_body(random);
+    const auto q = test::random_vector<6>(random, 3), qd = test::random_vector<6>(random, 2),
+               qdd = test::random_vector<6>(random, 9);
+    const auto& g = TypeParam::kModel.gravity;
+    expect_two_torques<6>(TypeParam::kModel, body, q, qd, qdd, [&](auto& bias, auto& loaded) {
+      loaded_torque<Arm>(ConstantParameters<double, TypeParam>{}, joint_trigonometry<Arm>(q),
+                         {-g[0], -g[1], -g[2]}, q, qd, qdd, body, bias, loaded);
+    });
   }
 }
 

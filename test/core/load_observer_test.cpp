@@ -7,6 +7,7 @@
 
 #include "heft/core/dynamics/arm_torque.hpp"
 #include "heft/core/estimate/load_observer.hpp"
+#include "heft/core/monitor/contact_monitor.hpp"
 #include "support/online_rig.hpp"
 
 namespace heft {
@@ -170,6 +171,50 @@ TYPED_TEST(LoadObserverOf, RowsOneByOneGiveTheSameLoad) {
   }
   EXPECT_GT(updates, 300);
   EXPECT_NEAR(this->mass(), static_cast<double>(spread.load()[kMass]), 1e-3);
+}
+
+TYPED_TEST(LoadObserverOf, WhatItExplainsShowsAContactAndNotTheLoad) {
+  constexpr double kRate = 1000;
+  typename TestFixture::Observer::Config config;
+  config.explains = true;
+  typename TestFixture::Observer explaining;
+  ASSERT_EQ(this->observer.configure(), Status::kOk);
+  ASSERT_EQ(explaining.configure(config), Status::kOk);
+  ContactMonitor<TypeParam, 6> monitor;
+  typename ContactMonitor<TypeParam, 6>::Config watched;
+  for (auto& joint : watched.thresholds.joints) joint = {TypeParam(8), 0, 0, 0, 0, 0, TypeParam(4)};
+  ASSERT_EQ(monitor.configure(watched), Status::kOk);
+  typename ContactMonitor<TypeParam, 6>::Record contact;
+  this->arm.carry(2.0);
+  int began = 0;
+  double at = 0.0;
+  for (int k = 0; k < 6200; ++k) {
+    OnlineSample s = this->arm.next();
+    if (k >= 6000) s.tau[1] += 30.0;  // held against a push along negative q
+    ASSERT_EQ(this->take(this->observer, s, this->record), Status::kOk);
+    EXPECT_FALSE(this->observer.explained().valid);
+    typename TestFixture::Record seen;
+    ASSERT_EQ(this->take(explaining, s, seen), Status::kOk);
+    EXPECT_EQ(explaining.explained().valid, k > 0);
+    if (k < 4000) continue;  // the load is not known before
+    ASSERT_EQ(monitor.update(explaining.explained(), s.tau.template cast<TypeParam>(), contact), Status::kOk);
+    if (contact.event == ContactEvent::kContact) {
+      ++began;
+      at = (k - 6000) / kRate;
+      EXPECT_EQ(contact.joint, 1);
+      EXPECT_EQ(contact.direction, -1);
+    }
+  }
+  EXPECT_EQ(began, 1);  // 2 kg would show with 15 N·m and more
+  EXPECT_GE(at, 0.0);
+  EXPECT_LE(at, 0.03);
+  for (std::size_t i = 0; i < 10; ++i) {  // nothing else is estimated
+    EXPECT_EQ(explaining.estimate().value[i], this->observer.estimate().value[i]) << i;
+  }
+  OnlineSample bad = this->arm.next();
+  bad.tau[2] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(this->take(explaining, bad, this->record), Status::kNonFiniteInput);
+  EXPECT_FALSE(explaining.explained().valid);
 }
 
 TYPED_TEST(LoadObserverOf, FollowsAGravityThatTurns) {

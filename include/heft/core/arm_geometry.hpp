@@ -74,6 +74,13 @@ constexpr LinkParameters<M, H, S11, S12, S22, S13, S23, S33> link_parameters(con
   return {m, h, s11, s12, s22, s13, s23, s33};
 }
 
+/// All ten entries of a body.
+template <typename Scalar>
+constexpr auto dense_link(const PseudoInertia<Scalar>& p) {
+  return link_parameters(p[kPm], vec3(p[kPhx], p[kPhy], p[kPhz]), p[kS11], p[kS12], p[kS22], p[kS13], p[kS23],
+                         p[kS33]);
+}
+
 /// One joint at one instant: E turns parent components into link components, p is the link origin in the
 /// parent frame, axis the joint axis in link axes.
 template <JointType kType, typename E, typename P, typename A>
@@ -389,10 +396,7 @@ class DynamicArm {
   }
 
   auto link(int j) const noexcept {
-    using namespace structural;
-    const auto& p = links_[static_cast<std::size_t>(j)];
-    return link_parameters(p[kPm], vec3(p[kPhx], p[kPhy], p[kPhz]), p[kS11], p[kS12], p[kS22], p[kS13],
-                           p[kS23], p[kS33]);
+    return structural::dense_link(links_[static_cast<std::size_t>(j)]);
   }
 
   structural::Dense3<Scalar> base_acceleration() const noexcept {

@@ -65,7 +65,7 @@ int firmware_main() {
   start_counter();
   const bool counts = counter_counts_instructions();
   std::uint64_t total = 0;
-  std::uint32_t worst = 0;
+  std::uint32_t worst = 0, worst_sample = 0;
   for (std::uint32_t i = 0; i < header.samples; ++i) {
     const std::uint32_t begin = counter();
     const heft::Status status = replay.step(rows[i], period);
@@ -76,7 +76,10 @@ int firmware_main() {
       return 1;
     }
     total += ticks;
-    if (ticks > worst) worst = ticks;
+    if (ticks > worst) {
+      worst = ticks;
+      worst_sample = i;
+    }
   }
   const std::size_t stack = deepest_stack();
 
@@ -92,6 +95,7 @@ int firmware_main() {
   if (counts) {
     print_line("instructions_mean", total * kInstructionsPerTick / header.samples);
     print_line("instructions_worst", std::uint64_t{worst} * kInstructionsPerTick);
+    print_line("worst_sample", std::uint64_t{worst_sample});
   }
   print_line("source", replay.rests_on());
   print_line("loop_bytes", std::uint64_t{sizeof(replay)});

@@ -171,11 +171,8 @@ class TerminalLinkController {
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    if (!is_finite(dt)) {
-      return Status::kNonFiniteInput;
-    }
-    if (!(dt > Scalar(0) && dt <= static_cast<Scalar>(kLongestStep))) {
-      return Status::kOutOfRange;
+    if (const Status time = check_step(dt); time != Status::kOk) {
+      return time;
     }
     const Scalar elapsed = missed_ + dt;
     const Loop before = loop_;
@@ -220,7 +217,6 @@ class TerminalLinkController {
   using Rows = typename Estimator::Rows;
   using Layout = typename Estimator::Layout;
   using Mass = MassMatrix<Scalar, kNumJoints>;
-  static constexpr double kLongestStep = 1e6;  ///< [s]
   /// A fast filter passes a gap in steps of so many time constants at most, up to so many of them.
   static constexpr int kStep = 5, kMostSteps = 64;
   static constexpr int kSettled = 20;  ///< time constants after which the slow filter has forgotten a jump

@@ -152,11 +152,11 @@ class ArmTorque {
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    if (!all_usable(q) || !all_usable(qd) || !all_usable(qdd) || !is_finite(dt)) {
+    if (!all_usable(q) || !all_usable(qd) || !all_usable(qdd)) {
       return Status::kNonFiniteInput;
     }
-    if (started_ && !(dt > Scalar(0) && dt <= static_cast<Scalar>(kLongestStep))) {
-      return Status::kOutOfRange;
+    if (const Status time = check_step(dt, started_); time != Status::kOk) {
+      return time;
     }
     RunClock<Scalar> clock = clock_;
     clock.advance(started_ ? dt : Scalar(0));
@@ -188,7 +188,6 @@ class ArmTorque {
  private:
   using Body = detail::RigidArm<Description, Scalar>;
   using Drive = detail::DriveOf<Description, Scalar>;
-  static constexpr double kLongestStep = 1e6;  ///< [s]
 
   /// All but the rigid bodies.
   Status start(const Config& config, const Drive& drive) noexcept {

@@ -102,6 +102,13 @@ class DriveTorque {
   /// Forgets the motion.
   void reset() noexcept { effects_.reset(); }
 
+  /// What the motion has left, for a caller that may have to go back.
+  const auto& memory() const noexcept { return effects_.memory(); }
+  template <typename Memory>
+  void go_back(const Memory& memory) noexcept {
+    effects_.go_back(memory);
+  }
+
   /// Declared friction of all joints, and the friction of shared motors, added to tau [N·m, N].
   void add_friction(const Vector& qd, Vector& tau) const noexcept {
     for (int i = 0; i < N; ++i) {

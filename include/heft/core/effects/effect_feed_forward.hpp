@@ -47,7 +47,7 @@ class EffectFeedForward {
       return Status::kOutOfRange;
     }
     effects_[static_cast<std::size_t>(count_)] = effect;
-    memory_[static_cast<std::size_t>(count_)] = Scalar(0);
+    memory_.values[static_cast<std::size_t>(count_)] = Scalar(0);
     ++count_;
     return Status::kOk;
   }
@@ -77,9 +77,18 @@ class EffectFeedForward {
 
   /// Forgets the motion: memory restarts at 0.
   void reset() noexcept {
-    memory_.fill(Scalar(0));
-    started_ = false;
+    memory_.values.fill(Scalar(0));
+    memory_.started = false;
   }
+
+  /// What the motion has left, for a caller that may have to go back.
+  struct Memory {
+    std::array<Scalar, static_cast<std::size_t>(M)> values{};
+    Vector last_q = Vector::Zero();
+    bool started{false};
+  };
+  const Memory& memory() const noexcept { return memory_; }
+  void go_back(const Memory& memory) noexcept { memory_ = memory; }
 
   /// Adds the torque of all effects at this instant.
   /// @param time        since the run, with cold joints, began [s]
@@ -93,12 +102,12 @@ class EffectFeedForward {
                     const std::array<JointActuation<Scalar>, static_cast<std::size_t>(N)>& actuation,
                     Scalar sign_width, Vector& tau) noexcept {
     Vector sum = Vector::Zero();
-    std::array<Scalar, static_cast<std::size_t>(M)> memory = memory_;
+    std::array<Scalar, static_cast<std::size_t>(M)> memory = memory_.values;
     for (std::size_t k = 0; k < static_cast<std::size_t>(count_); ++k) {
       const JointEffect<Scalar>& effect = effects_[k];
       const int j = effect.joint;
-      if (started_) {
-        memory[k] = joint_effect_memory(effect, memory[k], q[j] - last_q_[j]);
+      if (memory_.started) {
+        memory[k] = joint_effect_memory(effect, memory[k], q[j] - memory_.last_q[j]);
       }
       const EffectPoint<Scalar> point{time,    q[j],     qd[j], qdd[j], velocity_sign(qd[j], sign_width),
                                       load[j], memory[k]};
@@ -109,9 +118,7 @@ class EffectFeedForward {
         return Status::kNonFiniteInput;
       }
     }
-    memory_ = memory;
-    last_q_ = q;
-    started_ = true;
+    memory_ = {memory, q, true};
     for (int j = 0; j < N; ++j) {
       tau[j] += sum[j];
     }
@@ -120,10 +127,8 @@ class EffectFeedForward {
 
  private:
   std::array<JointEffect<Scalar>, static_cast<std::size_t>(M)> effects_{};
-  std::array<Scalar, static_cast<std::size_t>(M)> memory_{};
-  Vector last_q_ = Vector::Zero();
+  Memory memory_;
   int count_{0};
-  bool started_{false};
 };
 
 }  // namespace heft

@@ -74,4 +74,14 @@ struct LoadChange {
   LoadEstimate<Scalar> before{};  ///< what was known at that time
 };
 
+/// What a model explains of the torque between two samples: its torque at the motion half-way, whose acceleration is the
+/// difference of the two velocities over the period.
+template <typename Scalar, int N>
+struct ExplainedTorque {
+  bool valid{false};
+  JointVector<Scalar, N> qd = JointVector<Scalar, N>::Zero();      ///< half-way [rad/s, m/s]
+  JointVector<Scalar, N> torque = JointVector<Scalar, N>::Zero();  ///< of the model there [N·m, N]
+  Scalar period{0};  ///< between the two, refused samples in between included [s]
+};
+
 }  // namespace heft

@@ -7,21 +7,18 @@
 #include <cstddef>
 #include <cstdint>
 
-#include <Eigen/Core>
-
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/detail/rigid_arm.hpp"
 #include "heft/core/dynamics/run_time_arm.hpp"
 #include "heft/core/estimate/detail/change_watch.hpp"
-#include "heft/core/estimate/detail/friction_doubt.hpp"
 #include "heft/core/estimate/detail/load_batch.hpp"
 #include "heft/core/estimate/detail/load_fade.hpp"
 #include "heft/core/estimate/detail/load_priors.hpp"
+#include "heft/core/estimate/detail/recent_samples.hpp"
 #include "heft/core/estimate/detail/residual_noise.hpp"
-#include "heft/core/estimate/detail/sample_faults.hpp"
+#include "heft/core/estimate/detail/update_schedule.hpp"
 #include "heft/core/estimate/load_estimate.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
-#include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/core/numeric_range.hpp"
 #include "heft/core/physical_body.hpp"
 #include "heft/core/run_clock.hpp"
@@ -86,6 +83,7 @@ class LoadObserver {
     /// All joints slower than uncertain_speed for longer than this say nothing new, > 0 [s].
     Scalar longest_rest{5};
     Scalar start_time{0};  ///< age of the run at the first sample, for joints that warm up, 0 to 1e6 [s]
+    bool explains{false};  ///< explained() is computed with every sample
   };
 
   /// Treatment of a sample.
@@ -157,14 +155,12 @@ class LoadObserver {
                 std::uint32_t cut = 0) noexcept {
     record = Record{};
     record.state = state_;
+    explained_.valid = false;
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    if (!is_finite(dt)) {
-      return Status::kNonFiniteInput;
-    }
-    if (!(dt > Scalar(0) && dt <= static_cast<Scalar>(kLongestStep))) {
-      return Status::kOutOfRange;
+    if (const Status time = check_step(dt); time != Status::kOk) {
+      return time;
     }
     const Scalar elapsed = missed_ + dt;
     Status status = Status::kNonFiniteInput;
@@ -173,10 +169,12 @@ class LoadObserver {
         begin(q, qd, dt);
         return Status::kOk;
       }
-      const Front before = front_;
+      const Recent before = front_;
+      const auto memory = front_.drive.memory();
       status = take(q, qd, tau, elapsed, cut, record);
       if (status != Status::kOk) {
-        front_ = before;
+        static_cast<Recent&>(front_) = before;
+        front_.drive.go_back(memory);
         record = Record{};
         record.state = state_;
       }
@@ -203,6 +201,9 @@ class LoadObserver {
     out.add_com(estimator_.estimator(), noise_.factor());
     return out;
   }
+
+  /// What the arm with load() explains of the last torque, for ContactMonitor. Not valid with the first or a refused sample.
+  const ExplainedTorque<Scalar, kNumJoints>& explained() const noexcept { return explained_; }
 
   LoadState state() const noexcept { return state_; }
   /// kOk: a load is known, or that there is none; kNotExcited; kNotConfigured.
@@ -242,12 +243,10 @@ class LoadObserver {
  private:
   using Body = detail::RigidArm<Description, Scalar>;
   using Drive = detail::DriveOf<Description, Scalar>;
-  using Filter = StateVariableFilter<Scalar, kNumJoints>;
   using Recursion = typename Estimator::Estimator;
   using Priors = detail::LoadPriors<Scalar, kNumJoints>;
   using Batch = detail::LoadBatch<Scalar, kNumJoints>;
   using Stage = typename Batch::Stage;
-  static constexpr double kLongestStep = 1e6;  ///< [s]
   /// The filters have forgotten the past after so many time constants: (1 + 10 + 50) e^-10, 0.3 %, are left of a step.
   static constexpr double kSettled = 10;
   static constexpr int kBeforeLearning = 20;  ///< updates before innovations say what the noise is
@@ -255,17 +254,10 @@ class LoadObserver {
   /// A parameter is known when its variance is below this share of the prior's: a tenth of its standard deviation.
   static constexpr double kExcited = 0.01;
 
-  /// What a sample changes before anything is estimated.
-  struct Front {
+  /// What a sample changes before anything is estimated; of the drives, the memory of effects.
+  using Recent = detail::RecentSamples<Scalar, kNumJoints>;
+  struct Front : Recent {
     Drive drive;
-    Filter motion, torque;
-    detail::SampleFaults<Scalar, kNumJoints> faults;
-    detail::FrictionDoubt<Scalar, kNumJoints> doubt;
-    Vector previous_q = Vector::Zero(), previous_qd = Vector::Zero();
-    Scalar settling{0};  ///< left to wait [s]
-    Scalar rest{0};      ///< all joints have been slow for so long [s]
-    std::int32_t until_update{1};
-    bool started{false};
   };
 
   /// All but the rigid bodies.
@@ -320,7 +312,7 @@ class LoadObserver {
     change_ = {};
     clock_.reset();
     missed_ = since_ = Scalar(0);
-    reset_due_ = ever_known_ = false;
+    reset_due_ = change_due_ = ever_known_ = false;
     state_ = LoadState::kUnknown;
     configured_ = true;
     return Status::kOk;
@@ -332,17 +324,9 @@ class LoadObserver {
     front_.started = true;
     front_.settling = Scalar(2) * settle_time_;
     front_.faults.start(dt);
-    const Scalar between = Scalar(1) / (dt * config_.update_rate) + static_cast<Scalar>(0.5);
-    update_every_ = between < Scalar(1)     ? 1
-                    : between < Scalar(1e6) ? static_cast<std::int32_t>(between)
-                                            : 1'000'000;
-    front_.until_update = update_every_;
-    // An update is finished before the next one is due: between the samples that begin and finish it.
-    const std::int32_t rows = kNumJoints - config_.first_row;
-    const std::int32_t room = update_every_ - 2;
-    const std::int32_t least = room > 0 ? (rows + room - 1) / room : rows;
-    at_once_ = config_.rows_per_sample == 0 || room < 1;
-    rows_a_sample_ = config_.rows_per_sample > least ? config_.rows_per_sample : least;
+    schedule_ = detail::update_schedule(Scalar(1) / (dt * config_.update_rate),
+                                        kNumJoints - config_.first_row, config_.rows_per_sample);
+    front_.until_update = schedule_.every;
   }
 
   Status take(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed, std::uint32_t cut,
@@ -355,7 +339,8 @@ class LoadObserver {
     const Vector middle_qd = static_cast<Scalar>(0.5) * (qd + f.previous_qd);
     f.previous_q = q;
     f.previous_qd = qd;
-    const bool slow = f.doubt.look(middle_qd, q - before_q, config_.uncertain_speed, elapsed, omega_);
+    const Scalar forget = f.forgetting(elapsed * omega_ / Scalar(3));
+    const bool slow = f.doubt.look(middle_qd, q - before_q, config_.uncertain_speed, forget);
     f.rest = slow ? f.rest + elapsed : Scalar(0);
     f.rest = f.rest < config_.longest_rest + elapsed ? f.rest : config_.longest_rest + elapsed;
     const Scalar left = f.settling - elapsed;
@@ -370,7 +355,7 @@ class LoadObserver {
     record.clipped = faults.clipped;
     record.at_rest = f.rest > config_.longest_rest;
     if (--f.until_update <= 0) {
-      f.until_update = update_every_;
+      f.until_update = schedule_.every;
       record.due = true;
       if (!(f.settling > Scalar(0)) && !record.at_rest && record.frozen == 0) {
         if (const Status status = begin_batch(faults.clipped); status != Status::kOk) {
@@ -379,6 +364,7 @@ class LoadObserver {
       }
     }
     // From here on nothing is refused.
+    explained_.valid = config_.explains;
     clock_.advance(elapsed);
     go_on(record);
     fade_.advance(elapsed);
@@ -397,10 +383,19 @@ class LoadObserver {
       known[i] += f.drive.actuation()[static_cast<std::size_t>(i)].viscous_friction * (slope[i] - qd[i]);
     }
     const Vector without_friction = tau - known;
+    Vector load;
+    if (config_.explains) {
+      const Vector acceleration = Scalar(2) / elapsed * (f.previous_qd - qd);  // from half-way to now
+      body_.bias_and_loaded(q, qd, acceleration, fade_.now(), load, explained_.torque);
+      f.drive.add_inertia(acceleration, explained_.torque);
+      explained_.qd = qd;
+      explained_.period = elapsed;
+      explained_.torque += known;
+    } else if (f.drive.has_effects()) {
+      body_.bias(q, qd, load);
+    }
     known.setZero();
     if (f.drive.has_effects()) {
-      Vector load;
-      body_.bias(q, qd, load);
       RunClock<Scalar> age = clock_;
       age.advance(config_.start_time);
       age.advance(elapsed);
@@ -408,6 +403,7 @@ class LoadObserver {
           status != Status::kOk) {
         return status;
       }
+      explained_.torque += known;
     }
     if (const Status status = f.motion.update(q, elapsed); status != Status::kOk) {
       return status;
@@ -463,28 +459,32 @@ class LoadObserver {
   /// The next stage of an update: it has begun, takes rows, is finished.
   void go_on(Record& record) noexcept {
     Batch& b = batch_;
+    if (change_due_) {
+      restart(false);
+    }
     if (b.stage == Stage::kBegun) {
       b.stage = reset_due_ ? Stage::kReset : Stage::kRows;
-      if (!at_once_) {
+      if (!schedule_.at_once) {
         return;
       }
     }
     if (b.stage == Stage::kReset) {
       b.stage = Stage::kRows;
       forget_load();
-      if (!at_once_) {
+      if (!schedule_.at_once) {
         return;
       }
     }
     if (b.stage == Stage::kRows) {
-      for (int left = at_once_ ? kNumJoints : rows_a_sample_; left > 0 && b.next < kNumJoints; --left) {
+      for (int left = schedule_.at_once ? kNumJoints : schedule_.rows_a_sample;
+           left > 0 && b.next < kNumJoints; --left) {
         take_row();
       }
       if (b.next < kNumJoints) {
         return;
       }
       b.stage = b.rows > 0 ? Stage::kFinish : Stage::kIdle;
-      if (!at_once_) {
+      if (!schedule_.at_once) {
         return;
       }
     }
@@ -525,11 +525,11 @@ class LoadObserver {
     record.estimated = true;
     const bool changed = watch_.look(b.ratio / static_cast<Scalar>(b.rows), b.unexplained, b.whole);
     if (noise_.end_update(estimator_.estimator().solution())) {
-      forget_load();
+      reset_due_ = true;
     } else if (noise_.learnt()) {
       carry();
-      record.changed = changed;
-      if (changed) {
+      record.changed = change_due_ = changed;
+      if (changed && schedule_.at_once) {
         restart(false);
       }
     }
@@ -560,6 +560,7 @@ class LoadObserver {
 
   /// Another load from now on.
   void restart(bool declared) noexcept {
+    change_due_ = false;
     change_.any = true;
     change_.declared = declared;
     change_.time = clock_.seconds();
@@ -590,13 +591,14 @@ class LoadObserver {
   detail::LoadFade<Scalar> fade_;
   detail::ChangeWatch<Scalar> watch_;
   LoadChange<Scalar> change_{};
+  ExplainedTorque<Scalar, kNumJoints> explained_;
   RunClock<Scalar> clock_;
   Scalar omega_{1}, settle_time_{0}, farthest_{static_cast<Scalar>(0.5)};
   Scalar missed_{0};  ///< time of refused samples since the last taken one [s]
   Scalar since_{0};   ///< data count from here on [s]
-  std::int32_t update_every_{1}, rows_a_sample_{kNumJoints};
+  detail::UpdateSchedule schedule_;
   LoadState state_{LoadState::kUnknown};
-  bool at_once_{true}, configured_{false}, reset_due_{false}, ever_known_{false};
+  bool configured_{false}, reset_due_{false}, change_due_{false}, ever_known_{false};
 };
 
 }  // namespace heft

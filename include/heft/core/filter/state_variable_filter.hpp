@@ -2,12 +2,12 @@
 /// Position, velocity and acceleration from sampled positions, causally, and torque with the same delay.
 #pragma once
 
-#include <cmath>
 #include <type_traits>
 
 #include <Eigen/Core>
 
 #include "heft/core/arm_geometry.hpp"
+#include "heft/core/filter/kept_decay.hpp"
 #include "heft/core/numeric_range.hpp"
 #include "heft/core/status.hpp"
 
@@ -69,8 +69,7 @@ class StateVariableFilter {
     }
     // Against the steady answer to the ramp u0 + s t, which is u0 + s (t − 3/ω) with velocity s, the rest decays as
     // e^{-ωt} (c0 + c1 t + c2 t²).
-    using std::exp;
-    const Scalar decay = exp(-h);
+    const Scalar decay = decay_(h);
     const Scalar w = omega_;
     Vector x, xd, xdd;
     for (int i = 0; i < N; ++i) {
@@ -114,6 +113,7 @@ class StateVariableFilter {
 
   Vector x_ = Vector::Zero(), xd_ = Vector::Zero(), xdd_ = Vector::Zero(), previous_ = Vector::Zero();
   Scalar omega_{static_cast<Scalar>(62.8)}, age_{0};
+  KeptDecay<Scalar> decay_;
   bool started_{false};
 };
 

@@ -3,12 +3,12 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/lagrangian.hpp"
+#include "heft/core/filter/kept_decay.hpp"
 #include "heft/core/monitor/contact_thresholds.hpp"
 #include "heft/core/monitor/load_change_test.hpp"
 #include "heft/core/monitor/momentum_observer.hpp"
@@ -145,33 +145,41 @@ class ContactMonitor {
   Status update(const LagrangianTerms<Scalar, N>& terms, const LoadColumns<Scalar, N>& columns,
                 const Vector& qd, const Vector& tau, const Vector& friction, Scalar period,
                 Record& record) noexcept {
-    record = Record{};
-    if (!configured_) return Status::kNotConfigured;
     const bool with_columns = wants_load_columns();
     LagrangianTerms<Scalar, N> loaded = terms;
-    if (with_columns) {
-      for (int i = 0; i < N; ++i) {
-        for (int a = 0; a < 4; ++a) {
-          if (!is_usable(columns(i, a))) return Status::kNonFiniteInput;
-          loaded.gradient[i] -= columns(i, a) * load_[static_cast<std::size_t>(a)];
-        }
+    bool usable = true;
+    for (int i = 0; with_columns && i < N; ++i) {
+      for (int a = 0; a < 4; ++a) {
+        usable = usable && is_usable(columns(i, a));
+        loaded.gradient[i] -= columns(i, a) * load_[static_cast<std::size_t>(a)];
       }
     }
-    const bool gap = period > config_.longest_period;
-    if (const Status status = observer_.update(loaded, qd, tau, friction, period); status != Status::kOk) {
-      return status;
-    }
-    if (gap) {
-      state_.settled = Scalar(0);
-      state_.rate.setZero();
-    }
-    if (!observer_.running()) return Status::kOk;
-    follow(qd, period, record);
-    decide(with_columns, columns, period, record);
-    if (record.event != ContactEvent::kNone && config_.callback != nullptr) {
-      config_.callback(record, config_.context);
-    }
-    return Status::kOk;
+    const Status status = !configured_ ? Status::kNotConfigured
+                          : !usable    ? Status::kNonFiniteInput
+                                       : observer_.update(loaded, qd, tau, friction, period);
+    go_on(status, qd, with_columns ? &columns : nullptr, period, record);
+    return status;
+  }
+
+  /// The same from the torque that the model explains between two samples, in a loop that has it anyway, as LoadObserver does:
+  ///
+  /// @code
+  /// status = load.update(q, qd, tau, dt, seen);                        // with Config::explains
+  /// if (seen.changed) monitor.reset();                                 // what the flange carries is the observer's business
+  /// if (load.explained().valid) status = monitor.update(load.explained(), tau, record);
+  /// @endcode
+  ///
+  /// No load is looked for, wants_load_columns() has no meaning here. See MomentumObserver::update.
+  /// @param explained  LoadObserver::explained(), or any type with these members
+  /// @param tau        torque measured at the motors, mean over the period, n [N·m, N]
+  template <typename Explained>
+  Status update(const Explained& explained, const Vector& tau, Record& record) noexcept {
+    const Status status = !configured_ ? Status::kNotConfigured
+                          : !all_usable(explained.qd)
+                              ? Status::kNonFiniteInput
+                              : observer_.update(explained.torque, tau, explained.period);
+    go_on(status, explained.qd, nullptr, explained.period, record);
+    return status;
   }
 
   bool contact() const noexcept { return state_.contact; }
@@ -197,6 +205,25 @@ class ContactMonitor {
     bool started{false}, contact{false};
   };
 
+  /// @param status   of the observer's update
+  /// @param columns  nullptr: no load is looked for
+  void go_on(Status status, const Vector& qd, const LoadColumns<Scalar, N>* columns, Scalar period,
+             Record& record) noexcept {
+    if (status == Status::kOk && period > config_.longest_period) {
+      state_.settled = Scalar(0);
+      state_.rate.setZero();
+    }
+    if (status != Status::kOk || !observer_.running()) {
+      record = Record{};
+      return;
+    }
+    follow(qd, period, record);
+    decide(columns, period, record);
+    if (record.event != ContactEvent::kNone && config_.callback != nullptr) {
+      config_.callback(record, config_.context);
+    }
+  }
+
   bool carries_load() const noexcept {
     for (const Scalar& value : load_) {
       if (value != Scalar(0)) return true;
@@ -214,11 +241,10 @@ class ContactMonitor {
 
   /// Deviation and circumstances of this sample; offsets go on unless something touches.
   void follow(const Vector& qd, Scalar period, Record& record) noexcept {
-    using std::exp;
     const Thresholds& t = config_.thresholds;
-    const Scalar fade = exp(-period / t.reversal_time);
-    const Scalar keep = exp(-t.adaptation * period);
-    const Scalar keep_rate = exp(-kRateBandwidth * period);
+    const Scalar fade = reversal_decay_(period / t.reversal_time);
+    const Scalar keep = offset_decay_(t.adaptation * period);
+    const Scalar keep_rate = rate_decay_(kRateBandwidth * period);
     const Vector explained = observer_.explained();
     record.residual = observer_.residual();
     for (int j = 0; j < N; ++j) {
@@ -257,13 +283,17 @@ class ContactMonitor {
     return value > limit ? limit : value < -limit ? -limit : value;
   }
 
-  void decide(bool with_columns, const LoadColumns<Scalar, N>& columns, Scalar period,
-              Record& record) noexcept {
+  void decide(const LoadColumns<Scalar, N>* columns, Scalar period, Record& record) noexcept {
     const bool settling = state_.settled < kSettling / config_.thresholds.adaptation;
     if (settling) state_.settled += period;
     record.contact = state_.contact;
+    record.judged = !settling;
+    record.above.fill(false);
+    record.joint = -1;
+    record.direction = 0;
+    record.event = ContactEvent::kNone;
+    record.load.fill(Scalar(0));
     if (settling) return;
-    record.judged = true;
     Scalar largest(0);
     bool above = false, quiet = true;
     for (int j = 0; j < N; ++j) {
@@ -297,8 +327,8 @@ class ContactMonitor {
           state_.directions[i][state_.way[i]].offset = state_.followed[j];
         }
         end(ContactEvent::kReleased, record);
-      } else if (with_columns) {
-        look_for_load(columns, period, record);
+      } else if (columns != nullptr) {
+        look_for_load(*columns, period, record);
       }
     }
     record.contact = state_.contact;
@@ -306,8 +336,7 @@ class ContactMonitor {
 
   /// Whether every residual has stood still, within the offsets of free motion.
   bool stands_still(Scalar period, const Record& record) noexcept {
-    using std::exp;
-    const Scalar follow = Scalar(1) - exp(-config_.thresholds.adaptation * period);
+    const Scalar follow = Scalar(1) - offset_decay_(config_.thresholds.adaptation * period);
     bool still = true;
     for (int j = 0; j < N; ++j) {
       Scalar& followed = state_.followed[j];
@@ -346,6 +375,7 @@ class ContactMonitor {
 
   Observer observer_;
   Config config_{};
+  KeptDecay<Scalar> reversal_decay_, offset_decay_, rate_decay_;
   State state_{};
   std::array<Scalar, 4> load_{};
   bool configured_{false};

@@ -2,13 +2,15 @@
 /// Torque from outside, from the balance of generalised momentum.
 #pragma once
 
-#include <cmath>
+#include <limits>
 
 #include <Eigen/Core>
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/lagrangian.hpp"
+#include "heft/core/filter/kept_decay.hpp"
 #include "heft/core/numeric_range.hpp"
+#include "heft/core/run_clock.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -75,11 +77,10 @@ class MomentumObserver {
                 const Vector& friction, Scalar period) noexcept {
     if (!configured_) return Status::kNotConfigured;
     if (!all_usable(terms.momentum) || !all_usable(terms.gradient) || !all_usable(qd) || !all_usable(tau) ||
-        !all_usable(friction) || !is_usable(period)) {
+        !all_usable(friction)) {
       return Status::kNonFiniteInput;
     }
-    if (samples_ > 0 && !(period > Scalar(0))) return Status::kOutOfRange;
-    if (period > config_.longest_period) samples_ = 0;
+    if (const Status time = look_at(period, samples_ > 0); time != Status::kOk) return time;
     Vector momentum, drive;
     for (int i = 0; i < N; ++i) {
       Scalar p = terms.momentum[i];
@@ -88,7 +89,9 @@ class MomentumObserver {
       drive[i] = tau[i] - friction[i] + terms.gradient[i];
     }
     if (samples_ > 0) {
-      if (!step(momentum, drive, tau, period)) return Status::kNonFiniteInput;
+      const Scalar half = static_cast<Scalar>(0.5);
+      const Vector outside = (momentum - momentum_) / period - half * (drive + drive_);
+      if (!pass(outside, half * (tau + tau_), period)) return Status::kNonFiniteInput;
     } else {
       torque_ = tau;
     }
@@ -96,6 +99,24 @@ class MomentumObserver {
     drive_ = drive;
     tau_ = tau;
     samples_ += samples_ < 2 ? 1 : 0;
+    return Status::kOk;
+  }
+
+  /// Takes the time between two samples, from the torque that the model explains in it. With the mass matrix of the motion
+  /// half-way, Δp = M Δq̇ + ΔM q̇, and d becomes the torque of the model there at the acceleration Δq̇ / h, friction and
+  /// rotors included, less the measured one: the same but for terms of h², and nothing need be kept. Use this form or the
+  /// other, and reset() in between.
+  /// @param explained  torque of the model half-way, n [N·m, N]
+  /// @param tau        torque measured at the motors, mean over the period, n [N·m, N]
+  /// @param period     > 0; a long one restarts the observer, and its torques are not taken [s]
+  /// @return as above
+  Status update(const Vector& explained, const Vector& tau, Scalar period) noexcept {
+    if (!configured_) return Status::kNotConfigured;
+    if (!all_usable(explained) || !all_usable(tau)) return Status::kNonFiniteInput;
+    if (const Status time = look_at(period, true); time != Status::kOk) return time;
+    if (period > config_.longest_period) return Status::kOk;
+    if (!pass(explained - tau, tau, period)) return Status::kNonFiniteInput;
+    samples_ = 2;
     return Status::kOk;
   }
 
@@ -108,15 +129,21 @@ class MomentumObserver {
   const Config& config() const noexcept { return config_; }
 
  private:
-  bool step(const Vector& momentum, const Vector& drive, const Vector& tau, Scalar period) noexcept {
-    using std::exp;
-    const Scalar keep = samples_ > 1 ? exp(-config_.bandwidth * period) : Scalar(0);
-    const Scalar half = static_cast<Scalar>(0.5);
+  /// Whether time may go on; a long period restarts the observer.
+  Status look_at(const Scalar& period, bool started) noexcept {
+    // However long: a gap is no fault of the sample after it.
+    const Status time = check_step(period, started, std::numeric_limits<Scalar>::max());
+    if (time == Status::kOk && period > config_.longest_period) samples_ = 0;
+    return time;
+  }
+
+  /// Mean torques over a period through the low-pass.
+  bool pass(const Vector& outside, const Vector& tau, const Scalar& period) noexcept {
+    const Scalar keep = samples_ > 1 ? decay_(config_.bandwidth * period) : Scalar(0);
     Vector residual, torque;
     for (int i = 0; i < N; ++i) {
-      const Scalar outside = (momentum[i] - momentum_[i]) / period - half * (drive[i] + drive_[i]);
-      residual[i] = keep * residual_[i] + (Scalar(1) - keep) * outside;
-      torque[i] = keep * torque_[i] + (Scalar(1) - keep) * half * (tau[i] + tau_[i]);
+      residual[i] = keep * residual_[i] + (Scalar(1) - keep) * outside[i];
+      torque[i] = keep * torque_[i] + (Scalar(1) - keep) * tau[i];
       if (!is_usable(residual[i]) || !is_usable(torque[i])) return false;
     }
     residual_ = residual;
@@ -125,6 +152,7 @@ class MomentumObserver {
   }
 
   Config config_{};
+  KeptDecay<Scalar> decay_;
   Vector residual_ = Vector::Zero(), torque_ = Vector::Zero();
   Vector momentum_ = Vector::Zero(), drive_ = Vector::Zero(), tau_ = Vector::Zero();  ///< of the last sample
   int samples_{0};                                                                    ///< in a row, up to 2

@@ -15,6 +15,7 @@
 #include "heft/core/dynamics/drive_torque.hpp"
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/joint_space.hpp"
+#include "heft/core/dynamics/loaded_torque.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/dynamics/run_time_arm.hpp"
 
@@ -181,6 +182,13 @@ class RigidArm {
     run(q, structural::ZeroVector{}, structural::ZeroVector{}, tau, structural::NoVisitor{});
   }
 
+  /// bias(), and the torque at qdd with another body on the last link, see loaded_torque.
+  void bias_and_loaded(const Vector& q, const Vector& qd, const Vector& qdd,
+                       const InertialParameters<Scalar>& body, Vector& bias, Vector& loaded) const noexcept {
+    loaded_torque<Arm>(parameters_, joint_trigonometry<Arm>(q), base_acceleration(), q, qd, qdd, body, bias,
+                       loaded);
+  }
+
   void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,
                           LoadColumns<Scalar, kN>& columns) const noexcept {
     run(q, qd, qdd, tau, LoadColumnsVisitor<Arm>{columns, {}});
@@ -246,9 +254,12 @@ class RigidArm {
   void run(const Vector& q, const Velocity& qd, const Acceleration& qdd, Vector& tau,
            const Visitor& visitor) const noexcept {
     using namespace structural;
-    const Dense3<Scalar> base = {-gravity_[0], -gravity_[1], -gravity_[2]};
-    static_newton_euler<0, 0, Arm>(parameters_, joint_trigonometry<Arm>(q), Zero3{}, Zero3{}, base, q, qd,
-                                   qdd, tau, visitor);
+    static_newton_euler<0, 0, Arm>(parameters_, joint_trigonometry<Arm>(q), Zero3{}, Zero3{},
+                                   base_acceleration(), q, qd, qdd, tau, visitor);
+  }
+
+  structural::Dense3<Scalar> base_acceleration() const noexcept {
+    return {-gravity_[0], -gravity_[1], -gravity_[2]};
   }
 
   ReducedParameters<Scalar, Tilted> parameters_{};
@@ -288,6 +299,11 @@ class RigidArm<RunTimeArm<N, MaxEffects, MaxCouplings>, Scalar> {
 
   void gravity(const Vector& q, Vector& tau) const noexcept {
     gravity_torque(arm_, joint_trigonometry<Arm>(q), q, tau);
+  }
+
+  void bias_and_loaded(const Vector& q, const Vector& qd, const Vector& qdd,
+                       const InertialParameters<Scalar>& body, Vector& bias, Vector& loaded) const noexcept {
+    loaded_torque(arm_, joint_trigonometry<Arm>(q), q, qd, qdd, body, bias, loaded);
   }
 
   void torque_and_columns(const Vector& q, const Vector& qd, const Vector& qdd, Vector& tau,

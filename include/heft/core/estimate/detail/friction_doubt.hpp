@@ -14,16 +14,13 @@ class FrictionDoubt {
   using Vector = JointVector<Scalar, N>;
 
   /// One sample more.
-  /// @param qd     velocities [rad/s, m/s]
-  /// @param way    since the sample before [rad, m]
-  /// @param slow   below it friction has no sign [rad/s, m/s]
-  /// @param omega  of the filter that torques pass, three equal poles, which remembers what was not known [1/s]
+  /// @param qd      velocities [rad/s, m/s]
+  /// @param way     since the sample before [rad, m]
+  /// @param slow    below it friction has no sign [rad/s, m/s]
+  /// @param forget  what the filter that torques pass keeps of the past over this sample, 0 to 1: it remembers what was not known
   /// @return all joints are slow
-  bool look(const Vector& qd, const Vector& way, const Scalar& slow, const Scalar& elapsed,
-            const Scalar& omega) noexcept {
+  bool look(const Vector& qd, const Vector& way, const Scalar& slow, const Scalar& forget) noexcept {
     using std::abs;
-    using std::exp;
-    const Scalar forget = exp(-elapsed * omega / Scalar(3));
     bool all_slow = true;
     for (int i = 0; i < N; ++i) {
       const bool stands = abs(qd[i]) < slow;
