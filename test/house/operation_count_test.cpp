@@ -101,6 +101,22 @@ TEST(OperationCount, ALoopThatFollowsItsLoad) {
   EXPECT_GT(loop.at("stages").at("load_observer").at("mul").get<double>(), 300);
 }
 
+TEST(OperationCount, AContactMonitorOnTheTorqueThatTheObserverExplains) {
+  const auto& watched = counts().at("watched_sample");
+  const auto& without = counts().at("control_sample");
+  EXPECT_TRUE(watched.at("same_numbers_as_double").get<bool>());
+  EXPECT_GT(watched.at("stages").at("contact_monitor").at("mul").get<double>(), 50);
+  const double more = watched.at("mean").at("mul").get<double>() - without.at("mean").at("mul").get<double>();
+  EXPECT_LE(more, 620);  // this arm has no effects, whose torques would share the pass
+  EXPECT_LE(watched.at("worst_sample").at("mul").get<double>(), 1750);
+}
+
+TEST(OperationCount, AnAdaptiveController) {
+  const auto& cycle = counts().at("adaptive_controller");
+  EXPECT_TRUE(cycle.at("same_numbers_as_double").get<bool>());
+  EXPECT_LE(cycle.at("mean").at("mul").get<double>(), 4500);
+}
+
 TEST(OperationCount, WhatIsCountedIsWhatRuns) {
   for (const auto& per_k : counts().at("all_k")) {
     for (const auto& f : per_k.at("forms")) {

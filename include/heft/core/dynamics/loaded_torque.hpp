@@ -97,7 +97,7 @@ constexpr auto static_loaded_torque(const Parameters& parameters, const Body& bo
 /// @param body        on the last link, about its frame; all zero: none
 /// @param bias        torque of the arm without the body at q̈ = 0, n [N·m, N]
 /// @param loaded      torque of the arm with the body at q̈, n [N·m, N]
-/// Cost, Kawasaki and Nishimura's arm: bench/operation_count ("explained torque").
+/// Cost, Kawasaki and Nishimura's arm: bench/operation_count, watched_sample less control_sample.
 template <typename Arm, typename Parameters>
 requires(Arm::kIsStatic) inline void loaded_torque(
     const Parameters& parameters, const JointTrigonometry<Arm>& trig,

@@ -3,12 +3,12 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/lagrangian.hpp"
-#include "heft/core/filter/kept_decay.hpp"
 #include "heft/core/monitor/contact_thresholds.hpp"
 #include "heft/core/monitor/load_change_test.hpp"
 #include "heft/core/monitor/momentum_observer.hpp"
@@ -241,10 +241,11 @@ class ContactMonitor {
 
   /// Deviation and circumstances of this sample; offsets go on unless something touches.
   void follow(const Vector& qd, Scalar period, Record& record) noexcept {
+    using std::exp;
     const Thresholds& t = config_.thresholds;
-    const Scalar fade = reversal_decay_(period / t.reversal_time);
-    const Scalar keep = offset_decay_(t.adaptation * period);
-    const Scalar keep_rate = rate_decay_(kRateBandwidth * period);
+    const Scalar fade = exp(-period / t.reversal_time);
+    const Scalar keep = exp(-t.adaptation * period);
+    const Scalar keep_rate = exp(-kRateBandwidth * period);
     const Vector explained = observer_.explained();
     record.residual = observer_.residual();
     for (int j = 0; j < N; ++j) {
@@ -336,7 +337,8 @@ class ContactMonitor {
 
   /// Whether every residual has stood still, within the offsets of free motion.
   bool stands_still(Scalar period, const Record& record) noexcept {
-    const Scalar follow = Scalar(1) - offset_decay_(config_.thresholds.adaptation * period);
+    using std::exp;
+    const Scalar follow = Scalar(1) - exp(-config_.thresholds.adaptation * period);
     bool still = true;
     for (int j = 0; j < N; ++j) {
       Scalar& followed = state_.followed[j];
@@ -375,7 +377,6 @@ class ContactMonitor {
 
   Observer observer_;
   Config config_{};
-  KeptDecay<Scalar> reversal_decay_, offset_decay_, rate_decay_;
   State state_{};
   std::array<Scalar, 4> load_{};
   bool configured_{false};

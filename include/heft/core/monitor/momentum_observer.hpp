@@ -2,8 +2,6 @@
 /// Torque from outside, from the balance of generalised momentum.
 #pragma once
 
-#include <limits>
-
 #include <Eigen/Core>
 
 #include "heft/core/arm_geometry.hpp"
@@ -132,7 +130,7 @@ class MomentumObserver {
   /// Whether time may go on; a long period restarts the observer.
   Status look_at(const Scalar& period, bool started) noexcept {
     // However long: a gap is no fault of the sample after it.
-    const Status time = check_step(period, started, std::numeric_limits<Scalar>::max());
+    const Status time = check_step(period, started, static_cast<Scalar>(kLargestInput<Scalar>));
     if (time == Status::kOk && period > config_.longest_period) samples_ = 0;
     return time;
   }
