@@ -3,8 +3,11 @@
 #include <benchmark/benchmark.h>
 
 #include <array>
+#include <cmath>
 #include <fstream>
+#include <numbers>
 #include <random>
+#include <vector>
 
 #include <fmt/format.h>
 #include <kdl/chain.hpp>
@@ -20,10 +23,13 @@
 
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/control/terminal_link_cycle.hpp"
+#include "heft/core/dynamics/arm_torque.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/core/dynamics/terminal_rows.hpp"
+#include "heft/core/estimate/load_observer.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/estimate/terminal_link_estimator.hpp"
+#include "heft/core/monitor/contact_monitor.hpp"
 #include "heft/model/named_arms.hpp"
 
 namespace {
@@ -371,6 +377,65 @@ void payload_update(benchmark::State& state) {
   }
 }
 BENCHMARK(payload_update)->Name("payload_update/run_time/double");
+
+/// A sample of the loop that runs on firmware: load observer, contact monitor on the torque that it explains, computed torque of
+/// the model with the observed load. A smooth motion at 1 kHz, over and over; where it starts again, the observer sees a jump.
+template <typename Scalar>
+void control_sample(benchmark::State& state) {
+  using Vector = JointVector<Scalar, 6>;
+  constexpr std::size_t kSamples = 8000;
+  struct Sample {
+    Vector q, qd, qdd, tau;
+  };
+  std::vector<Sample> log(kSamples);
+  const DynamicArm<double, 6> arm(Description::kModel);
+  for (std::size_t k = 0; k < kSamples; ++k) {
+    JointVector<double, 6> q, qd, qdd;
+    for (int i = 0; i < 6; ++i) {
+      const double w = 0.25 * (5 + i) * std::numbers::pi, angle = w * 1e-3 * static_cast<double>(k) + i;
+      q[i] = 0.5 * std::sin(angle), qd[i] = 0.5 * w * std::cos(angle),
+      qdd[i] = -0.5 * w * w * std::sin(angle);
+    }
+    JointVector<double, 6> tau = inverse_dynamics(arm, q, qd, qdd);
+    for (int i = 0; i < 6; ++i)
+      tau[i] += friction_torque(Description::kModel.actuation[static_cast<std::size_t>(i)], qd[i], 0.0);
+    log[k] = {q.cast<Scalar>(), qd.cast<Scalar>(), qdd.cast<Scalar>(), tau.cast<Scalar>()};
+  }
+  LoadObserver<Description, Scalar> observer;
+  ContactMonitor<Scalar, 6> monitor;
+  ArmTorque<Description, Scalar> torque;
+  typename LoadObserver<Description, Scalar>::Config observed;
+  observed.rows_per_sample = 1;
+  observed.explains = true;
+  typename ContactMonitor<Scalar, 6>::Config watched;
+  for (JointThreshold<Scalar>& joint : watched.thresholds.joints) joint.constant = Scalar(10);
+  if (observer.configure(observed) != Status::kOk || monitor.configure(watched) != Status::kOk ||
+      torque.configure() != Status::kOk) {
+    state.SkipWithError("the loop refused its settings");
+    return;
+  }
+  const Scalar period = static_cast<Scalar>(1e-3);
+  typename LoadObserver<Description, Scalar>::Record seen;
+  typename ContactMonitor<Scalar, 6>::Record contact;
+  Vector tau = Vector::Zero();
+  bool ok = true;
+  std::size_t k = 0;
+  for (auto _ : state) {
+    const Sample& s = log[k];
+    ok = observer.update(s.q, s.qd, s.tau, period, seen) == Status::kOk && ok;
+    if (observer.explained().valid) {
+      ok = monitor.update(observer.explained(), s.tau, contact) == Status::kOk && ok;
+    }
+    if (seen.estimated) ok = torque.set_payload(observer.load()) == Status::kOk && ok;
+    ok = torque.update(period, s.q, s.qd, s.qdd, tau) == Status::kOk && ok;
+    benchmark::DoNotOptimize(tau.data());
+    k = (k + 1) % kSamples;
+  }
+  if (!ok) state.SkipWithError("a sample was refused");
+  state.counters["loop_bytes"] = static_cast<double>(sizeof observer + sizeof monitor + sizeof torque);
+}
+BENCHMARK(control_sample<double>)->Name("control_sample/observer_monitor_torque/double");
+BENCHMARK(control_sample<float>)->Name("control_sample/observer_monitor_torque/float");
 
 /// The firmware image's figures, as its tests left them.
 void print_firmware_figures() {

@@ -284,16 +284,18 @@ namespace heft {
   template class TerminalLinkEstimator<Arm, First, EstimatorForm::kInformation>;    \
   template class TerminalLinkEstimator<Arm, First, EstimatorForm::kFactored>
 
-#define HEFT_INSTANTIATE_JOINTS(Scalar, N)          \
-  template class PayloadEstimator<Scalar, N>;       \
-  template class JointAccelerationModel<Scalar, N>; \
-  template class DelayedMean<Scalar, N, 8>;         \
-  template class StateVariableFilter<Scalar, N>;    \
-  template class MomentumObserver<Scalar, N>;       \
-  template class LoadChangeTest<Scalar, N>;         \
-  template class ContactMonitor<Scalar, N>;         \
-  template class ReferenceDynamics<Scalar, N>;      \
-  template class AdaptiveController<Scalar, N>;     \
+#define HEFT_INSTANTIATE_JOINTS(Scalar, N)                                                            \
+  template class PayloadEstimator<Scalar, N>;                                                         \
+  template class JointAccelerationModel<Scalar, N>;                                                   \
+  template class DelayedMean<Scalar, N, 8>;                                                           \
+  template class StateVariableFilter<Scalar, N>;                                                      \
+  template class MomentumObserver<Scalar, N>;                                                         \
+  template class LoadChangeTest<Scalar, N>;                                                           \
+  template class ContactMonitor<Scalar, N>;                                                           \
+  template Status ContactMonitor<Scalar, N>::update(const ExplainedTorque<Scalar, N>&,                \
+                                                    const JointVector<Scalar, N>&, Record&) noexcept; \
+  template class ReferenceDynamics<Scalar, N>;                                                        \
+  template class AdaptiveController<Scalar, N>;                                                       \
   template class JointFeedback<Scalar, N>
 
 using SixFloat = StaticArm<float, firmware::PaperArm>;
