@@ -1,4 +1,5 @@
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -39,14 +40,9 @@ model::ModelFile Thresholds::model_file(model::ModelFile model) const {
   Json others = others_of(model);
   Json list = Json::array();
   for (const JointThreshold<double>& joint : joints) {
-    list.push_back({{"constant", joint.constant},
-                    {"speed", joint.speed},
-                    {"load", joint.load},
-                    {"load_rate", joint.load_rate},
-                    {"reversal", joint.reversal},
-                    {"ignorance", joint.ignorance},
-                    {"offset_limit", joint.offset_limit},
-                    {"rest_speed", joint.rest_speed}});
+    Json entry = Json::object();
+    for (const ThresholdField& field : kThresholdFields) entry[field.name] = joint.*field.value;
+    list.push_back(std::move(entry));
   }
   others[kField] = {
       {"bandwidth", bandwidth},
@@ -81,11 +77,10 @@ std::optional<Thresholds> thresholds_of(const model::ModelFile& file) {
   list.expect_size(static_cast<std::size_t>(file.num_joints()),
                    fmt::format("{}, one a joint", file.num_joints()));
   for (std::size_t j = 0; j < static_cast<std::size_t>(file.num_joints()); ++j) {
-    const Node joint = list.at(j);
-    thresholds.joints.push_back({above_zero(joint, "constant"), not_negative(joint, "speed"),
-                                 not_negative(joint, "load"), not_negative(joint, "load_rate"),
-                                 not_negative(joint, "reversal"), not_negative(joint, "ignorance"),
-                                 not_negative(joint, "offset_limit"), above_zero(joint, "rest_speed")});
+    const Node entry = list.at(j);
+    JointThreshold<double>& joint = thresholds.joints.emplace_back();
+    for (const ThresholdField& field : kThresholdFields)
+      joint.*field.value = field.above_zero ? above_zero(entry, field.name) : not_negative(entry, field.name);
   }
   thresholds.asked_rate = node.number_or("asked_per_hour", thresholds.asked_rate);
   if (node.has("expected_per_hour")) {

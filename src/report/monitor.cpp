@@ -122,15 +122,10 @@ ordered_json thresholds_json(const Thresholds& thresholds) {
   ordered_json joints = ordered_json::array();
   for (std::size_t j = 0; j < thresholds.joints.size(); ++j) {
     const JointThreshold<double>& joint = thresholds.joints[j];
-    joints.push_back({{"joint", j + 1},
-                      {"constant", joint.constant},
-                      {"speed", joint.speed},
-                      {"load", joint.load},
-                      {"load_rate", joint.load_rate},
-                      {"reversal", joint.reversal},
-                      {"ignorance", joint.ignorance},
-                      {"offset_limit", joint.offset_limit},
-                      {"rest_speed", joint.rest_speed}});
+    ordered_json entry{{"joint", j + 1}};
+    for (const monitor::ThresholdField& field : monitor::kThresholdFields)
+      entry[field.name] = joint.*field.value;
+    joints.push_back(std::move(entry));
   }
   return {{"bandwidth", thresholds.bandwidth},
           {"adaptation", thresholds.adaptation},

@@ -113,10 +113,9 @@ std::string thresholds_text(const monitor::Thresholds& thresholds) {
       thresholds.joints.size(), literal(thresholds.bandwidth), literal(thresholds.adaptation),
       literal(thresholds.reversal_time));
   for (const JointThreshold<double>& j : thresholds.joints) {
-    text += fmt::format("          {},\n",
-                        braces(std::array<double, 8>{j.constant, j.speed, j.load, j.load_rate, j.reversal,
-                                                     j.ignorance, j.offset_limit, j.rest_speed},
-                               false));
+    std::array<double, monitor::kThresholdFields.size()> values{};
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = j.*monitor::kThresholdFields[i].value;
+    text += fmt::format("          {},\n", braces(values, false));
   }
   return text + "      }}};\n";
 }

@@ -44,6 +44,24 @@ struct Options {
   std::function<void(const std::string& what, double done)> progress{};  ///< done within 0..1; may be empty
 };
 
+/// A number of a joint's threshold as files and JSON name it.
+struct ThresholdField {
+  const char* name;
+  double JointThreshold<double>::*value;
+  bool above_zero;  ///< the others are 0 or more
+};
+
+/// All of them, in the order in which `heft export` writes them.
+inline constexpr std::array<ThresholdField, 8> kThresholdFields{
+    {{"constant", &JointThreshold<double>::constant, true},
+     {"speed", &JointThreshold<double>::speed, false},
+     {"load", &JointThreshold<double>::load, false},
+     {"load_rate", &JointThreshold<double>::load_rate, false},
+     {"reversal", &JointThreshold<double>::reversal, false},
+     {"ignorance", &JointThreshold<double>::ignorance, false},
+     {"offset_limit", &JointThreshold<double>::offset_limit, false},
+     {"rest_speed", &JointThreshold<double>::rest_speed, true}}};
+
 /// Thresholds of an arm, one joint an entry, and what they rest on.
 struct Thresholds {
   double bandwidth{25.0};     ///< as in ContactThresholds [1/s]
