@@ -19,7 +19,7 @@ namespace {
 template <typename Scalar>
 typename ContactMonitor<Scalar, kN>::Config watched_closely() {
   typename ContactMonitor<Scalar, kN>::Config config;
-  for (JointThreshold<Scalar>& joint : config.thresholds.joints) joint.constant = Scalar(1e-3);
+  config.thresholds.joints.fill(JointThreshold<Scalar>::uniform(Scalar(1e-3), Scalar(0)));
   return config;
 }
 

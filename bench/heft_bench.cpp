@@ -408,7 +408,7 @@ void control_sample(benchmark::State& state) {
   observed.rows_per_sample = 1;
   observed.explains = true;
   typename ContactMonitor<Scalar, 6>::Config watched;
-  for (JointThreshold<Scalar>& joint : watched.thresholds.joints) joint.constant = Scalar(10);
+  watched.thresholds.joints.fill(JointThreshold<Scalar>::uniform(Scalar(10), Scalar(0)));
   if (observer.configure(observed) != Status::kOk || monitor.configure(watched) != Status::kOk ||
       torque.configure() != Status::kOk) {
     state.SkipWithError("the loop refused its settings");

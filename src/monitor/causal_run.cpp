@@ -12,9 +12,6 @@ namespace {
 
 using Eigen::Index;
 
-/// Above any torque that core accepts to compare.
-constexpr double kOpen = 1e30;
-
 /// Positions, velocities and torque behind the low-pass.
 void derive_velocity(const model::Robot& robot, const data::Log& log, Signals& signals) {
   SampleFilter filter(robot);
@@ -29,24 +26,14 @@ void derive_velocity(const model::Robot& robot, const data::Log& log, Signals& s
   }
 }
 
-double median_period(const Eigen::VectorXd& time) {
-  std::vector<double> periods;
-  for (Index k = 1; k < time.size(); ++k) periods.push_back(time[k] - time[k - 1]);
-  return statistics::median(std::move(periods));
-}
-
 /// One sample's record into the run.
-void keep(const SampleRecord& record, Index k, bool with_circumstances, Run& run) {
+void keep(const SampleRecord& record, Index k, Run& run) {
   run.judged[static_cast<std::size_t>(k)] = record.judged;
   run.contact[static_cast<std::size_t>(k)] = record.contact;
   run.deviation.row(k) = record.deviation.transpose();
   run.threshold.row(k) = record.threshold.transpose();
-  run.offset.row(k) = record.offset.transpose();
   if (record.event != ContactEvent::kNone)
     run.events.push_back({k, static_cast<int>(record.event), record.load});
-  if (!with_circumstances) return;
-  for (std::size_t c = 0; c < run.circumstance.size(); ++c)
-    run.circumstance[c].row(k) = record.circumstance.col(static_cast<Index>(c)).transpose();
 }
 
 }  // namespace
@@ -71,14 +58,10 @@ Signals signals_of(const model::Robot& robot, const data::Log& log) {
   return signals;
 }
 
-Run run_core(const model::Robot& robot, const Signals& signals, const Thresholds& thresholds,
-             bool with_circumstances) {
+Run run_core(const model::Robot& robot, const Signals& signals, const Thresholds& thresholds) {
   const Index samples = signals.q.rows(), n = signals.q.cols();
   Run run;
-  for (Eigen::MatrixXd* matrix : {&run.deviation, &run.threshold, &run.offset}) matrix->setZero(samples, n);
-  if (with_circumstances) {
-    for (Eigen::MatrixXd& matrix : run.circumstance) matrix.setZero(samples, n);
-  }
+  for (Eigen::MatrixXd* matrix : {&run.deviation, &run.threshold}) matrix->setZero(samples, n);
   run.judged.assign(static_cast<std::size_t>(samples), 0);
   run.contact.assign(static_cast<std::size_t>(samples), 0);
   SampleMonitor core(robot, thresholds, median_period(signals.time));
@@ -92,22 +75,15 @@ Run run_core(const model::Robot& robot, const Signals& signals, const Thresholds
     } else {
       ++run.refused;
     }
-    keep(record, k, with_circumstances, run);
+    keep(record, k, run);
   }
   return run;
 }
 
-Thresholds open_thresholds(double bandwidth, const Eigen::VectorXd& rest_speed) {
-  Thresholds open;
-  open.bandwidth = bandwidth;
-  for (const double speed : rest_speed) {
-    JointThreshold<double> joint;
-    joint.constant = kOpen;
-    joint.offset_limit = kOpen;
-    joint.rest_speed = speed;
-    open.joints.push_back(joint);
-  }
-  return open;
+double median_period(const Eigen::VectorXd& time) {
+  std::vector<double> periods;
+  for (Index k = 1; k < time.size(); ++k) periods.push_back(time[k] - time[k - 1]);
+  return statistics::median(std::move(periods));
 }
 
 }  // namespace heft::monitor

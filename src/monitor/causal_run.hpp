@@ -36,18 +36,15 @@ struct Event {
 
 /// What core said about each sample.
 struct Run {
-  Eigen::MatrixXd deviation, threshold, offset;              ///< samples × n [N·m, N]
-  std::array<Eigen::MatrixXd, kCircumstances> circumstance;  ///< samples × n each
+  Eigen::MatrixXd deviation, threshold;  ///< samples × n [N·m, N]
   std::vector<char> judged, contact;
   std::vector<Event> events;
   long refused{0};  ///< samples that core did not take
 };
 
-/// @param with_circumstances  false: they are not kept
-Run run_core(const model::Robot& robot, const Signals& signals, const Thresholds& thresholds,
-             bool with_circumstances);
+Run run_core(const model::Robot& robot, const Signals& signals, const Thresholds& thresholds);
 
-/// Thresholds that nothing exceeds, for learning.
-Thresholds open_thresholds(double bandwidth, const Eigen::VectorXd& rest_speed);
+/// Of the samples of a log [s].
+double median_period(const Eigen::VectorXd& time);
 
 }  // namespace heft::monitor

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "heft/core/effects/effects.hpp"
+#include "core_settings.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/sized.hpp"
@@ -19,41 +19,9 @@ using Eigen::Index;
 /// Poles of the low-pass that gives velocity where the log has none [Hz]; delay 16 ms. Half of it leaves twice the delay,
 /// twice of it eight times the noise of a coarse encoder.
 constexpr double kVelocityPole = 30.0;
-/// A gap of that many periods restarts the observer.
-constexpr double kLongestGap = 10.0;
-
 /// Width of friction's sign [rad/s, m/s]: a joint that rests while others move rattles by some mrad/s, and friction that
 /// turned round with that would hide a touch (10 N·m on the first joint of a UR10e).
 constexpr double kSignWidth = 0.01;
-
-Eigen::MatrixXd motor_inertia_of(const model::Robot& robot) {
-  const int n = robot.num_joints();
-  Eigen::MatrixXd inertia = Eigen::MatrixXd::Zero(n, n);
-  for (int j = 0; j < n; ++j)
-    inertia(j, j) = robot.joints[static_cast<std::size_t>(j)].actuation.rotor_inertia;
-  for (const Elasticity<double>& e : robot.elasticities) inertia(e.joint, e.joint) += e.motor_inertia;
-  for (const JointEffect<double>& effect : robot.effects) {
-    if (effect.kind == joint_effect_kind<RotorInertia>())
-      inertia(effect.joint, effect.joint) += effect.parameters[0];
-  }
-  for (const GearCoupling<double>& c : robot.couplings) {
-    inertia(c.driven, c.driven) += c.rotor_inertia;
-    inertia(c.driven, c.driving) += c.ratio * c.rotor_inertia;
-    inertia(c.driving, c.driven) += c.ratio * c.rotor_inertia;
-    inertia(c.driving, c.driving) += c.ratio * c.ratio * c.rotor_inertia;
-  }
-  return inertia;
-}
-
-template <int N>
-ContactThresholds<double, N> sized(const Thresholds& thresholds) {
-  ContactThresholds<double, N> to;
-  to.bandwidth = thresholds.bandwidth;
-  to.adaptation = thresholds.adaptation;
-  to.reversal_time = thresholds.reversal_time;
-  for (std::size_t j = 0; j < to.joints.size(); ++j) to.joints[j] = thresholds.joints[j];
-  return to;
-}
 
 /// Rigid, and with its torque on time.
 model::Robot stiff(const model::Robot& robot) {
@@ -140,9 +108,9 @@ class MonitorOf : public SampleMonitor::Sized {
   MonitorOf(const model::Robot& robot, const Thresholds& thresholds, double period)
       : arm_(model::to_arm_model<N>(robot)) {
     typename ContactMonitor<double, N>::Config config;
-    config.thresholds = sized<N>(thresholds);
+    config.thresholds = sized_thresholds<N>(thresholds);
     config.motor_inertia = motor_inertia_of(robot);
-    config.longest_period = std::clamp(kLongestGap * period, 0.1, 1000.0);
+    config.longest_period = longest_period(period);
     if (const Status status = core_.configure(config); status != Status::kOk) {
       throw ModelError(fmt::format(
           "robot \"{}\": thresholds of contacts: {}; expected those that heft monitor --learn writes",
@@ -159,18 +127,12 @@ class MonitorOf : public SampleMonitor::Sized {
     const Status status = core_.update(terms_, columns_, qd, tau, friction, period, record_);
     record.deviation = record_.deviation;
     record.threshold = record_.threshold;
-    record.offset = record_.offset;
     record.judged = record_.judged;
     record.contact = record_.contact;
     record.joint = record_.joint;
     record.direction = record_.direction;
     record.event = record_.event;
     record.load = record_.load;
-    record.circumstance.resize(N, kCircumstances);
-    for (int j = 0; j < N; ++j) {
-      const auto& now = record_.circumstance[static_cast<std::size_t>(j)];
-      record.circumstance.row(j) << 1.0, now.speed, now.load, now.load_rate, now.reversal, now.ignorance;
-    }
     return status;
   }
 

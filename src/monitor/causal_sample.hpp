@@ -17,9 +17,6 @@
 
 namespace heft::monitor {
 
-/// Circumstances of a threshold: constant, speed, load, load rate, reversal, ignorance.
-inline constexpr int kCircumstances = 6;
-
 /// Positions and velocities behind a causal low-pass, and the torque behind the same, so that all are equally late: for
 /// logs without velocities.
 class SampleFilter {
@@ -52,8 +49,7 @@ class SampleFriction {
 
 /// What core said about a sample: ContactMonitor::Record.
 struct SampleRecord {
-  Eigen::VectorXd deviation, threshold, offset;                        ///< n [N·m, N]
-  Eigen::Matrix<double, Eigen::Dynamic, kCircumstances> circumstance;  ///< n rows
+  Eigen::VectorXd deviation, threshold;  ///< n [N·m, N]
   bool judged{false}, contact{false};
   int joint{-1}, direction{0};
   ContactEvent event{ContactEvent::kNone};

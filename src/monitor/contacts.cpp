@@ -106,7 +106,7 @@ Contacts monitor_log(const model::ModelFile& file, const model::Robot& robot, co
       model::as_measured(robot, thresholds.torque_at == "joint", fit, &result.notes);
   const data::Log log = data::read(source, &result.notes);
   const Signals signals = signals_of(measured, log);
-  const Run run = run_core(measured, signals, thresholds, false);
+  const Run run = run_core(measured, signals, thresholds);
   result.robot = robot.name;
   result.model = file.path;
   result.log = source.path;

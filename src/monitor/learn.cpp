@@ -1,131 +1,77 @@
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <utility>
 
 #include <fmt/format.h>
 
+#include "balance.hpp"
 #include "causal_run.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/model/at_sensor.hpp"
 #include "heft/monitor/monitor.hpp"
 #include "heft/statistics/interval.hpp"
-#include "heft/statistics/median.hpp"
 #include "push_delay.hpp"
 #include "threshold_fit.hpp"
 
 namespace heft::monitor {
 namespace {
 
-using Eigen::Index;
-
-/// Bandwidths of the observer that are tried [1/s]: 4 Hz, as slow as a hand, up to 32 Hz.
-constexpr double kBandwidths[] = {25.0, 50.0, 100.0, 200.0};
-/// Length of a block [s]: five time constants of the offsets, so that maxima of blocks hardly know of one another.
-constexpr double kBlock = 1.0;
+/// Bandwidths of the low-pass that are tried [1/s]: 4 Hz, as slow as a hand, up to 32 Hz.
+constexpr double kBandwidths[] = {25.0, 35.0, 50.0, 100.0, 200.0};
+/// Push by which they are compared [N·m/s]: hands that pushed a UR5 raised the torque of a joint by 100 to 400.
+constexpr double kHandRate = 200.0;
+/// Multiple of the scales by which they are compared: what the tail of measured arms asks for, 1.5 to 4.
+constexpr double kUsualLevel = 2.0;
+/// A push that is not found within that time counts as that [s].
+constexpr double kSlowestPush = 2.0;
 /// Fewer seconds show no tail.
 constexpr double kShortest = 10.0;
-/// Offsets may be larger by that part than any that the logs show.
-constexpr double kOffsetMargin = 1.2;
 /// On logs that the model was not fitted to, the deviation was up to 1.7 times as large as on those that it was fitted to
 /// (a KUKA LWR4+ on another motion).
 constexpr double kSeenMargin = 2.0;
-/// A recording of another day exceeds the level of the others by up to that (nineteen recordings of three arms with gears,
-/// each judged by the others of its arm; beyond it went motions unlike all others): friction and motions differ more from
-/// one recording to the next than within one.
-constexpr double kNextRecording = 1.35;
-/// Part of its top speed below which a joint is at rest, and the least such speed [rad/s]; a tenth of it in m/s.
-constexpr double kRestShare = 0.01, kLeastRest = 0.01;
-/// A push that is not found within that time counts as that [s], where bandwidths are compared.
-constexpr double kSlowestPush = 2.0;
+/// A recording exceeds the level that follows from the others by up to 1.15 (twenty-two recordings of four arms); a single
+/// log does not show how friction and motion differ from one recording to the next (a KUKA LWR4+, slow and fast: by 1.5).
+constexpr double kNextRecording = 1.2, kOnlyRecording = 1.6;
+/// Fewer blocks have no tail; the level without: above any that measured arms asked for.
+constexpr std::size_t kFewBlocks = 10;
+constexpr double kUnknownLevel = 5.0;
+/// Least speed of a joint that moves [rad/s]; a tenth of it in m/s.
+constexpr double kLeastSpeed = 0.01;
 /// Expected false alarms whose interval reaches that multiple of what was asked for are extrapolated too far.
 constexpr double kWideRate = 10.0;
 
-/// Motion without contact, ready for core.
+/// Motion without contact.
 struct FreeMotion {
-  std::vector<Signals> logs;
-  Eigen::VectorXd rest_speed;
+  std::vector<Balance> logs;
+  Eigen::VectorXd least_speed;
   double seconds{0.0};
   double rate{0.0};  ///< lowest sample rate [Hz]
-};
 
-/// Deviations of all joints at one bandwidth, part by part.
-struct Deviations {
-  std::vector<std::vector<Part>> joints;  ///< [joint][part]
-  Eigen::VectorXd largest_offset;
-};
-
-struct JointFit {
-  Shape shape = Shape::Zero();
-  Tail tail;
-  double level{0.0};
-};
-
-Deviations deviations_of(const model::Robot& robot, const FreeMotion& motion, double bandwidth) {
-  const int n = robot.num_joints();
-  Deviations found;
-  found.joints.resize(static_cast<std::size_t>(n));
-  found.largest_offset.setZero(n);
-  const Thresholds open = open_thresholds(bandwidth, motion.rest_speed);
-  for (const Signals& signals : motion.logs) {
-    const Run run = run_core(robot, signals, open, true);
-    const Index samples = run.deviation.rows();
-    std::vector<Index> rows;
-    for (Index k = 0; k < samples; ++k) {
-      if (run.judged[static_cast<std::size_t>(k)] != 0) rows.push_back(k);
-    }
-    if (rows.empty()) continue;
-    for (int j = 0; j < n; ++j) {
-      Part piece;
-      piece.size = run.deviation(rows, j).cwiseAbs();
-      piece.circumstance.resize(static_cast<Index>(rows.size()), kCircumstances);
-      for (int c = 0; c < kCircumstances; ++c)
-        piece.circumstance.col(c) = run.circumstance[static_cast<std::size_t>(c)](rows, j);
-      for (const Index k : rows)
-        piece.block.push_back(std::lround(std::floor((signals.time[k] - signals.time[0]) / kBlock)));
-      found.largest_offset[j] = std::max(found.largest_offset[j], run.offset(rows, j).cwiseAbs().maxCoeff());
-      found.joints[static_cast<std::size_t>(j)].push_back(std::move(piece));
-    }
+  std::vector<const Balance*> all() const {
+    std::vector<const Balance*> pointers;
+    for (const Balance& log : logs) pointers.push_back(&log);
+    return pointers;
   }
-  return found;
-}
-
-JointFit fit_joint(const std::vector<Part>& parts, double rate) {
-  JointFit fit;
-  fit.shape = fit_shape(parts);
-  fit.tail = tail_of(block_maxima(parts, fit.shape));
-  fit.level = kNextRecording * fit.tail.level(rate);
-  return fit;
-}
-
-double median_threshold(const std::vector<Part>& parts, const JointFit& fit) {
-  std::vector<double> all;
-  for (const Part& part : parts) {
-    const Eigen::VectorXd values = fit.level * part.circumstance * fit.shape;
-    all.insert(all.end(), values.begin(), values.end());
-  }
-  return statistics::median(std::move(all));
-}
+};
 
 FreeMotion free_motion_of(const model::Robot& robot, const data::LogSet& logs, Thresholds& result) {
   FreeMotion motion;
   const int n = robot.num_joints();
-  Eigen::VectorXd top = Eigen::VectorXd::Zero(n);
   motion.rate = kInfinity;
   for (const data::LogSource& source : logs.train()) {
     const data::Log log = data::read(source, &result.notes);
-    motion.logs.push_back(signals_of(robot, log));
-    const Signals& signals = motion.logs.back();
-    top = top.cwiseMax(signals.qd.cwiseAbs().colwise().maxCoeff().transpose());
+    const Signals signals = signals_of(robot, log);
+    motion.logs.push_back(balance_of(robot, signals));
     const double seconds = signals.time[signals.time.size() - 1] - signals.time[0];
     motion.seconds += seconds;
     motion.rate = std::min(motion.rate, static_cast<double>(signals.time.size() - 1) / seconds);
     result.logs.push_back(source.path);
   }
-  motion.rest_speed.resize(n);
+  motion.least_speed.resize(n);
   for (int j = 0; j < n; ++j) {
     const bool prismatic = robot.joints[static_cast<std::size_t>(j)].joint.type == JointType::kPrismatic;
-    motion.rest_speed[j] = std::max((prismatic ? 0.1 : 1.0) * kLeastRest, kRestShare * top[j]);
+    motion.least_speed[j] = (prismatic ? 0.1 : 1.0) * kLeastSpeed;
   }
   if (motion.seconds < kShortest) {
     throw NotIdentifiableError(fmt::format(
@@ -136,37 +82,77 @@ FreeMotion free_motion_of(const model::Robot& robot, const data::LogSet& logs, T
   return motion;
 }
 
-struct Choice {
-  double bandwidth{0.0};
-  Deviations deviations;
-  std::vector<JointFit> fits;
-};
+/// Multiple of the scales that is exceeded at half the rate allowed, and the alarms to be expected from it added: rest and
+/// motion share them.
+double level_of(std::vector<double> maxima, bool single, const Options& options, Thresholds& result) {
+  if (maxima.size() < kFewBlocks) return kUnknownLevel;
+  constexpr double kHourly = 3600.0 / kBlock;
+  const double share = static_cast<double>(maxima.size()) * kBlock / (3600.0 * result.hours);
+  Tail tail = tail_of(std::move(maxima));
+  if (single) tail.shape = 0.0;  // its own scales hold its largest deviations down
+  const double rate = 0.5 * options.false_alarms_per_hour / (kHourly * share);
+  const double level = (single ? kOnlyRecording : kNextRecording) * std::max(tail.level(rate), 1.0);
+  const double log_rate = tail.log_rate(level), half = statistics::kNormal95 * tail.log_rate_std(level);
+  result.expected.value += kHourly * share * std::exp(log_rate);
+  result.expected.lower += kHourly * share * std::exp(log_rate - half);
+  result.expected.upper += kHourly * share * std::exp(log_rate + half);
+  return level;
+}
 
-/// The bandwidth at which pushes are found soonest.
-Choice choose_bandwidth(const model::Robot& robot, const FreeMotion& motion, double rate,
-                        const Thresholds& result, const Options& options) {
-  Choice best;
-  double soonest = kInfinity;
-  int tried = 0;
+/// Mean delay of a push by a hand over the joints, in motion [s].
+double hand_delay(const Thresholds& thresholds, double level) {
+  double delay = 0.0;
+  for (const JointThreshold<double>& joint : thresholds.joints) {
+    const double seconds = push_delay(thresholds.bandwidth, thresholds.adaptation, level * joint.moving,
+                                      joint.offset_limit, kHandRate);
+    delay += std::isfinite(seconds) ? std::min(seconds, kSlowestPush) : kSlowestPush;
+  }
+  return delay / static_cast<double>(thresholds.joints.size());
+}
+
+/// Thresholds at one bandwidth, from scales there. Changes what `result` expects.
+void set_thresholds(const FreeMotion& motion, const Thresholds& scales, double margin, const Options& options,
+                    Thresholds& result) {
+  const BlockMaxima maxima = block_maxima(motion.all(), motion.least_speed, scales.bandwidth);
+  const bool single = motion.logs.size() == 1;
+  result.expected = {0.0, kNaN, 0.0, 0.0};
+  const double rest = level_of(maxima.rest, single, options, result);
+  const double level = level_of(maxima.motion, single, options, result);
+  result.bandwidth = scales.bandwidth;
+  result.load_rate = scales.load_rate;
+  result.largest_step = scales.largest_step / (margin * level);
+  result.joints = scales.joints;
+  for (JointThreshold<double>& joint : result.joints) {
+    joint.moving *= margin * level;
+    joint.turning *= margin * level;
+    joint.rest *= margin * rest;
+    joint.offset_limit *= margin;
+  }
+}
+
+/// Thresholds at the bandwidth by which pushes are found soonest: of the two that promise most by their scales, that which
+/// keeps the promise.
+void choose(const FreeMotion& motion, double margin, const Options& options, Thresholds& result) {
+  std::vector<Thresholds> candidates;
   for (const double bandwidth : kBandwidths) {
     if (options.progress)
-      options.progress("learning thresholds", tried++ / static_cast<double>(std::size(kBandwidths)));
+      options.progress("learning thresholds", static_cast<double>(candidates.size()) /
+                                                  static_cast<double>(std::size(kBandwidths) + 2));
     if (bandwidth > std::max(motion.rate, kBandwidths[0])) continue;
-    Choice now{bandwidth, deviations_of(robot, motion, bandwidth), {}};
-    double delay = 0.0;
-    for (std::size_t j = 0; j < now.deviations.joints.size(); ++j) {
-      const std::vector<Part>& parts = now.deviations.joints[j];
-      now.fits.push_back(fit_joint(parts, rate));
-      const double seconds =
-          push_delay(bandwidth, result.adaptation, median_threshold(parts, now.fits.back()),
-                     now.deviations.largest_offset[static_cast<Index>(j)]);
-      delay += std::isfinite(seconds) ? std::min(seconds, kSlowestPush) : kSlowestPush;
-    }
+    candidates.push_back(scales_of(motion.all(), motion.least_speed, bandwidth));
+  }
+  std::stable_sort(candidates.begin(), candidates.end(), [](const Thresholds& a, const Thresholds& b) {
+    return hand_delay(a, kUsualLevel) < hand_delay(b, kUsualLevel);
+  });
+  double soonest = kInfinity;
+  for (std::size_t k = 0; k < std::min<std::size_t>(candidates.size(), 2); ++k) {
+    Thresholds now = result;
+    set_thresholds(motion, candidates[k], margin, options, now);
+    const double delay = hand_delay(now, 1.0);
     if (!(delay < soonest)) continue;
     soonest = delay;
-    best = std::move(now);
+    result = std::move(now);
   }
-  return best;
 }
 
 /// A number of alarms for a sentence.
@@ -206,11 +192,11 @@ void judge(const std::vector<std::string>& seen, const Options& options, Thresho
 
 }  // namespace
 
-double push_delay(double bandwidth, double adaptation, double threshold, double offset_limit) {
+double push_delay(double bandwidth, double adaptation, double threshold, double offset_limit, double rate) {
   constexpr double kStep = 1e-4, kEnd = 10.0;
   double residual = 0.0, offset = 0.0;
   for (double time = kStep; time < kEnd; time += kStep) {
-    residual += bandwidth * kStep * (kPushRate * time - residual);
+    residual += bandwidth * kStep * (rate * time - residual);
     if (residual - offset > threshold) return time;
     offset = std::min(offset + adaptation * kStep * (residual - offset), offset_limit);
   }
@@ -231,24 +217,8 @@ Thresholds learn(const model::ModelFile& file, const model::Robot& robot, const 
   result.asked_rate = options.false_alarms_per_hour;
   const FreeMotion motion = free_motion_of(measured, logs, result);
   result.hours = motion.seconds / 3600.0;
-  const int n = measured.num_joints();
-  const double rate = options.false_alarms_per_hour / n / 3600.0 * kBlock;  // of one joint in one block
-  const Choice choice = choose_bandwidth(measured, motion, rate, result, options);
-  result.bandwidth = choice.bandwidth;
   const std::vector<std::string> seen = seen_of(file, logs);
-  const double margin = seen.empty() ? 1.0 : kSeenMargin;
-  const double hourly = 3600.0 / kBlock;
-  for (int j = 0; j < n; ++j) {
-    const JointFit& joint = choice.fits[static_cast<std::size_t>(j)];
-    const Shape form = margin * joint.level * joint.shape;
-    result.joints.push_back({form[0], form[1], form[2], form[3], form[4], form[5],
-                             margin * kOffsetMargin * choice.deviations.largest_offset[j],
-                             motion.rest_speed[j]});
-    const double log_rate = joint.tail.log_rate(joint.level), std = joint.tail.log_rate_std(joint.level);
-    result.expected.value += hourly * std::exp(log_rate);
-    result.expected.lower += hourly * std::exp(log_rate - statistics::kNormal95 * std);
-    result.expected.upper += hourly * std::exp(log_rate + statistics::kNormal95 * std);
-  }
+  choose(motion, seen.empty() ? 1.0 : kSeenMargin, options, result);
   judge(seen, options, result);
   return result;
 }

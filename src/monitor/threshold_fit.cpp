@@ -1,103 +1,186 @@
 #include "threshold_fit.hpp"
-#include "heft/statistics/median.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
 
-#include <Eigen/Cholesky>
+#include "heft/core/monitor/contact_thresholds.hpp"
 
 namespace heft::monitor {
 namespace {
 
-using Normal = Eigen::Matrix<double, kCircumstances, kCircumstances>;
+using Eigen::Index;
 
-/// Weight of a deviation above the form; one below weighs the rest of 1.
-constexpr double kExpectile = 0.9;
-constexpr int kIterations = 15;
-/// The constant is at least that part of the median deviation: no threshold may vanish with the circumstances.
-constexpr double kLeastConstant = 0.3;
+/// Above any torque that core compares.
+constexpr double kOpen = 1e30;
+/// Blocks from whose maxima a scale is taken [s], and the share of them that exceeds it: a scale is no tail, and a phase
+/// such as a reversal is short.
+constexpr double kScaleBlock = 0.5;
+constexpr std::size_t kScaleShare = 20;
+/// The same at rest, where little happens until a joint breaks away.
+constexpr std::size_t kRestScaleShare = 50;
+/// Fewer blocks of a phase give no scale: the limit of the offsets takes its place.
+constexpr std::size_t kFewBlocks = 10;
+/// A single sample counts as that many scales at most, which is about one threshold.
+constexpr double kLargestStep = 2.0;
+/// Offsets may be larger by that part than any that the logs show.
+constexpr double kOffsetMargin = 1.2;
+/// Part of the samples of a joint at rest, or of the arm's load rate, beyond which values are no longer usual.
+constexpr double kUsual = 0.99;
+/// A joint moves above that part of its top speed.
+constexpr double kRestShare = 0.01;
+/// No scale vanishes, not even that of a log without noise [N·m, N].
+constexpr double kLeastScale = 1e-6;
 /// Share of the blocks that make up the tail: a fifth is still far above the middle and keeps the excesses many.
 constexpr std::size_t kTailShare = 5;
 constexpr std::size_t kLeastTail = 3;
+/// Of the tail: a shape from some twenty excesses is uncertain by as much.
+constexpr double kLeastShape = -0.25;
 
-/// Least squares without negative coefficients: the best of all sets of coefficients that may differ from zero.
-Shape not_negative(const Normal& A, const Shape& b) {
-  Shape best = Shape::Zero();
-  double lowest = std::numeric_limits<double>::infinity();
-  for (unsigned set = 1; set < (1U << kCircumstances); ++set) {
-    std::vector<int> in;
-    for (int c = 0; c < kCircumstances; ++c) {
-      if ((set >> static_cast<unsigned>(c) & 1U) != 0 && A(c, c) > 0) in.push_back(c);
-    }
-    if (in.empty()) continue;
-    const auto size = static_cast<Eigen::Index>(in.size());
-    Eigen::MatrixXd sub = A(in, in);
-    sub.diagonal() *= 1.0 + 1e-9;
-    const Eigen::VectorXd x = sub.ldlt().solve(b(in));
-    if (!x.allFinite() || x.minCoeff() < 0) continue;
-    const double cost = x.dot(A(in, in) * x) - 2.0 * x.dot(b(in));
-    if (!(cost < lowest)) continue;
-    lowest = cost;
-    best.setZero();
-    for (Eigen::Index k = 0; k < size; ++k) best[in[static_cast<std::size_t>(k)]] = x[k];
-  }
-  return best;
+constexpr MotionPhase kPhases[] = {MotionPhase::kRest, MotionPhase::kTurning, MotionPhase::kMoving};
+
+double& scale_of(JointThreshold<double>& joint, MotionPhase phase) {
+  return phase == MotionPhase::kRest      ? joint.rest
+         : phase == MotionPhase::kTurning ? joint.turning
+                                          : joint.moving;
 }
 
-/// Rows that a regression takes at most; of more, every so many.
-constexpr long kMostRows = 30000;
+/// The value that the stated part of them does not exceed; 0 of none.
+double quantile(std::vector<double> values, double part) {
+  if (values.empty()) return 0.0;
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
 
-double median_size(const std::vector<Part>& parts) {
-  std::vector<double> all;
-  for (const Part& part : parts) all.insert(all.end(), part.size.begin(), part.size.end());
-  return statistics::median(std::move(all));
+/// Speeds, limits of the offsets and usual load rate.
+Thresholds limits_of(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
+                     double bandwidth) {
+  const Index n = least_speed.size();
+  Thresholds open;
+  open.bandwidth = bandwidth;
+  open.load_rate = kOpen;
+  for (Index j = 0; j < n; ++j) {
+    double top = 0.0;
+    for (const Balance* log : logs) top = std::max(top, log->qd.col(j).cwiseAbs().maxCoeff());
+    const double rest = std::max(least_speed[j], kRestShare * top);
+    open.joints.push_back({kOpen, kOpen, kOpen, kOpen, rest, std::max(top, 2.0 * rest)});
+  }
+  Thresholds limits = open;
+  std::vector<double> rates;
+  std::vector<std::vector<double>> resting(static_cast<std::size_t>(n));
+  Eigen::VectorXd largest = Eigen::VectorXd::Zero(n);
+  for (const Balance* log : logs) {
+    const Deviations found = deviations_of(*log, open);
+    for (Index k = 0; k < log->time.size(); ++k) {
+      if (found.judged[static_cast<std::size_t>(k)] == 0) continue;
+      rates.push_back(found.load_rate[k]);
+      for (Index j = 0; j < n; ++j) {
+        if (found.phase(k, j) == static_cast<int>(MotionPhase::kRest)) {
+          resting[static_cast<std::size_t>(j)].push_back(std::abs(found.residual(k, j)));
+        } else {
+          largest[j] = std::max(largest[j], std::abs(found.offset(k, j)));
+        }
+      }
+    }
+  }
+  limits.load_rate = std::max(quantile(std::move(rates), kUsual), kLeastScale);
+  for (Index j = 0; j < n; ++j) {
+    const auto i = static_cast<std::size_t>(j);
+    limits.joints[i].offset_limit = kOffsetMargin * std::max(largest[j], quantile(resting[i], kUsual));
+  }
+  return limits;
+}
+
+/// Maxima over blocks of what `value` gives for the judged rows; below 0: not looked at.
+template <typename Value>
+void add_block_maxima(const Balance& log, const Deviations& found, double length, const Value& value,
+                      std::vector<double>& maxima) {
+  double block = -1.0;
+  for (Index k = 0; k < log.time.size(); ++k) {
+    const double now = value(k);
+    if (found.judged[static_cast<std::size_t>(k)] == 0 || now < 0) continue;
+    const double at = std::floor((log.time[k] - log.time[0]) / length);
+    if (at != block) maxima.push_back(now);
+    block = at;
+    maxima.back() = std::max(maxima.back(), now);
+  }
+}
+
+/// Deviation of a joint as a multiple of its threshold, both without what is not known yet.
+double multiple(const Deviations& found, Index k, Index j) {
+  const double unknown = found.allowance(k, j);
+  return std::max(0.0, std::abs(found.deviation(k, j)) - unknown) / (found.threshold(k, j) - unknown);
+}
+
+/// Scales from deviations by the scales before.
+void rescale(const std::vector<const Balance*>& logs, Thresholds& scales) {
+  std::vector<Deviations> all;
+  for (const Balance* log : logs) all.push_back(deviations_of(*log, scales));
+  for (std::size_t i = 0; i < scales.joints.size(); ++i) {
+    JointThreshold<double>& joint = scales.joints[i];
+    const JointThreshold<double> before = joint;
+    for (const MotionPhase phase : kPhases) {
+      std::vector<double> maxima;
+      for (std::size_t l = 0; l < logs.size(); ++l) {
+        const auto j = static_cast<Index>(i);
+        add_block_maxima(
+            *logs[l], all[l], kScaleBlock,
+            [&](Index k) {
+              return all[l].phase(k, j) == static_cast<int>(phase) ? multiple(all[l], k, j) : -1.0;
+            },
+            maxima);
+      }
+      JointThreshold<double> old = before;
+      double& scale = scale_of(joint, phase);
+      const double known = scale_of(old, phase);
+      std::sort(maxima.begin(), maxima.end(), std::greater<>());
+      scale =
+          maxima.empty()
+              ? 0.0
+              : known * maxima[maxima.size() / (phase == MotionPhase::kRest ? kRestScaleShare : kScaleShare)];
+      if (maxima.size() >= kFewBlocks || phase == MotionPhase::kRest) continue;
+      scale = std::max(scale, (phase == MotionPhase::kMoving ? 0.5 : 1.0) * joint.offset_limit);
+    }
+    joint.moving = std::max(joint.moving, kLeastScale);
+    joint.turning = std::max(joint.turning, joint.moving);
+    joint.rest = std::max(joint.rest, joint.moving);
+  }
 }
 
 }  // namespace
 
-Shape fit_shape(const std::vector<Part>& parts) {
-  Shape scale = Shape::Zero();
-  for (const Part& part : parts) {
-    if (part.size.size() > 0)
-      scale = scale.cwiseMax(part.circumstance.cwiseAbs().colwise().maxCoeff().transpose());
-  }
-  for (double& value : scale) value = value > 0 ? value : 1.0;
-  long rows = 0;
-  for (const Part& part : parts) rows += part.size.size();
-  const Eigen::Index stride = 1 + rows / kMostRows;
-  Shape x = Shape::Zero();
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    Normal A = Normal::Zero();
-    Shape b = Shape::Zero();
-    for (const Part& part : parts) {
-      for (Eigen::Index k = 0; k < part.size.size(); k += stride) {
-        const Shape row = part.circumstance.row(k).transpose().cwiseQuotient(scale);
-        const double weight = iteration == 0              ? 1.0
-                              : part.size[k] > row.dot(x) ? kExpectile
-                                                          : 1.0 - kExpectile;
-        A.noalias() += weight * row * row.transpose();
-        b += weight * part.size[k] * row;
-      }
-    }
-    x = not_negative(A, b);
-  }
-  x = x.cwiseQuotient(scale);
-  x[0] = std::max({x[0], kLeastConstant * median_size(parts), 1e-9});
-  return x;
+Thresholds scales_of(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
+                     double bandwidth) {
+  Thresholds scales = limits_of(logs, least_speed, bandwidth);
+  for (JointThreshold<double>& joint : scales.joints)
+    joint.moving = joint.turning = joint.rest = std::max(joint.offset_limit, kLeastScale);
+  scales.largest_step = 1000.0;
+  rescale(logs, scales);
+  scales.largest_step = kLargestStep;
+  for (int pass = 0; pass < 2; ++pass) rescale(logs, scales);
+  return scales;
 }
 
-std::vector<double> block_maxima(const std::vector<Part>& parts, const Shape& shape) {
-  std::vector<double> maxima;
-  for (const Part& part : parts) {
-    long block = -1;
-    for (Eigen::Index k = 0; k < part.size.size(); ++k) {
-      const double z = part.size[k] / part.circumstance.row(k).dot(shape);
-      const long now = part.block[static_cast<std::size_t>(k)];
-      if (now != block) maxima.push_back(z);
-      block = now;
-      maxima.back() = std::max(maxima.back(), z);
+BlockMaxima block_maxima(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
+                         double bandwidth) {
+  BlockMaxima maxima;
+  for (const Balance* log : logs) {
+    std::vector<const Balance*> others;
+    for (const Balance* other : logs) {
+      if (other != log || logs.size() == 1) others.push_back(other);
+    }
+    const Deviations found = deviations_of(*log, scales_of(others, least_speed, bandwidth));
+    for (const bool rest : {true, false}) {
+      const auto largest = [&](Index k) {
+        double most = -1.0;
+        for (Index j = 0; j < found.deviation.cols(); ++j) {
+          if ((found.phase(k, j) == static_cast<int>(MotionPhase::kRest)) == rest)
+            most = std::max(most, multiple(found, k, j));
+        }
+        return most;
+      };
+      add_block_maxima(*log, found, kBlock, largest, rest ? maxima.rest : maxima.motion);
     }
   }
   return maxima;
@@ -110,14 +193,24 @@ Tail tail_of(std::vector<double> maxima) {
   const std::size_t beyond = std::min(std::max(kLeastTail, maxima.size() / kTailShare), maxima.size() - 1);
   tail.beyond = static_cast<long>(beyond);
   tail.from = maxima[beyond];
-  for (std::size_t k = 0; k < beyond; ++k)
-    tail.mean_excess += (maxima[k] - tail.from) / static_cast<double>(beyond);
+  // Probability-weighted moments (Hosking and Wallis, 1987): a0 is the mean excess, a1 that of the excesses weighted by
+  // the share of larger ones.
+  double weighted = 0.0;
+  for (std::size_t k = 0; k < beyond; ++k) {
+    const double excess = (maxima[k] - tail.from) / static_cast<double>(beyond);
+    tail.mean_excess += excess;
+    if (beyond > 1) weighted += excess * static_cast<double>(k) / static_cast<double>(beyond - 1);
+  }
+  const double spread = tail.mean_excess - 2.0 * weighted;
+  if (spread > 0) tail.shape = std::clamp(2.0 - tail.mean_excess / spread, kLeastShape, 0.0);
   return tail;
 }
 
 double Tail::level(double rate) const {
-  const double decades = std::log(static_cast<double>(beyond) / static_cast<double>(blocks) / rate);
-  return from + mean_excess * std::max(decades, 0.0);
+  const double decades =
+      std::max(std::log(static_cast<double>(beyond) / static_cast<double>(blocks) / rate), 0.0);
+  const double scale = mean_excess * (1.0 - shape);
+  return from + (shape < 0 ? scale * std::expm1(shape * decades) / shape : scale * decades);
 }
 
 double Tail::log_rate(double level) const {

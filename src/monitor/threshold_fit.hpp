@@ -1,40 +1,44 @@
 /// @file
-/// Shape and size of one joint's threshold from deviations of free motion. Derivation: thresholds.md.
+/// Scales of free motion and the multiple of them that makes a threshold. Derivation: thresholds.md.
 #pragma once
 
-#include <array>
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "causal_run.hpp"
+#include "balance.hpp"
+#include "heft/monitor/monitor.hpp"
 
 namespace heft::monitor {
 
-/// Deviations of one joint in one log of the free motion, with their circumstances, judged rows only.
-struct Part {
-  Eigen::VectorXd size;          ///< |deviation| [N·m, N]
-  Eigen::MatrixXd circumstance;  ///< rows × kCircumstances
-  std::vector<long> block;       ///< number of the block that a row belongs to, ascending
+/// Length of a block [s]: five time constants of the offsets, so that maxima of blocks hardly know of one another.
+inline constexpr double kBlock = 1.0;
+
+/// Thresholds that one in twenty half seconds of free motion exceeds: one scale a joint and phase, with the limits of
+/// offsets, the speeds and the rate of the load that the logs show.
+/// @param logs         at least one
+/// @param least_speed  of a joint that moves, one a joint [rad/s, m/s]
+Thresholds scales_of(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
+                     double bandwidth);
+
+/// Largest deviation of any joint, as a multiple of its scale, in each block of the logs.
+struct BlockMaxima {
+  std::vector<double> rest;    ///< of joints at rest
+  std::vector<double> motion;  ///< of joints that turn or move
 };
+/// Each log is measured by the scales of the others: friction and motions differ more from one recording to the next than
+/// within one. A single log is measured by its own.
+BlockMaxima block_maxima(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
+                         double bandwidth);
 
-using Shape = Eigen::Matrix<double, kCircumstances, 1>;
-
-/// Linear form that nine tenths of the deviations stay below, roughly: asymmetric least squares (expectile 0.9) without
-/// negative coefficients.
-Shape fit_shape(const std::vector<Part>& parts);
-
-/// Largest deviation over the shape in each block.
-std::vector<double> block_maxima(const std::vector<Part>& parts, const Shape& shape);
-
-/// The tail of block maxima: beyond `from` they fall off exponentially with the mean excess `mean_excess`.
+/// The tail of block maxima beyond `from`: generalised Pareto with the mean excess `mean_excess`.
 struct Tail {
   double from{0.0}, mean_excess{0.0};
+  double shape{0.0};  ///< within -0.25..0: what the model misses of friction is bounded
   long beyond{0}, blocks{0};
 
-  /// Multiple of the shape that is exceeded at that rate a block.
+  /// Multiple of the scale that is exceeded at that rate a block.
   double level(double rate) const;
-  /// Logarithm of the rate a block at which that multiple is exceeded, and its standard deviation.
+  /// Logarithm of the rate a block at which that multiple is exceeded if the tail is exponential, which is the most that a
+  /// shape within the bounds allows, and its standard deviation.
   double log_rate(double level) const;
   double log_rate_std(double level) const;
 };

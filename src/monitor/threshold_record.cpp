@@ -47,7 +47,9 @@ model::ModelFile Thresholds::model_file(model::ModelFile model) const {
   others[kField] = {
       {"bandwidth", bandwidth},
       {"adaptation", adaptation},
-      {"reversal_time", reversal_time},
+      {"turning_time", turning_time},
+      {"load_rate", load_rate},
+      {"largest_step", largest_step},
       {"torque_at", torque_at},
       {"joints", list},
       {"asked_per_hour", asked_rate},
@@ -68,7 +70,9 @@ std::optional<Thresholds> thresholds_of(const model::ModelFile& file) {
   Thresholds thresholds;
   thresholds.bandwidth = above_zero(node, "bandwidth");
   thresholds.adaptation = above_zero(node, "adaptation");
-  thresholds.reversal_time = above_zero(node, "reversal_time");
+  thresholds.turning_time = not_negative(node, "turning_time");
+  thresholds.load_rate = above_zero(node, "load_rate");
+  thresholds.largest_step = above_zero(node, "largest_step");
   const Node at = node.at("torque_at", "\"motor\" or \"joint\"");
   thresholds.torque_at = at.text();
   if (thresholds.torque_at != "motor" && thresholds.torque_at != "joint")

@@ -88,23 +88,23 @@ std::string delay_meaning() {
 }
 
 page::Table threshold_table(const Thresholds& thresholds) {
-  page::Table table({"joint", "constant [N·m]", "per speed [N·m·s/rad]", "per load", "per load rate [s]",
-                     "after a reversal [N·m]", "unknown offset [N·m]", "offset at most [N·m]"});
+  page::Table table({"joint", "moving [N·m]", "turning round [N·m]", "at rest [N·m]", "offset at most [N·m]",
+                     "rest below [rad/s]", "known up to [rad/s]"});
   for (std::size_t j = 0; j < thresholds.joints.size(); ++j) {
     const JointThreshold<double>& joint = thresholds.joints[j];
-    table.add_row({fmt::format("{}", j + 1), page::number(joint.constant, 3), page::number(joint.speed, 3),
-                   page::number(joint.load, 3), page::number(joint.load_rate, 3),
-                   page::number(joint.reversal, 3), page::number(joint.ignorance, 3),
-                   page::number(joint.offset_limit, 3)});
+    table.add_row({fmt::format("{}", j + 1), page::number(joint.moving, 3), page::number(joint.turning, 3),
+                   page::number(joint.rest, 3), page::number(joint.offset_limit, 3),
+                   page::number(joint.rest_speed, 3), page::number(joint.top_speed, 3)});
   }
   return table;
 }
 
 std::string filters_words(const Thresholds& thresholds) {
   return fmt::format(
-      "Observer {:.3g}/s ({:.2g} Hz), offsets followed at {:.3g}/s, reversals forgotten over {:.2g} s.",
+      "Low-pass {:.3g}/s ({:.2g} Hz), offsets followed at {:.3g}/s. A joint turns for {:.2g} s after it started or turned "
+      "round. Beyond a load rate of {} N·m/s and the speeds of the last column thresholds grow in proportion.",
       thresholds.bandwidth, thresholds.bandwidth / 6.283185307179586, thresholds.adaptation,
-      thresholds.reversal_time);
+      thresholds.turning_time, page::number(thresholds.load_rate, 3));
 }
 
 std::string false_alarm_words(const Contacts& found) {
@@ -129,7 +129,9 @@ ordered_json thresholds_json(const Thresholds& thresholds) {
   }
   return {{"bandwidth", thresholds.bandwidth},
           {"adaptation", thresholds.adaptation},
-          {"reversal_time", thresholds.reversal_time},
+          {"turning_time", thresholds.turning_time},
+          {"load_rate", thresholds.load_rate},
+          {"largest_step", thresholds.largest_step},
           {"asked_per_hour", thresholds.asked_rate},
           {"expected_per_hour", rate_json(thresholds.expected)},
           {"hours", thresholds.hours},

@@ -34,10 +34,8 @@ class Bench {
     typename Monitor::Config config;
     config.thresholds.bandwidth = Scalar(100);
     config.motor_inertia.diagonal().setConstant(static_cast<Scalar>(kRotor));
-    for (auto& joint : config.thresholds.joints) {
-      joint.constant = static_cast<Scalar>(threshold);
-      joint.offset_limit = static_cast<Scalar>(offset < 0 ? threshold : offset);
-    }
+    config.thresholds.joints.fill(JointThreshold<Scalar>::uniform(
+        static_cast<Scalar>(threshold), static_cast<Scalar>(offset < 0 ? threshold : offset)));
     config.callback = [](const Record& event, void* self) noexcept {
       static_cast<Bench*>(self)->events.push_back(event);
     };
@@ -323,7 +321,7 @@ TYPED_TEST(ContactMonitorTest, ADropoutRaisesNoAlarmAndIsJudgedAgainWithinASecon
 TYPED_TEST(ContactMonitorTest, RefusesSettingsThatMeanNothing) {
   using Monitor = ContactMonitor<TypeParam, kN>;
   typename Monitor::Config good;
-  for (auto& joint : good.thresholds.joints) joint.constant = 1;
+  good.thresholds.joints.fill(JointThreshold<TypeParam>::uniform(1, 0));
   Monitor monitor;
   typename Monitor::Record record;
   EXPECT_EQ(monitor.update({}, Monitor::Observer::Matrix::Zero().template leftCols<4>().eval(),
@@ -337,9 +335,12 @@ TYPED_TEST(ContactMonitorTest, RefusesSettingsThatMeanNothing) {
     return monitor.configure(config) == Status::kOutOfRange &&
            monitor.config().thresholds.bandwidth == good.thresholds.bandwidth;
   };
-  EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[3].constant = 0; }));
-  EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[3].speed = -1; }));
+  EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[3].moving = 0; }));
+  EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[3].rest = -1; }));
   EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[0].rest_speed = 0; }));
+  EXPECT_TRUE(refused([](auto& c) { c.thresholds.joints[0].top_speed = 0; }));
+  EXPECT_TRUE(refused([](auto& c) { c.thresholds.load_rate = 0; }));
+  EXPECT_TRUE(refused([](auto& c) { c.thresholds.largest_step = 0; }));
   EXPECT_TRUE(refused([](auto& c) { c.thresholds.bandwidth = 0; }));
   EXPECT_TRUE(
       refused([](auto& c) { c.thresholds.adaptation = std::numeric_limits<TypeParam>::quiet_NaN(); }));

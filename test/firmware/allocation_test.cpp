@@ -200,7 +200,7 @@ void expect_monitor_without_allocation() {
   };
   const auto monitor = std::make_unique<ContactMonitor<Scalar, kN>>();
   typename ContactMonitor<Scalar, kN>::Config config;
-  for (JointThreshold<Scalar>& joint : config.thresholds.joints) joint.constant = static_cast<Scalar>(0.01);
+  config.thresholds.joints.fill(JointThreshold<Scalar>::uniform(static_cast<Scalar>(0.01), Scalar(0)));
   ASSERT_EQ(monitor->configure(config), Status::kOk);
   int refused = 0, events = 0;
   const test::AllocationCount spent = allocations_of([&](const LogRow& row) {

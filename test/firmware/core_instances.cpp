@@ -291,6 +291,7 @@ namespace heft {
   template class StateVariableFilter<Scalar, N>;                                                      \
   template class MomentumObserver<Scalar, N>;                                                         \
   template class LoadChangeTest<Scalar, N>;                                                           \
+  template class ContactDeviation<Scalar, N>;                                                         \
   template class ContactMonitor<Scalar, N>;                                                           \
   template Status ContactMonitor<Scalar, N>::update(const ExplainedTorque<Scalar, N>&,                \
                                                     const JointVector<Scalar, N>&, Record&) noexcept; \

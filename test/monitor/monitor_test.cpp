@@ -175,7 +175,7 @@ TEST_F(Monitor, FewerFalseAlarmsAllowedMakeHigherThresholds) {
   const Thresholds low = learnt(often), high = learnt(seldom);
   ASSERT_EQ(low.joints.size(), 2U);
   if (low.bandwidth == high.bandwidth) {
-    for (std::size_t j = 0; j < 2; ++j) EXPECT_GT(high.joints[j].constant, low.joints[j].constant) << j;
+    for (std::size_t j = 0; j < 2; ++j) EXPECT_GT(high.joints[j].moving, low.joints[j].moving) << j;
   }
   EXPECT_LT(high.expected.value, low.expected.value);
   EXPECT_LE(low.expected.value, 10.0);
@@ -190,13 +190,16 @@ TEST_F(Monitor, ThresholdsSurviveTheModelFile) {
   const std::optional<Thresholds> read = thresholds_of(written);
   ASSERT_TRUE(read.has_value());
   EXPECT_EQ(read->bandwidth, thresholds.bandwidth);
+  EXPECT_EQ(read->load_rate, thresholds.load_rate);
+  EXPECT_EQ(read->largest_step, thresholds.largest_step);
   EXPECT_EQ(read->logs, thresholds.logs);
   EXPECT_EQ(read->expected.upper, thresholds.expected.upper);
   ASSERT_EQ(read->joints.size(), thresholds.joints.size());
   for (std::size_t j = 0; j < read->joints.size(); ++j) {
-    EXPECT_EQ(read->joints[j].constant, thresholds.joints[j].constant);
-    EXPECT_EQ(read->joints[j].ignorance, thresholds.joints[j].ignorance);
-    EXPECT_EQ(read->joints[j].rest_speed, thresholds.joints[j].rest_speed);
+    EXPECT_EQ(read->joints[j].moving, thresholds.joints[j].moving);
+    EXPECT_EQ(read->joints[j].turning, thresholds.joints[j].turning);
+    EXPECT_EQ(read->joints[j].rest, thresholds.joints[j].rest);
+    EXPECT_EQ(read->joints[j].top_speed, thresholds.joints[j].top_speed);
   }
   EXPECT_FALSE(thresholds_of(file_).has_value());  // a file of before
 }
@@ -239,8 +242,7 @@ TEST_F(Monitor, LogsThatTheModelWasFittedToMakeDoubledAndDoubtfulThresholds) {
   const Thresholds unseen = learnt(), seen = learn(fitted, arm_, set({free_, other_}, {}));
   EXPECT_EQ(seen.judgement.verdict, host::Verdict::kDoubtful);
   EXPECT_THAT(seen.judgement.reasons.front(), HasSubstr("which the model was fitted to"));
-  for (std::size_t j = 0; j < 2; ++j)
-    EXPECT_DOUBLE_EQ(seen.joints[j].constant, 2.0 * unseen.joints[j].constant);
+  for (std::size_t j = 0; j < 2; ++j) EXPECT_DOUBLE_EQ(seen.joints[j].moving, 2.0 * unseen.joints[j].moving);
 }
 
 TEST_F(Monitor, TooLittleFreeMotionIsNotIdentifiable) {

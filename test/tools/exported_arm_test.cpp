@@ -57,8 +57,8 @@ TEST(ExportedArm, CarriesTheThresholdsOfContactsToTheMonitor) {
   EXPECT_FLOAT_EQ(kThresholds.bandwidth, static_cast<float>(file->bandwidth));
   ASSERT_EQ(file->joints.size(), kThresholds.joints.size());
   for (std::size_t j = 0; j < kThresholds.joints.size(); ++j) {
-    EXPECT_FLOAT_EQ(kThresholds.joints[j].constant, static_cast<float>(file->joints[j].constant));
-    EXPECT_FLOAT_EQ(kThresholds.joints[j].rest_speed, static_cast<float>(file->joints[j].rest_speed));
+    EXPECT_FLOAT_EQ(kThresholds.joints[j].moving, static_cast<float>(file->joints[j].moving));
+    EXPECT_FLOAT_EQ(kThresholds.joints[j].top_speed, static_cast<float>(file->joints[j].top_speed));
   }
   ContactMonitor<float, 4> core;
   ContactMonitor<float, 4>::Config config;

@@ -107,11 +107,12 @@ std::string effects_text(const model::Robot& robot) {
 /// Thresholds of contacts, for heft::ContactMonitor.
 std::string thresholds_text(const monitor::Thresholds& thresholds) {
   std::string text = fmt::format(
-      "  /// Thresholds of contacts, for heft::ContactMonitor: constant, speed, load, load rate, reversal, ignorance, offset "
-      "limit,\n  /// rest speed.\n  static constexpr heft::ContactThresholds<double, {}> kThresholds{{\n"
-      "      .bandwidth = {},\n      .adaptation = {},\n      .reversal_time = {},\n      .joints = {{{{\n",
+      "  /// Thresholds of contacts, for heft::ContactMonitor: moving, turning, rest, offset limit, rest speed, top speed.\n"
+      "  static constexpr heft::ContactThresholds<double, {}> kThresholds{{\n"
+      "      .bandwidth = {},\n      .adaptation = {},\n      .turning_time = {},\n      .load_rate = {},\n"
+      "      .largest_step = {},\n      .joints = {{{{\n",
       thresholds.joints.size(), literal(thresholds.bandwidth), literal(thresholds.adaptation),
-      literal(thresholds.reversal_time));
+      literal(thresholds.turning_time), literal(thresholds.load_rate), literal(thresholds.largest_step));
   for (const JointThreshold<double>& j : thresholds.joints) {
     std::array<double, monitor::kThresholdFields.size()> values{};
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = j.*monitor::kThresholdFields[i].value;

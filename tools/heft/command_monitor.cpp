@@ -142,9 +142,8 @@ Action set_up_monitor(CommandLine line) {
     refuse_output_without(options->learn, options->output, "the thresholds that --learn gives");
   });
   line.footer(
-      "Thresholds depend on speed, load, rate of the load and the time since a joint turned round. Learn them from logs that "
-      "the model was\n"
-      "not fitted to, minutes of all motions that the robot does. What is found is what a controller finds that runs "
+      "A joint has a threshold for rest, one for turning round and one for motion. Learn them from logs that the model was\n"
+      "not fitted to, several recordings of all motions that the robot does. What is found is what a controller finds that runs "
       "heft::ContactMonitor\n"
       "with the header of heft export. With one log --json gives one object, with several a list.\n"
       "Example: heft monitor --model arm.json --learn free-a.csv --learn free-b.csv -o watched.json\n"

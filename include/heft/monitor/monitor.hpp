@@ -30,7 +30,7 @@
 
 namespace heft::monitor {
 
-/// Speed of the push by which the bandwidth is chosen and delays are stated [N·m/s]: a hand that pushes an elbow.
+/// Rate of the push by which delays are stated [N·m/s]: a hand that leans on an elbow.
 inline constexpr double kPushRate = 30.0;
 
 struct Options {
@@ -52,21 +52,21 @@ struct ThresholdField {
 };
 
 /// All of them, in the order in which `heft export` writes them.
-inline constexpr std::array<ThresholdField, 8> kThresholdFields{
-    {{"constant", &JointThreshold<double>::constant, true},
-     {"speed", &JointThreshold<double>::speed, false},
-     {"load", &JointThreshold<double>::load, false},
-     {"load_rate", &JointThreshold<double>::load_rate, false},
-     {"reversal", &JointThreshold<double>::reversal, false},
-     {"ignorance", &JointThreshold<double>::ignorance, false},
+inline constexpr std::array<ThresholdField, 6> kThresholdFields{
+    {{"moving", &JointThreshold<double>::moving, true},
+     {"turning", &JointThreshold<double>::turning, true},
+     {"rest", &JointThreshold<double>::rest, true},
      {"offset_limit", &JointThreshold<double>::offset_limit, false},
-     {"rest_speed", &JointThreshold<double>::rest_speed, true}}};
+     {"rest_speed", &JointThreshold<double>::rest_speed, true},
+     {"top_speed", &JointThreshold<double>::top_speed, true}}};
 
 /// Thresholds of an arm, one joint an entry, and what they rest on.
 struct Thresholds {
-  double bandwidth{25.0};     ///< as in ContactThresholds [1/s]
-  double adaptation{5.0};     ///< [1/s]
-  double reversal_time{0.2};  ///< [s]
+  double bandwidth{25.0};    ///< as in ContactThresholds [1/s]
+  double adaptation{5.0};    ///< [1/s]
+  double turning_time{0.2};  ///< [s]
+  double load_rate{1e6};     ///< [N·m/s, N/s]
+  double largest_step{1.2};  ///< [thresholds]
   std::vector<JointThreshold<double>> joints;
   std::string torque_at{"motor"};  ///< where the torque was measured: "motor" or "joint"
   double asked_rate{1.0};          ///< false alarms that were allowed [1/h]
@@ -83,8 +83,9 @@ struct Thresholds {
 };
 
 /// Learns thresholds from the training logs of the set, in which nothing touched the arm.
-/// Each threshold is a linear form whose shape is an asymmetric regression of the deviation on the circumstances, and
-/// whose size follows from the tail of its maxima in blocks of one second (src/monitor/thresholds.md).
+/// Each joint has a threshold for rest, one for turning round and one for motion: a scale of its deviation there, times one
+/// multiple for the arm that follows from the tail of the maxima in blocks of one second, each log measured by the scales
+/// of the others (src/monitor/thresholds.md).
 /// @param file   whose parameters the robot has; logs that it was fitted to show a smaller residual than others, which
 ///               doubles the thresholds and makes the result doubtful
 /// @param robot  with the file's parameters

@@ -1,5 +1,5 @@
 /// @file
-/// Did the arm touch something? Residual of the momentum observer against thresholds of free motion.
+/// Did the arm touch something? Torque from outside against thresholds of free motion.
 #pragma once
 
 #include <array>
@@ -9,6 +9,7 @@
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/lagrangian.hpp"
+#include "heft/core/monitor/contact_deviation.hpp"
 #include "heft/core/monitor/contact_thresholds.hpp"
 #include "heft/core/monitor/load_change_test.hpp"
 #include "heft/core/monitor/momentum_observer.hpp"
@@ -38,12 +39,9 @@ constexpr const char* to_string(ContactEvent event) noexcept {
 
 /// Watches an arm for contacts.
 ///
-/// The residual r (MomentumObserver) holds torque from outside and what the model misses. Friction that differs from the
-/// model's from day to day is an offset that changes sign with the joint's direction. So an offset is kept for each
-/// direction (negative, at rest, positive), follows r at the rate A, and never leaves the range that free motion has
-/// shown, so that a slow push is not taken for friction. What is left, the deviation, is compared with a threshold linear
-/// in speed, load, rate of the load, time since the last reversal and ignorance of the offset (ContactThresholds). While a
-/// contact lasts no offset follows.
+/// The torque from outside (MomentumObserver) also holds what the model misses, most of it friction. ContactDeviation takes
+/// off what friction may be and filters the rest; it is compared with a threshold for what the joint does: rest, turn or
+/// move (ContactThresholds). While a contact lasts, no offset of friction follows.
 ///
 /// A deviation that lasts and follows the poses as the weight of a body on the flange does is no contact but a change of
 /// load: its weight belongs to the model from then on.
@@ -58,6 +56,7 @@ class ContactMonitor {
  public:
   using Vector = JointVector<Scalar, N>;
   using Observer = MomentumObserver<Scalar, N>;
+  using Deviation = ContactDeviation<Scalar, N>;
   using Thresholds = ContactThresholds<Scalar, N>;
 
   struct Record;
@@ -69,7 +68,7 @@ class ContactMonitor {
     typename Observer::Matrix motor_inertia = Observer::Matrix::Zero();  ///< as in MomentumObserver::Config
     Scalar longest_period{static_cast<Scalar>(0.1)};                     ///< as there [s]
     Scalar confirmation{0};  ///< a deviation above its threshold counts after that time [s]; 0 to 10
-    /// A contact ends when all deviations have stayed below half their thresholds for that time [s]; 0 to 10.
+    /// A contact ends when all deviations have stayed below kQuiet of their thresholds for that time [s]; 0 to 10.
     Scalar release{static_cast<Scalar>(0.1)};
     /// A contact also ends when its deviation has stood still for that long [s], 0.1 to 1000, within the offsets of free
     /// motion: after a push the friction of a joint at rest holds another torque than before.
@@ -83,14 +82,9 @@ class ContactMonitor {
     void* context{nullptr};
   };
 
-  struct Record {
-    Vector residual = Vector::Zero();   ///< r, torque from outside along positive q [N·m, N]
-    Vector deviation = Vector::Zero();  ///< r less the offset of the joint's direction
-    Vector threshold = Vector::Zero();  ///< for |deviation|
-    std::array<ResidualCircumstance<Scalar>, static_cast<std::size_t>(N)> circumstance{};
-    Vector offset = Vector::Zero();  ///< [N·m, N]
-    bool judged{false};              ///< false while the filters settle: at the start and after gaps
-    bool contact{false};             ///< something touches the arm
+  struct Record : Deviation::Record {
+    bool judged{false};   ///< false while the filters settle: at the start and after gaps
+    bool contact{false};  ///< something touches the arm
     std::array<bool, static_cast<std::size_t>(N)> above{};  ///< joints whose threshold is exceeded
     int joint{-1};     ///< whose deviation is largest against its threshold, counted from 0; -1: not judged
     int direction{0};  ///< of the torque from outside on that joint: 1 along positive q, -1 against
@@ -103,20 +97,18 @@ class ContactMonitor {
   Status configure(const Config& config) noexcept {
     const auto within = [](Scalar value, Scalar low, Scalar high) { return value >= low && value <= high; };
     const Thresholds& t = config.thresholds;
-    bool valid = within(t.adaptation, static_cast<Scalar>(1e-3), Scalar(1000)) &&
-                 within(t.reversal_time, static_cast<Scalar>(1e-3), Scalar(1000)) &&
-                 within(config.confirmation, Scalar(0), Scalar(10)) &&
-                 within(config.release, Scalar(0), Scalar(10)) &&
-                 within(config.stand_still, static_cast<Scalar>(0.1), Scalar(1000)) &&
-                 within(config.persistence, static_cast<Scalar>(0.1), Scalar(1000)) &&
-                 within(config.load_share, static_cast<Scalar>(0.5), Scalar(1));
-    for (const JointThreshold<Scalar>& joint : t.joints) valid = valid && joint.is_valid();
+    const bool valid = t.is_valid() && within(config.confirmation, Scalar(0), Scalar(10)) &&
+                       within(config.release, Scalar(0), Scalar(10)) &&
+                       within(config.stand_still, static_cast<Scalar>(0.1), Scalar(1000)) &&
+                       within(config.persistence, static_cast<Scalar>(0.1), Scalar(1000)) &&
+                       within(config.load_share, static_cast<Scalar>(0.5), Scalar(1));
     if (!valid) return Status::kOutOfRange;
     typename Observer::Config observer;
-    observer.bandwidth = t.bandwidth;
+    observer.bandwidth = kUnfiltered;
     observer.motor_inertia = config.motor_inertia;
     observer.longest_period = config.longest_period;
     if (const Status status = observer_.configure(observer); status != Status::kOk) return status;
+    deviation_.configure(t);
     config_ = config;
     reset();
     configured_ = true;
@@ -126,6 +118,7 @@ class ContactMonitor {
   /// Forgets the past, offsets and loads included.
   void reset() noexcept {
     observer_.reset();
+    deviation_.reset();
     state_ = State{};
     load_.fill(Scalar(0));
   }
@@ -188,21 +181,12 @@ class ContactMonitor {
   const Config& config() const noexcept { return config_; }
 
  private:
-  /// Of a joint in one direction of motion.
-  struct Direction {
-    Scalar offset{0};
-    Scalar ignorance{1};
-  };
   struct State {
-    std::array<std::array<Direction, 3>, static_cast<std::size_t>(N)> directions{};
-    std::array<std::uint8_t, static_cast<std::size_t>(N)> way{};  ///< 0 against q, 1 at rest, 2 along q
-    std::array<Scalar, static_cast<std::size_t>(N)> reversal{};
-    Vector explained = Vector::Zero(), rate = Vector::Zero();
     Vector followed = Vector::Zero();  ///< residual during a contact, followed as an offset would
     LoadChangeTest<Scalar, N> body;
     Scalar settled{0};  ///< time since the start or the last gap [s]
     Scalar above{0}, below{0}, still{0};
-    bool started{false}, contact{false};
+    bool contact{false};
   };
 
   /// @param status   of the observer's update
@@ -211,7 +195,7 @@ class ContactMonitor {
              Record& record) noexcept {
     if (status == Status::kOk && period > config_.longest_period) {
       state_.settled = Scalar(0);
-      state_.rate.setZero();
+      deviation_.restart();
     }
     if (status != Status::kOk || !observer_.running()) {
       record = Record{};
@@ -231,57 +215,9 @@ class ContactMonitor {
     return false;
   }
 
-  /// Way of a joint with hysteresis: it moves above its rest speed and stops below a third of it.
-  static std::uint8_t way_of(Scalar speed, Scalar rest, std::uint8_t before) noexcept {
-    if (speed > rest) return 2;
-    if (speed < -rest) return 0;
-    const Scalar third = static_cast<Scalar>(0.3) * rest;
-    return speed < third && speed > -third ? 1 : before;
-  }
-
-  /// Deviation and circumstances of this sample; offsets go on unless something touches.
+  /// Deviation and threshold of this sample; offsets go on unless something touches.
   void follow(const Vector& qd, Scalar period, Record& record) noexcept {
-    using std::exp;
-    const Thresholds& t = config_.thresholds;
-    const Scalar fade = exp(-period / t.reversal_time);
-    const Scalar keep = exp(-t.adaptation * period);
-    const Scalar keep_rate = exp(-kRateBandwidth * period);
-    const Vector explained = observer_.explained();
-    record.residual = observer_.residual();
-    for (int j = 0; j < N; ++j) {
-      const std::size_t i = static_cast<std::size_t>(j);
-      const JointThreshold<Scalar>& limits = t.joints[i];
-      const auto size = [](Scalar x) { return x < Scalar(0) ? -x : x; };
-      const std::uint8_t way =
-          way_of(qd[j], limits.rest_speed, state_.started ? state_.way[i] : std::uint8_t{1});
-      if (!state_.started || way != state_.way[i]) {
-        state_.reversal[i] = Scalar(1);
-        // What holds a joint at rest is anything within friction, and another each time.
-        if (way == 1) state_.directions[i][1].ignorance = Scalar(1);
-      } else {
-        state_.reversal[i] *= fade;
-      }
-      state_.way[i] = way;
-      Direction& now = state_.directions[i][way];
-      if (!state_.started) now.offset = limited(record.residual[j], limits.offset_limit);
-      const Scalar rate = state_.started ? size(explained[j] - state_.explained[j]) / period : Scalar(0);
-      state_.rate[j] = keep_rate * state_.rate[j] + (Scalar(1) - keep_rate) * rate;
-      record.circumstance[i] = {size(qd[j]), size(explained[j]), state_.rate[j], state_.reversal[i],
-                                now.ignorance};
-      record.offset[j] = now.offset;
-      record.deviation[j] = record.residual[j] - now.offset;
-      record.threshold[j] = limits.at(record.circumstance[i]);
-      if (!state_.contact) {
-        now.offset = limited(now.offset + (Scalar(1) - keep) * record.deviation[j], limits.offset_limit);
-      }
-      now.ignorance *= keep;
-    }
-    state_.explained = explained;
-    state_.started = true;
-  }
-
-  static Scalar limited(Scalar value, Scalar limit) noexcept {
-    return value > limit ? limit : value < -limit ? -limit : value;
+    deviation_.update(observer_.residual(), observer_.explained(), qd, period, state_.contact, record);
   }
 
   void decide(const LoadColumns<Scalar, N>* columns, Scalar period, Record& record) noexcept {
@@ -302,7 +238,7 @@ class ContactMonitor {
       const Scalar share = size / record.threshold[j];
       record.above[static_cast<std::size_t>(j)] = share > Scalar(1);
       above = above || share > Scalar(1);
-      quiet = quiet && share < static_cast<Scalar>(0.5);
+      quiet = quiet && share < kQuiet;
       if (record.joint < 0 || share > largest) {
         largest = share;
         record.joint = j;
@@ -323,10 +259,7 @@ class ContactMonitor {
       if (quiet && state_.below >= config_.release) {
         end(ContactEvent::kReleased, record);
       } else if (stands_still(period, record)) {
-        for (int j = 0; j < N; ++j) {
-          const std::size_t i = static_cast<std::size_t>(j);
-          state_.directions[i][state_.way[i]].offset = state_.followed[j];
-        }
+        for (int j = 0; j < N; ++j) deviation_.accept(j);
         end(ContactEvent::kReleased, record);
       } else if (columns != nullptr) {
         look_for_load(*columns, period, record);
@@ -360,6 +293,7 @@ class ContactMonitor {
     record.load = body;
     for (std::size_t a = 0; a < body.size(); ++a) load_[a] += body[a];
     observer_.reset();
+    deviation_.restart();
     state_.settled = Scalar(0);
     end(ContactEvent::kLoadChange, record);
   }
@@ -372,10 +306,13 @@ class ContactMonitor {
 
   /// Filters and offsets have forgotten the start to 5 % [1 / adaptation].
   static constexpr Scalar kSettling{3};
-  /// Of the mean rate of the load [1/s]: a tenth of a second, over which inertia and timing show.
-  static constexpr Scalar kRateBandwidth{10};
+  /// Part of its threshold below which a deviation is no contact any more: free motion reaches half of it every few seconds.
+  static constexpr Scalar kQuiet{static_cast<Scalar>(0.7)};
+  /// Bandwidth at which the observer passes the torque from outside on as it is [1/s]; ContactDeviation filters it.
+  static constexpr Scalar kUnfiltered{1e5};
 
   Observer observer_;
+  Deviation deviation_;
   Config config_{};
   State state_{};
   std::array<Scalar, 4> load_{};

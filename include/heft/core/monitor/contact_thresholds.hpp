@@ -4,71 +4,84 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 #include "heft/core/numeric_range.hpp"
 
 namespace heft {
 
-/// What the residual of a joint may depend on in free motion.
-template <typename Scalar>
-struct ResidualCircumstance {
-  Scalar speed{0};  ///< |q̇| [rad/s, m/s]
-  Scalar load{0};   ///< |torque that the model explains| [N·m, N]
-  Scalar load_rate{
-      0};  ///< mean |rate of that torque| of late [N·m/s, N/s]: how far off timing and inertia show
-  Scalar reversal{0};   ///< e^{−t/T}, t since the joint last turned round, started or stopped
-  Scalar ignorance{1};  ///< e^{−A t}, t spent in this direction: how little of the offset there is known yet
+/// What a joint does, as far as its friction is concerned.
+enum class MotionPhase : std::uint8_t {
+  kRest,     ///< friction holds any torque up to its limit
+  kTurning,  ///< slow, or started, stopped or turned round of late: friction changes sign or level
+  kMoving    ///< friction is known but for an offset
 };
 
-/// Threshold of one joint, linear in its circumstances, no coefficient below zero.
+/// Threshold of one joint in each phase.
 template <typename Scalar>
 struct JointThreshold {
-  Scalar constant{0};   ///< [N·m, N], above 0
-  Scalar speed{0};      ///< [N·m·s/rad, N·s/m]
-  Scalar load{0};       ///< [1]
-  Scalar load_rate{0};  ///< [s]
-  Scalar reversal{0};   ///< [N·m, N]
-  Scalar ignorance{0};  ///< [N·m, N]
-  /// Largest offset of the residual that free motion shows [N·m, N], ≥ 0; more is not taken for the model's error.
-  Scalar offset_limit{0};
+  Scalar moving{0};   ///< [N·m, N], above 0
+  Scalar turning{0};  ///< [N·m, N], above 0
+  Scalar rest{0};     ///< for what exceeds offset_limit [N·m, N], above 0
+  Scalar offset_limit{
+      0};  ///< largest torque of friction that the model may miss, as free motion shows it [N·m, N], ≥ 0
   Scalar rest_speed{static_cast<Scalar>(0.01)};  ///< a faster joint moves [rad/s, m/s], above 0
+  /// Fastest motion that the threshold is known for; beyond it the threshold grows in proportion [rad/s, m/s], above 0.
+  Scalar top_speed{1000};
 
-  /// Threshold [N·m, N].
-  constexpr Scalar at(const ResidualCircumstance<Scalar>& now) const noexcept {
-    return constant + speed * now.speed + load * now.load + load_rate * now.load_rate +
-           reversal * now.reversal + ignorance * now.ignorance;
+  /// The same threshold in every phase.
+  static constexpr JointThreshold uniform(Scalar threshold, Scalar offset_limit) noexcept {
+    return {threshold, threshold, threshold, offset_limit, static_cast<Scalar>(0.01), Scalar(1000)};
   }
 
   constexpr bool is_valid() const noexcept {
-    const Scalar values[] = {speed, load, load_rate, reversal, ignorance, offset_limit};
-    for (const Scalar& value : values) {
-      if (!(value >= Scalar(0)) || !is_usable(value)) return false;
+    for (const Scalar& value : {moving, turning, rest, rest_speed, top_speed}) {
+      if (!(value > Scalar(0)) || !is_usable(value)) return false;
     }
-    return constant > Scalar(0) && is_usable(constant) && rest_speed > Scalar(0) && is_usable(rest_speed);
+    return offset_limit >= Scalar(0) && is_usable(offset_limit);
   }
 
   template <typename To>
   constexpr JointThreshold<To> cast() const noexcept {
-    return {static_cast<To>(constant),     static_cast<To>(speed),     static_cast<To>(load),
-            static_cast<To>(load_rate),    static_cast<To>(reversal),  static_cast<To>(ignorance),
-            static_cast<To>(offset_limit), static_cast<To>(rest_speed)};
+    return {static_cast<To>(moving),       static_cast<To>(turning),    static_cast<To>(rest),
+            static_cast<To>(offset_limit), static_cast<To>(rest_speed), static_cast<To>(top_speed)};
   }
 };
 
 /// Thresholds of an arm with the filters that they were learnt behind; `heft export` writes one as kThresholds.
 template <typename Scalar, int N>
 struct ContactThresholds {
-  Scalar bandwidth{25};  ///< K of MomentumObserver [1/s]
-  Scalar adaptation{5};  ///< A: rate at which the residual's offset in each direction is followed [1/s]
-  Scalar reversal_time{static_cast<Scalar>(0.2)};  ///< T of ResidualCircumstance::reversal [s]
+  Scalar bandwidth{25};  ///< K of the low-pass on the torque from outside [1/s]
+  Scalar adaptation{5};  ///< A: rate at which friction's offset in each direction is followed [1/s]
+  Scalar turning_time{
+      static_cast<Scalar>(0.2)};  ///< how long a joint turns after it has changed direction [s]
+  /// Sum over the joints of the mean |rate| of the torque that the model explains, in the harshest free motion; beyond it
+  /// thresholds grow in proportion: a hard stop shakes all joints [N·m/s, N/s], above 0.
+  Scalar load_rate{static_cast<Scalar>(1e6)};
+  /// A single sample counts as if it differed from the residual by at most that many thresholds: no glitch exceeds a
+  /// threshold on its own. 1e-3 to 1000.
+  Scalar largest_step{static_cast<Scalar>(1.2)};
   std::array<JointThreshold<Scalar>, static_cast<std::size_t>(N)> joints{};
+
+  constexpr bool is_valid() const noexcept {
+    const auto within = [](Scalar value, Scalar low, Scalar high) { return value >= low && value <= high; };
+    for (const JointThreshold<Scalar>& joint : joints) {
+      if (!joint.is_valid()) return false;
+    }
+    return within(bandwidth, static_cast<Scalar>(1e-3), static_cast<Scalar>(1e5)) &&
+           within(adaptation, static_cast<Scalar>(1e-3), Scalar(1000)) &&
+           within(turning_time, Scalar(0), Scalar(1000)) && load_rate > Scalar(0) && is_usable(load_rate) &&
+           within(largest_step, static_cast<Scalar>(1e-3), Scalar(1000));
+  }
 
   template <typename To>
   constexpr ContactThresholds<To, N> cast() const noexcept {
     ContactThresholds<To, N> to;
     to.bandwidth = static_cast<To>(bandwidth);
     to.adaptation = static_cast<To>(adaptation);
-    to.reversal_time = static_cast<To>(reversal_time);
+    to.turning_time = static_cast<To>(turning_time);
+    to.load_rate = static_cast<To>(load_rate);
+    to.largest_step = static_cast<To>(largest_step);
     for (std::size_t j = 0; j < joints.size(); ++j) to.joints[j] = joints[j].template cast<To>();
     return to;
   }
