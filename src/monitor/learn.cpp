@@ -36,6 +36,8 @@ constexpr double kNextRecording = 1.2, kOnlyRecording = 1.6;
 /// Fewer blocks have no tail; the level without: above any that measured arms asked for.
 constexpr std::size_t kFewBlocks = 10;
 constexpr double kUnknownLevel = 5.0;
+/// A sample counts that many thresholds at least: less would hold up a push, not a glitch.
+constexpr double kLeastStep = 0.6;
 /// Least speed of a joint that moves [rad/s]; a tenth of it in m/s.
 constexpr double kLeastSpeed = 0.01;
 /// Expected false alarms whose interval reaches that multiple of what was asked for are extrapolated too far.
@@ -120,7 +122,7 @@ void set_thresholds(const FreeMotion& motion, const Thresholds& scales, double m
   const double level = level_of(maxima.motion, single, options, result);
   result.bandwidth = scales.bandwidth;
   result.load_rate = scales.load_rate;
-  result.largest_step = scales.largest_step / (margin * level);
+  result.largest_step = std::max(scales.largest_step / (margin * level), kLeastStep);
   result.joints = scales.joints;
   for (JointThreshold<double>& joint : result.joints) {
     joint.moving *= margin * level;

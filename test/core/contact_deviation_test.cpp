@@ -131,6 +131,7 @@ TYPED_TEST(ContactDeviationTest, NoOffsetFollowsWhileItIsHeld) {
   joints.deviation.accept(0);
   joints.step(3.0);
   EXPECT_NEAR(joints.record.deviation[0], 0.0, 1e-3);
+  EXPECT_NEAR(joints.record.threshold[0], kThreshold + kLimit, 1e-3);  // what was held is not known
 }
 
 TYPED_TEST(ContactDeviationTest, HarsherMotionThanWasLearntWidensThresholdsInProportion) {

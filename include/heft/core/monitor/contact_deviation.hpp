@@ -61,7 +61,7 @@ class ContactDeviation {
   /// @param explained  torque that the model explains, likewise
   /// @param qd         velocities, n [rad/s, m/s]
   /// @param period     > 0 [s]
-  /// @param hold       true: offsets do not follow, since something touches the arm
+  /// @param hold       true: offsets do not follow, since something touches the arm; afterwards they are not known
   void update(const Vector& outside, const Vector& explained, const Vector& qd, Scalar period, bool hold,
               Record& record) noexcept {
     set_period(period);
@@ -86,7 +86,12 @@ class ContactDeviation {
       record.threshold[j] = widening * threshold_of(record.phase[i], size(qd[j]), limits);
       Direction& now = joint.directions[joint.way];
       if (joint.way == kStill && still_ < kStillTime) {
-        now = {limited(joint.residual, limits.offset_limit), Scalar(0)};
+        now = {limited(joint.residual, limits.offset_limit), Scalar(0), false};
+      }
+      if (joint.way != kStill && hold != now.held) {
+        // What a push has left in the offset before it was found is not friction.
+        if (now.held) now.ignorance = Scalar(1);
+        now.held = hold;
       }
       record.offset[j] = now.offset;
       record.deviation[j] = joint.residual - now.offset;
@@ -131,6 +136,7 @@ class ContactDeviation {
   struct Direction {
     Scalar offset{0};
     Scalar ignorance{1};
+    bool held{false};
   };
   struct Joint {
     Scalar residual{0}, explained{0};
