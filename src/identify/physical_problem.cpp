@@ -211,4 +211,18 @@ PhysicalProblem make_problem(const regression::RegressionColumns& columns,
   return problem;
 }
 
+PhysicalProblem part_of(const PhysicalProblem& whole, const std::vector<int>& columns) {
+  PhysicalProblem part;
+  part.x0 = whole.x0(columns);
+  part.T = whole.T(columns, columns);
+  for (PhysicalBlock block : whole.blocks) {
+    const auto place = std::lower_bound(columns.begin(), columns.end(), block.first);
+    if (place == columns.end() || *place != block.first) continue;
+    block.first = static_cast<int>(place - columns.begin());
+    part.blocks.push_back(block);
+    part.degree += block.kind == Unknown::kLink ? 4.0 : block.kind == Unknown::kPositive ? 1.0 : 0.0;
+  }
+  return part;
+}
+
 }  // namespace heft::identify

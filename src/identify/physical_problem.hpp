@@ -51,4 +51,8 @@ PhysicalProblem make_problem(const regression::RegressionColumns& columns,
                              const regression::BaseParameters& base, const regression::TriangularFactor& data,
                              const Eigen::VectorXd& prior, double margin, PriorChanges& changes);
 
+/// The part of a problem that is about some of its columns, without data (A, z are empty); the others stay as they are.
+/// @param columns  ascending, all ten of a link or none
+PhysicalProblem part_of(const PhysicalProblem& whole, const std::vector<int>& columns);
+
 }  // namespace heft::identify
