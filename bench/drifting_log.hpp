@@ -3,6 +3,7 @@
 /// estimators that run while the arm moves are compared on.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -34,19 +35,24 @@ class DriftingLog {
     double rate{500.0};  ///< [Hz]
     double noise{0.01};  ///< of the torque, in parts of the joint's largest; half of it correlated over 20 ms
     double drift{0.3};   ///< share of friction that is lost on warming up
-    double warming{20.0};   ///< time constant of that [s]
-    double burst{30.0};     ///< begin of 0.3 s in which three of ten torques are off by up to 150 N·m [s]
-    double gap{40.0};       ///< begin of 0.5 s in which the torques are NaN [s]
-    double tool{0.5};       ///< mass at the flange [kg]
-    double amplitude{1.0};  ///< of the motion, in parts of an ordinary one
+    double warming{20.0};  ///< time constant of that [s]
+    double burst{30.0};    ///< begin of 0.3 s in which three of ten torques are off by up to 150 N·m [s]
+    double gap{40.0};      ///< begin of 0.5 s in which the torques are NaN [s]
+    double rest_begin{kInfinity};  ///< of a stretch in which the three joints of the wrist stand still [s]
+    double rest_end{kInfinity};    ///< [s]
+    double tool{0.5};              ///< mass at the flange [kg]
     int seed{1};
   };
 
   explicit DriftingLog(const Config& config)
       : config_(config), random_(config.seed), arm_(with_tool(config.tool)) {}
 
-  /// What the estimators are given: the arm without tool, friction cold.
-  static ArmModel<double, 6> model() { return model::Ur5Arm::kModel; }
+  /// What the estimators are given: the arm without tool, friction cold, rotors as known.
+  static ArmModel<double, 6> model() {
+    ArmModel<double, 6> arm = model::Ur5Arm::kModel;
+    for (std::size_t j = 0; j < 6; ++j) arm.actuation[j].rotor_inertia = j < 3 ? 0.7 : 0.12;
+    return arm;
+  }
   static ArmModel<double, 6> with_tool(double mass) {
     ArmModel<double, 6> arm = model();
     const double i = mass * 0.002;  // a cube of 11 cm
@@ -55,28 +61,29 @@ class DriftingLog {
     return arm;
   }
 
+  /// Standard deviation of the noise of a joint's torque [N·m].
+  double noise(int joint) const { return config_.noise * kLargest[static_cast<std::size_t>(joint)]; }
+
   DriftingSample next() {
     const double period = 1.0 / config_.rate;
-    time_ += period;
     DriftingSample s;
-    s.time = time_;
-    s.friction = 1.0 - config_.drift * (1.0 - std::exp(-time_ / config_.warming));
-    State now, middle;
-    motion(time_, now);
-    motion(time_ - 0.5 * period, middle);
+    s.time = time_ + period;
+    s.friction = 1.0 - config_.drift * (1.0 - std::exp(-s.time / config_.warming));
+    // The torque reported with a sample acted since the one before.
+    const State middle = motion(time_ + 0.5 * period, 0.5 * period), now = motion(s.time, period);
+    time_ = s.time;
+    phase_ = now.phase;
     s.tau = inverse_dynamics(arm_, middle.q, middle.qd, middle.qdd);
     const double keep = std::exp(-period / 0.02);
+    const bool burst = time_ >= config_.burst && time_ < config_.burst + 0.3;
+    const bool gap = time_ >= config_.gap && time_ < config_.gap + 0.5;
     constexpr double kStep = 2 * std::numbers::pi / 131072;
     for (int i = 0; i < 6; ++i) {
-      JointActuation<double> joint = arm_.model().actuation[static_cast<std::size_t>(i)];
-      joint.coulomb_friction *= s.friction;
-      joint.viscous_friction *= s.friction;
-      const double std = config_.noise * kLargest[static_cast<std::size_t>(i)] * std::numbers::sqrt2 / 2.0;
       coloured_[i] = keep * coloured_[i] + std::sqrt(1.0 - keep * keep) * normal_(random_);
-      s.tau[i] += friction_torque(joint, middle.qd[i], 0.0) + std * (coloured_[i] + normal_(random_));
-      if (time_ >= config_.burst && time_ < config_.burst + 0.3 && uniform_(random_) < 0.3)
-        s.tau[i] += 150.0 * (2.0 * uniform_(random_) - 1.0);
-      if (time_ >= config_.gap && time_ < config_.gap + 0.5) s.tau[i] = kNaN;
+      s.tau[i] += drive(i, middle, s.friction) +
+                  noise(i) * std::numbers::sqrt2 / 2.0 * (coloured_[i] + normal_(random_));
+      if (burst && uniform_(random_) < 0.3) s.tau[i] += 150.0 * (2.0 * uniform_(random_) - 1.0);
+      if (gap) s.tau[i] = kNaN;
       s.q[i] = kStep * std::round(now.q[i] / kStep);
       s.qd[i] = now.qd[i] + 1e-3 * normal_(random_);
     }
@@ -86,17 +93,45 @@ class DriftingLog {
  private:
   struct State {
     JointVector<double, 6> q, qd, qdd;
+    double phase{0.0};  ///< of the wrist's motion [s]
   };
   /// Largest torques of the motion, roughly [N·m].
   static constexpr std::array<double, 6> kLargest{20, 80, 40, 8, 5, 4};
+  static constexpr double kStopping = 0.5;  ///< time in which the wrist stops, and starts again [s]
 
-  void motion(double t, State& s) const {
+  /// Rotor and friction; at rest this takes up a part of the load.
+  double drive(int i, const State& s, double share) const {
+    JointActuation<double> joint = arm_.model().actuation[static_cast<std::size_t>(i)];
+    joint.coulomb_friction *= share;
+    joint.viscous_friction *= share;
+    return joint.rotor_inertia * s.qdd[i] +
+           (s.qd[i] == 0.0 ? 0.4 * joint.coulomb_friction : friction_torque(joint, s.qd[i], 0.0));
+  }
+
+  /// How fast the wrist's motion goes on, 0 to 1, and how that changes [1/s].
+  std::array<double, 2> pace(double t) const {
+    const auto falling = [](double since) -> std::array<double, 2> {
+      const double x = std::clamp(since / kStopping, 0.0, 1.0), w = std::numbers::pi;
+      return {0.5 + 0.5 * std::cos(w * x), x > 0.0 && x < 1.0 ? -0.5 * w / kStopping * std::sin(w * x) : 0.0};
+    };
+    const auto down = falling(t - config_.rest_begin), up = falling(t - config_.rest_end);
+    return t < config_.rest_end ? down : std::array<double, 2>{1.0 - up[0], -up[1]};
+  }
+
+  /// @param ahead  of the last sample [s]
+  State motion(double t, double ahead) const {
+    const auto [rate, change] = pace(t);
+    State s;
+    s.phase = phase_ + 0.5 * ahead * (pace(t - ahead)[0] + rate);
     for (int i = 0; i < 6; ++i) {
-      const double w = 2 * std::numbers::pi * (0.21 + 0.07 * i), a = config_.amplitude * (i < 3 ? 0.45 : 0.7);
-      s.q[i] = 0.3 * i - 0.7 + a * std::sin(w * t + i) + 0.3 * a * std::sin(1.7 * w * t);
-      s.qd[i] = a * w * std::cos(w * t + i) + 0.51 * a * w * std::cos(1.7 * w * t);
-      s.qdd[i] = -a * w * w * (std::sin(w * t + i) + 0.867 * std::sin(1.7 * w * t));
+      const double w = 2 * std::numbers::pi * (0.21 + 0.07 * i), a = i < 3 ? 0.45 : 0.7;
+      const double x = w * (i < 3 ? t : s.phase), v = i < 3 ? 1.0 : rate, dv = i < 3 ? 0.0 : change;
+      const double slope = a * w * (std::cos(x + i) + 0.51 * std::cos(1.7 * x));
+      s.q[i] = 0.3 * i - 0.7 + a * std::sin(x + i) + 0.3 * a * std::sin(1.7 * x);
+      s.qd[i] = slope * v;
+      s.qdd[i] = -a * w * w * (std::sin(x + i) + 0.867 * std::sin(1.7 * x)) * v * v + slope * dv;
     }
+    return s;
   }
 
   Config config_;
@@ -105,7 +140,7 @@ class DriftingLog {
   std::uniform_real_distribution<double> uniform_{0.0, 1.0};
   DynamicArm<double, 6> arm_;
   JointVector<double, 6> coloured_ = JointVector<double, 6>::Zero();
-  double time_{0.0};
+  double time_{0.0}, phase_{0.0};
 };
 
 }  // namespace heft::bench
