@@ -114,6 +114,10 @@ const std::string& HorizonEstimate::name(int i) const {
   return (*columns)[unknown[static_cast<std::size_t>(i)]].name;
 }
 
+const std::string& HorizonEstimate::unit(int i) const {
+  return (*columns)[unknown[static_cast<std::size_t>(i)]].unit;
+}
+
 double HorizonEstimate::value(int i) const { return values[unknown[static_cast<std::size_t>(i)]]; }
 
 statistics::Interval HorizonEstimate::interval(int i) const {

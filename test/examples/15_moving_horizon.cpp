@@ -1,6 +1,7 @@
 // Friction while the arm moves. In the place of the robot is its own model, warm: friction is 30 % lower than in the model that
 // the estimator is given.
 // Prints:
+//   At 9.97 s the samples determine 22 of 22 parameters; 0 % of the window's rows are outliers.
 //   joint 1: Coulomb friction 3.50 N·m, cold 5.00
 //   joint 2: Coulomb friction 3.50 N·m, cold 5.00
 //   joint 3: Coulomb friction 2.80 N·m, cold 4.00
@@ -11,6 +12,7 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/model/named_arms.hpp"
 #include "heft/model/robot_of.hpp"
+#include "heft/report/moving_horizon.hpp"
 
 int main() {
   const heft::model::Robot cold = heft::model::robot_of(heft::model::Ur5Arm::kModel, "ur5");
@@ -24,6 +26,7 @@ int main() {
                           qdd = -w.square() * q.array();
     horizon.push({t, q, qd, arm.joint_torque(q, qd, qdd)});
   }
+  std::printf("%s\n", heft::report::brief(horizon.estimate()).c_str());
   const heft::model::Robot now = horizon.estimate().robot();
   for (std::size_t i = 0; i < 3; ++i)
     std::printf("joint %zu: Coulomb friction %.2f N·m, cold %.2f\n", i + 1,

@@ -17,6 +17,7 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/model/physical_links.hpp"
 #include "heft/model/robot_of.hpp"
+#include "heft/report/moving_horizon.hpp"
 #include "identify/horizon_window.hpp"
 #include "support/arms.hpp"
 
@@ -376,6 +377,22 @@ TEST(MovingHorizon, WritesItsModelWithStandardDeviations) {
   EXPECT_TRUE(std::isnan((*file.standard_deviations)[10]));
   EXPECT_DOUBLE_EQ((*file.standard_deviations)[11], horizon.estimate().std[10]);
   EXPECT_DOUBLE_EQ(file.actuation[0].coulomb_friction, horizon.estimate().value(10));
+}
+
+TEST(MovingHorizon, IsReportedInWordsAndAsJson) {
+  MovingHorizon horizon(pendulum_prior());
+  EXPECT_EQ(report::brief(horizon.estimate()), "The samples do not determine any parameter yet.");
+  EXPECT_THAT(report::json(horizon.estimate()), HasSubstr("\"time\": null"));
+  Pendulum truth;
+  for (int k = 1; k <= 2500; ++k) horizon.push(truth.at(0.002 * k));
+  const HorizonEstimate& found = horizon.estimate();
+  const auto determined = std::count(found.determined.begin(), found.determined.end(), true);
+  EXPECT_THAT(report::brief(found),
+              HasSubstr("determine " + std::to_string(determined) + " of 12 parameters"));
+  EXPECT_THAT(report::full(found), HasSubstr("Fc1"));
+  EXPECT_THAT(report::full(found), HasSubstr("robot"));  // most of the link is not seen by one joint
+  EXPECT_THAT(report::json(found), HasSubstr("\"name\": \"Fv1\""));
+  EXPECT_THAT(report::page(found).to_html(), HasSubstr("Parameters while the arm moves"));
 }
 
 TEST(MovingHorizon, SaysWhichSettingIsWrong) {

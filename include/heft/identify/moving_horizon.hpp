@@ -86,6 +86,7 @@ struct HorizonEstimate {
   bool converged{false};  ///< the last step ended at its minimum, not at the bound on iterations
 
   const std::string& name(int i) const;        ///< of the i-th unknown: "Fc3", "Ixx6"
+  const std::string& unit(int i) const;        ///< of the i-th unknown: "N·m"
   double value(int i) const;                   ///< of the i-th unknown
   statistics::Interval interval(int i) const;  ///< the same with its 95 % interval
   bool usable() const;                         ///< there is an estimate, and the samples determine some of it
