@@ -85,6 +85,7 @@ class SizedFollower final : public LoadFollower::Sized {
     config.update_rate = kUpdatesPerPeriod * cutoff_of(options);
     config.friction_prior = friction_prior(arm, config.first_row, noise, options.torque_at_joint);
     config.noise_std = noise;
+    config.noise_known = true;
     config.sign_width = kSignWidth;
     config.transition_time = 0.0;
     config.longest_rest = kRest;
@@ -96,11 +97,7 @@ class SizedFollower final : public LoadFollower::Sized {
           arm.name, config.filter_hz));
     }
     model::add_parts(arm, core_);
-    for (const Elasticity<double>& elasticity : arm.elasticities) {
-      if (core_.add(elasticity) != Status::kOk)
-        throw ModelError(fmt::format("robot \"{}\": elastic joint {}: expected one of its joints", arm.name,
-                                     elasticity.joint + 1));
-    }
+    model::add_elasticities(arm, core_);
   }
 
   Status update(const VectorXd& q, const VectorXd& qd, const VectorXd& tau, double step,

@@ -53,7 +53,7 @@ TEST(ComputedTorque, MakesTheClosedLoopLinear) {
     ASSERT_EQ(computed_torque<Arm>(feedback, parameters, none, rotor, s.reference, s.q, s.qd, tau, record),
               Status::kOk);
     MassMatrix<double, 6> mass;
-    Vector bias, qdd;
+    Vector bias, qdd = Vector::Zero();
     const auto trig = joint_trigonometry<Arm>(s.q);
     mass_matrix<Arm>(parameters, trig, s.q, mass);
     bias_torque<Arm>(parameters, trig, s.q, s.qd, bias);

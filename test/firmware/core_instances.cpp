@@ -238,37 +238,44 @@ struct TerminalInstances {
 };
 
 template struct DynamicInstances<float, 6>;
-template struct DynamicInstances<float, 7>;
-template struct DynamicInstances<double, 6>;
 template struct DynamicInstances<double, 7>;
 
 template struct StaticsInstances<float, 6>;
-template struct StaticsInstances<float, 7>;
-template struct StaticsInstances<double, 6>;
 template struct StaticsInstances<double, 7>;
 
 template struct StaticInstances<float, PaperArm>;
-template struct StaticInstances<float, SevenJointArm>;
-template struct StaticInstances<double, PaperArm>;
 template struct StaticInstances<double, SevenJointArm>;
 
 template struct StaticInstances<float, PaperArm>::With<ConstantParameters<float, PaperArm>>;
 template struct StaticInstances<float, PaperArm>::With<ReducedParameters<float, PaperArm>>;
+template struct StaticInstances<double, SevenJointArm>::With<ConstantParameters<double, SevenJointArm>>;
+template struct StaticInstances<double, SevenJointArm>::With<ReducedParameters<double, SevenJointArm>>;
+
+template struct TerminalInstances<double, PaperArm, 0>;
+template struct TerminalInstances<float, PaperArm, 4>;
+template struct TerminalInstances<double, SevenJointArm, 5>;
+
+#ifdef HEFT_WHOLE_GRID
+template struct DynamicInstances<float, 7>;
+template struct DynamicInstances<double, 6>;
+
+template struct StaticsInstances<float, 7>;
+template struct StaticsInstances<double, 6>;
+
+template struct StaticInstances<float, SevenJointArm>;
+template struct StaticInstances<double, PaperArm>;
+
 template struct StaticInstances<float, SevenJointArm>::With<ConstantParameters<float, SevenJointArm>>;
 template struct StaticInstances<float, SevenJointArm>::With<ReducedParameters<float, SevenJointArm>>;
 template struct StaticInstances<double, PaperArm>::With<ConstantParameters<double, PaperArm>>;
 template struct StaticInstances<double, PaperArm>::With<ReducedParameters<double, PaperArm>>;
-template struct StaticInstances<double, SevenJointArm>::With<ConstantParameters<double, SevenJointArm>>;
-template struct StaticInstances<double, SevenJointArm>::With<ReducedParameters<double, SevenJointArm>>;
 
 template struct TerminalInstances<float, PaperArm, 0>;
-template struct TerminalInstances<double, PaperArm, 0>;
-template struct TerminalInstances<float, PaperArm, 4>;
 template struct TerminalInstances<double, PaperArm, 4>;
 template struct TerminalInstances<float, PaperArm, 5>;
 template struct TerminalInstances<double, PaperArm, 5>;
 template struct TerminalInstances<float, SevenJointArm, 5>;
-template struct TerminalInstances<double, SevenJointArm, 5>;
+#endif
 
 }  // namespace heft::firmware
 
@@ -305,27 +312,29 @@ using SevenFloat = StaticArm<float, firmware::SevenJointArm>;
 using SevenDouble = StaticArm<double, firmware::SevenJointArm>;
 
 // k = 1 (the whole arm), k = 5, k = 6.
-HEFT_INSTANTIATE_TERMINAL(SixFloat, 0);
 HEFT_INSTANTIATE_TERMINAL(SixDouble, 0);
 HEFT_INSTANTIATE_TERMINAL(SixFloat, 4);
+HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
+#ifdef HEFT_WHOLE_GRID
+HEFT_INSTANTIATE_TERMINAL(SixFloat, 0);
 HEFT_INSTANTIATE_TERMINAL(SixDouble, 4);
 HEFT_INSTANTIATE_TERMINAL(SixFloat, 5);
 HEFT_INSTANTIATE_TERMINAL(SixDouble, 5);
 HEFT_INSTANTIATE_TERMINAL(SevenFloat, 5);
-HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
+#endif
 
-/// The facades of the loop. An arm known at run time takes more in by a template of its own.
-#define HEFT_INSTANTIATE_FACADES(Scalar)                                                             \
-  template class ArmTorque<firmware::EffectsArm, Scalar>;                                            \
-  template class ArmTorque<firmware::SevenJointArm, Scalar>;                                         \
+/// The facades of the loop.
+#define HEFT_INSTANTIATE_FACADES(Scalar, Arm, First)  \
+  template class ArmTorque<firmware::Arm, Scalar>;    \
+  template class LoadObserver<firmware::Arm, Scalar>; \
+  template class TerminalLinkController<firmware::Arm, Scalar, First>
+
+/// The same for an arm known at run time, which takes more in by a template of its own.
+#define HEFT_INSTANTIATE_RUN_TIME_FACADES(Scalar)                                                    \
   template class ArmTorque<RunTimeArm<6, 8, 1>, Scalar>;                                             \
   template Status ArmTorque<RunTimeArm<6, 8, 1>, Scalar>::add(const JointEffect<Scalar>&) noexcept;  \
   template Status ArmTorque<RunTimeArm<6, 8, 1>, Scalar>::add(const GearCoupling<Scalar>&) noexcept; \
-  template class LoadObserver<firmware::EffectsArm, Scalar>;                                         \
-  template class LoadObserver<firmware::SevenJointArm, Scalar>;                                      \
   template class LoadObserver<RunTimeArm<6, 8, 1>, Scalar, 6>;                                       \
-  template class TerminalLinkController<firmware::EffectsArm, Scalar, 4>;                            \
-  template class TerminalLinkController<firmware::SevenJointArm, Scalar, 5>;                         \
   template Status symmetric_eigen(const Matrix3<Scalar>&, SymmetricEigen<Scalar>&) noexcept;         \
   template Status check_physical(const InertialParameters<Scalar>&) noexcept;                        \
   template Status make_physical(InertialParameters<Scalar>&, Scalar) noexcept
@@ -346,19 +355,25 @@ HEFT_INSTANTIATE_TERMINAL(SevenDouble, 5);
   template Status ReferenceDrive<__VA_ARGS__, Scalar>::add(const Elasticity<Scalar>&) noexcept
 
 HEFT_INSTANTIATE_CONTROLLERS(float, firmware::EffectsArm);
-HEFT_INSTANTIATE_CONTROLLERS(double, firmware::EffectsArm);
-HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(float, RunTimeArm<7, 8, 1>);
 HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(double, RunTimeArm<7, 8, 1>);
-HEFT_INSTANTIATE_FACADES(float);
-HEFT_INSTANTIATE_FACADES(double);
+HEFT_INSTANTIATE_FACADES(float, EffectsArm, 4);
+HEFT_INSTANTIATE_FACADES(double, SevenJointArm, 5);
+HEFT_INSTANTIATE_RUN_TIME_FACADES(float);
 HEFT_INSTANTIATE_JOINTS(float, 6);
-HEFT_INSTANTIATE_JOINTS(double, 6);
-HEFT_INSTANTIATE_JOINTS(float, 7);
 HEFT_INSTANTIATE_JOINTS(double, 7);
 template class RecursiveLeastSquares<float, 12>;
-template class RecursiveLeastSquares<double, 12>;
 template class DirectionalLeastSquares<float, 12, 6>;
+#ifdef HEFT_WHOLE_GRID
+HEFT_INSTANTIATE_CONTROLLERS(double, firmware::EffectsArm);
+HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(float, RunTimeArm<7, 8, 1>);
+HEFT_INSTANTIATE_FACADES(double, EffectsArm, 4);
+HEFT_INSTANTIATE_FACADES(float, SevenJointArm, 5);
+HEFT_INSTANTIATE_RUN_TIME_FACADES(double);
+HEFT_INSTANTIATE_JOINTS(float, 7);
+HEFT_INSTANTIATE_JOINTS(double, 6);
+template class RecursiveLeastSquares<double, 12>;
 template class DirectionalLeastSquares<double, 12, 6>;
+#endif
 
 /// The Kalman filters, which are aliases of this; the largest frames are those of the second.
 #define HEFT_INSTANTIATE_FILTERS(Scalar, N, Load)                                               \

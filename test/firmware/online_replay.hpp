@@ -39,15 +39,8 @@ class OnlineReplay {
     settings.rows_per_sample = 1;
     settings.explains = true;
     typename Monitor::Config watched;
-    for (JointThreshold<Scalar>& joint : watched.thresholds.joints) {
-      joint = {static_cast<Scalar>(kThreshold),
-               Scalar(0),
-               static_cast<Scalar>(0.05),
-               Scalar(0),
-               Scalar(0),
-               static_cast<Scalar>(0.1),
-               static_cast<Scalar>(0.5 * kThreshold)};
-    }
+    watched.thresholds.joints.fill(JointThreshold<Scalar>::uniform(static_cast<Scalar>(kThreshold),
+                                                                   static_cast<Scalar>(0.5 * kThreshold)));
     if (const Status status = monitor_.configure(watched); status != Status::kOk) return status;
     typename Feedback::Config gains;
     gains.stiffness.setConstant(Scalar(400));

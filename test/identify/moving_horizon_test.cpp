@@ -392,7 +392,7 @@ TEST(MovingHorizon, IsReportedInWordsAndAsJson) {
   EXPECT_THAT(report::full(found), HasSubstr("Fc1"));
   EXPECT_THAT(report::full(found), HasSubstr("robot"));  // most of the link is not seen by one joint
   EXPECT_THAT(report::json(found), HasSubstr("\"name\": \"Fv1\""));
-  EXPECT_THAT(report::page(found).to_html(), HasSubstr("Parameters while the arm moves"));
+  EXPECT_THAT(report::page(found).html(), HasSubstr("Parameters while the arm moves"));
 }
 
 TEST(MovingHorizon, SaysWhichSettingIsWrong) {

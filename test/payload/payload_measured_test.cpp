@@ -97,8 +97,10 @@ TEST_F(MeasuredUr10e, WithTheScaleOfItsTorqueTheMassIsRightWhicheverJointsAreAsk
   for (std::size_t l = 1; l < logs.judge().size(); ++l) {
     const Payload weighed = estimate(arm, logs.judge()[l]);
     const PayloadRun& found = weighed.run;
-    ASSERT_EQ(weighed.live.size(), 1U) << logs.judge()[l].path;
-    EXPECT_TRUE(weighed.live.front().load.mass.contains(0.0)) << logs.judge()[l].path;
+    ASSERT_FALSE(weighed.live.empty()) << logs.judge()[l].path;
+    for (const LiveEvent& event : weighed.live) {
+      EXPECT_TRUE(event.load.mass.contains(0.0)) << logs.judge()[l].path;
+    }
     EXPECT_LT(std::abs(found.mass.value), 0.15) << logs.judge()[l].path;
     EXPECT_TRUE(found.mass.contains(0.0)) << logs.judge()[l].path;
   }

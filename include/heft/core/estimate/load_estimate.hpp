@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "heft/core/arm_geometry.hpp"
 #include "heft/core/arm_model.hpp"
 
 namespace heft {
@@ -46,7 +47,7 @@ struct LoadEstimate {
   std::array<Scalar, 3> com{}, com_std{};
 
   /// Fills in the centre of mass.
-  /// @param recursion  with variance(row), the ten parameters first
+  /// @param recursion  RecursiveLeastSquares, the ten parameters first
   /// @param factor     on its variances
   template <typename Recursion>
   void add_com(const Recursion& recursion, const Scalar& factor) noexcept {
@@ -57,10 +58,9 @@ struct LoadEstimate {
     }
     for (std::size_t axis = 0; axis < 3; ++axis) {
       com[axis] = value[kMcx + axis] / mass;
-      typename Recursion::Row row{};
-      row[kMass] = -com[axis] / mass;
-      row[kMcx + axis] = Scalar(1) / mass;
-      com_std[axis] = sqrt(factor * recursion.variance(row));
+      com_std[axis] =
+          sqrt(factor * recursion.variance(kMass, -com[axis], static_cast<int>(kMcx + axis), Scalar(1))) /
+          mass;
     }
   }
 };

@@ -73,6 +73,7 @@ class LoadObserver {
     Scalar friction_prior{0};
     /// Torque residual's standard deviation, a first guess, n [N·m, N]; 0: from friction and weight.
     Vector noise_std = Vector::Zero();
+    bool noise_known{false};  ///< noise_std is no guess: estimates count from the first update on
     Scalar sign_width{static_cast<Scalar>(0.02)};  ///< of the Coulomb sign, see velocity_sign [rad/s, m/s]
     /// Slower than this the sign of friction is not known, > 0 [rad/s, m/s].
     Scalar uncertain_speed{static_cast<Scalar>(0.06)};
@@ -149,7 +150,7 @@ class LoadObserver {
   /// @param tau  torques that acted since the sample before, n, link side [N·m, N]
   /// @param dt   since the sample before, refused ones included; of the first sample the nominal one, > 0, at most 1e6 [s]
   /// @param cut  bit i: torque i was cut at a limit, of the drive for instance, and does not count
-  /// @return kNonFiniteInput, kOutOfRange (dt not positive or too short for the filter, or a variance beyond kLargestWeight),
+  /// @return kNonFiniteInput, kOutOfRange (dt not positive or too short for the filter),
   ///         kNotConfigured: the sample is refused and leaves no trace but its time
   Status update(const Vector& q, const Vector& qd, const Vector& tau, Scalar dt, Record& record,
                 std::uint32_t cut = 0) noexcept {
@@ -247,6 +248,7 @@ class LoadObserver {
   using Priors = detail::LoadPriors<Scalar, kNumJoints>;
   using Batch = detail::LoadBatch<Scalar, kNumJoints>;
   using Stage = typename Batch::Stage;
+  using Noises = detail::ResidualNoises<Scalar, kNumJoints, Estimator::kParameters>;
   /// The filters have forgotten the past after so many time constants: (1 + 10 + 50) e^-10, 0.3 %, are left of a step.
   static constexpr double kSettled = 10;
   static constexpr int kBeforeLearning = 20;  ///< updates before innovations say what the noise is
@@ -262,35 +264,22 @@ class LoadObserver {
 
   /// All but the rigid bodies.
   Status start(const Config& config, const Drive& drive, const Model& model) noexcept {
-    const auto positive = [](const Scalar& value) { return value > Scalar(0) && is_usable(value); };
-    const auto not_negative = [](const Scalar& value) { return value >= Scalar(0) && is_usable(value); };
-    if (config.first_row < 0 || config.first_row >= kNumJoints || config.rows_per_sample < 0 ||
-        !positive(config.update_rate) || !not_negative(config.mass_prior) ||
-        !not_negative(config.friction_prior) || !positive(config.uncertain_speed) ||
-        !not_negative(config.transition_time) || !positive(config.longest_rest) ||
-        !(config.start_time >= Scalar(0) && config.start_time <= static_cast<Scalar>(kLongestStep))) {
-      return Status::kOutOfRange;
-    }
     const Priors priors(model, drive.actuation());
     typename Estimator::Config settings;
-    settings.first_row = config.first_row;
-    settings.mass_prior = config.mass_prior > Scalar(0) ? config.mass_prior : priors.mass;
-    settings.length_prior = priors.length;
-    settings.friction_prior = config.friction_prior > Scalar(0) ? config.friction_prior : priors.friction;
-    settings.gate = Scalar(0);
-    settings.forgetting_factor = Scalar(1);  // a change starts it again
-    settings.sign_width = config.sign_width;
-    for (int i = 0; i < kNumJoints; ++i) {
-      if (!not_negative(config.noise_std[i]) || !(config.torque_limit[i] > Scalar(0))) {
-        return Status::kOutOfRange;
-      }
-      const Scalar noise = config.noise_std[i] > Scalar(0) ? config.noise_std[i] : priors.noise[i];
-      settings.noise_std[i] = Priors::at_least(noise, 1e-9);
+    if (const Status status = payload_settings(config, priors, settings); status != Status::kOk) {
+      return status;
     }
     Front front;
     if (front.motion.configure(config.filter_hz) != Status::kOk ||
         front.torque.configure(config.filter_hz) != Status::kOk) {
       return Status::kOutOfRange;
+    }
+    const Scalar omega = static_cast<Scalar>(6.283185307179586) * config.filter_hz;
+    for (int i = 0; i < kNumJoints; ++i) {
+      const Scalar level = drive.actuation()[static_cast<std::size_t>(i)].coulomb_friction;
+      if (!Noises::in_range(settings.noise_std[i], level, config.update_rate, omega)) {
+        return Status::kOutOfRange;
+      }
     }
     if (const Status status = estimator_.configure(settings); status != Status::kOk) {
       return status;
@@ -300,10 +289,10 @@ class LoadObserver {
       prior_variance_[static_cast<std::size_t>(i)] = estimator_.estimator().variance(i);
     }
     config_ = config;
-    omega_ = static_cast<Scalar>(6.283185307179586) * config.filter_hz;
+    omega_ = omega;
     settle_time_ = static_cast<Scalar>(kSettled) / omega_;
     farthest_ = priors.farthest;
-    noise_.start(settings.noise_std, config.update_rate, omega_, kBeforeLearning);
+    noise_.start(settings.noise_std, config.noise_known, config.update_rate, omega_, kBeforeLearning);
     front_ = front;
     front_.drive = drive;
     batch_ = Batch{};
@@ -426,17 +415,10 @@ class LoadObserver {
     b.residual -= known;
     for (int i = config_.first_row; i < kNumJoints; ++i) {
       const std::size_t at = static_cast<std::size_t>(i);
-      const Scalar doubt = front_.doubt.variance(i, front_.drive.actuation()[at].coulomb_friction);
-      b.scatter[i] = noise_.scatter(i, doubt);
-      b.variance[i] = noise_.weight(i, doubt);
-      b.certain[at] = noise_.certain(i, doubt);
+      b.doubt[i] = front_.doubt.variance(i, front_.drive.actuation()[at].coulomb_friction);
       b.left_out[at] = ((clipped >> i) & 1U) != 0;
-      const Scalar largest = b.columns.row(i).cwiseAbs().sum();
-      if (!is_usable(b.residual[i]) || !is_usable(largest)) {
+      if (!is_usable(b.residual[i])) {
         return Status::kNonFiniteInput;
-      }
-      if (!is_usable_weight(b.variance[i])) {
-        return Status::kOutOfRange;
       }
     }
     b.stage = Stage::kBegun;
@@ -463,14 +445,17 @@ class LoadObserver {
       restart(false);
     }
     if (b.stage == Stage::kBegun) {
-      b.stage = reset_due_ ? Stage::kReset : Stage::kRows;
+      b.stage = Stage::kLearn;
       if (!schedule_.at_once) {
         return;
       }
     }
-    if (b.stage == Stage::kReset) {
+    if (b.stage == Stage::kLearn) {
       b.stage = Stage::kRows;
-      forget_load();
+      // What the update before left of the noise.
+      if (reset_due_ || noise_.end_update(estimator_.estimator().solution())) {
+        forget_load();
+      }
       if (!schedule_.at_once) {
         return;
       }
@@ -503,18 +488,19 @@ class LoadObserver {
     }
     typename Recursion::Record taken;
     const typename Estimator::Row row = estimator_.load_row(b.columns, b.qd, i);
-    if (estimator_.estimator().update(row, b.residual[i], b.variance[i], taken) != Status::kOk) {
-      return;  // unchanged; cannot be, by the checks of begin_batch
+    const Scalar weight = noise_.weight(i, b.doubt[i]), scatter = noise_.scatter(i, b.doubt[i]);
+    if (estimator_.estimator().update(row, b.residual[i], weight, taken) != Status::kOk) {
+      return;  // unchanged; cannot be, by the checks of begin_batch and start
     }
     ++b.rows;
     const Scalar squared = taken.innovation * taken.innovation;
-    const Scalar information = noise_.factor() * (taken.innovation_variance - b.variance[i]);
-    b.unexplained += squared / b.scatter[i];
-    b.whole += b.residual[i] * b.residual[i] / b.scatter[i];
-    const Scalar ratio = squared / (b.scatter[i] + information);
+    const Scalar information = noise_.factor() * (taken.innovation_variance - weight);
+    b.unexplained += squared / scatter;
+    b.whole += b.residual[i] * b.residual[i] / scatter;
+    const Scalar ratio = squared / (scatter + information);
     const auto most = static_cast<Scalar>(detail::ChangeWatch<Scalar>::kLargestRatio);
     b.ratio += ratio < most ? ratio : most;
-    const bool learns = b.certain[at] && watch_.updates() >= kBeforeLearning;
+    const bool learns = noise_.certain(i, b.doubt[i]) && watch_.updates() >= kBeforeLearning;
     if (learns && (watch_.calm() || !noise_.known(i))) {
       noise_.learn(i, row, b.residual[i], taken.innovation, information);
     }
@@ -524,9 +510,7 @@ class LoadObserver {
     const Batch& b = batch_;
     record.estimated = true;
     const bool changed = watch_.look(b.ratio / static_cast<Scalar>(b.rows), b.unexplained, b.whole);
-    if (noise_.end_update(estimator_.estimator().solution())) {
-      reset_due_ = true;
-    } else if (noise_.learnt()) {
+    if (noise_.learnt()) {
       carry();
       record.changed = change_due_ = changed;
       if (changed && schedule_.at_once) {
@@ -586,7 +570,7 @@ class LoadObserver {
   Front front_;
   Estimator estimator_;
   typename Estimator::Row prior_variance_{};
-  detail::ResidualNoises<Scalar, kNumJoints, Estimator::kParameters> noise_;
+  Noises noise_;
   Batch batch_;
   detail::LoadFade<Scalar> fade_;
   detail::ChangeWatch<Scalar> watch_;

@@ -177,6 +177,11 @@ class RecursiveLeastSquares {
   /// Variance of w x for a row w: wᵀ P w.
   Scalar variance(const Row& w) const noexcept { return covariance_.variance(w); }
 
+  /// The same of wi times parameter i plus wj times parameter j, i < j. Cost 4 p.
+  Scalar variance(int i, const Scalar& wi, int j, const Scalar& wj) const noexcept {
+    return covariance_.variance(static_cast<std::size_t>(i), wi, static_cast<std::size_t>(j), wj);
+  }
+
   /// Variance of parameter i. Scale it by the residual variance over the noise variance where the latter was a guess.
   Scalar variance(int i) const noexcept {
     Row unit{};

@@ -67,7 +67,6 @@ class ContactDeviation {
     set_period(period);
     const Scalar widening = rate_ > thresholds_.load_rate ? rate_ / thresholds_.load_rate : Scalar(1);
     const Scalar share = samples_ > 0 ? pass_ : Scalar(1);
-    const Scalar frequency = Scalar(1) / period;
     Scalar rate(0);
     bool moves = false;
     for (int j = 0; j < N; ++j) {
@@ -79,7 +78,7 @@ class ContactDeviation {
       joint.residual += share * step;
       const Scalar change = share * (explained[j] - joint.explained);
       joint.explained += change;
-      if (samples_ > 0) rate += size(change) * frequency;
+      if (samples_ > 0) rate += size(change) * frequency_;
       record.phase[i] = phase_of(qd[j], period, limits, joint);
       moves = moves || joint.way != kStill;
       record.residual[j] = joint.residual;
@@ -157,6 +156,7 @@ class ContactDeviation {
     using std::exp;
     if (period == period_) return;
     period_ = period;
+    frequency_ = Scalar(1) / period;
     pass_ = Scalar(1) - exp(-thresholds_.bandwidth * period);
     follow_ = Scalar(1) - exp(-thresholds_.adaptation * period);
     rate_pass_ = Scalar(1) - exp(-kRateBandwidth * period);
@@ -198,7 +198,7 @@ class ContactDeviation {
   std::array<Joint, static_cast<std::size_t>(N)> joints_{};
   Scalar rate_{0};
   Scalar still_{0};  ///< time for which no joint has moved, up to kStillTime [s]
-  Scalar period_{0}, pass_{0}, follow_{0}, rate_pass_{0};
+  Scalar period_{0}, frequency_{0}, pass_{0}, follow_{0}, rate_pass_{0};
   int samples_{0};  ///< in a row, up to 1
 };
 

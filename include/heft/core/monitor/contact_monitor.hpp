@@ -3,12 +3,12 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/dynamics/lagrangian.hpp"
+#include "heft/core/filter/kept_decay.hpp"
 #include "heft/core/monitor/contact_deviation.hpp"
 #include "heft/core/monitor/contact_thresholds.hpp"
 #include "heft/core/monitor/load_change_test.hpp"
@@ -270,8 +270,7 @@ class ContactMonitor {
 
   /// Whether every residual has stood still, within the offsets of free motion.
   bool stands_still(Scalar period, const Record& record) noexcept {
-    using std::exp;
-    const Scalar follow = Scalar(1) - exp(-config_.thresholds.adaptation * period);
+    const Scalar follow = Scalar(1) - forgetting_(config_.thresholds.adaptation * period);
     bool still = true;
     for (int j = 0; j < N; ++j) {
       Scalar& followed = state_.followed[j];
@@ -313,6 +312,7 @@ class ContactMonitor {
 
   Observer observer_;
   Deviation deviation_;
+  KeptDecay<Scalar> forgetting_;  ///< of offsets, over a period
   Config config_{};
   State state_{};
   std::array<Scalar, 4> load_{};

@@ -14,15 +14,14 @@ namespace heft::detail {
 /// Rows of one instant, taken all at once or one after the other.
 template <typename Scalar, int N>
 struct LoadBatch {
-  enum class Stage : std::uint8_t { kIdle, kBegun, kReset, kRows, kFinish };
+  enum class Stage : std::uint8_t { kIdle, kBegun, kLearn, kRows, kFinish };
   using Vector = JointVector<Scalar, N>;
 
   Stage stage{Stage::kIdle};
   LoadColumns<Scalar, N> columns = LoadColumns<Scalar, N>::Zero();
-  Vector qd = Vector::Zero(), residual = Vector::Zero(), variance = Vector::Ones();
-  Vector scatter = Vector::Ones();  ///< variance of one residual; `variance` is its weight in the recursion
+  Vector qd = Vector::Zero(), residual = Vector::Zero();
+  Vector doubt = Vector::Zero();                             ///< variance of the level of friction
   std::array<bool, static_cast<std::size_t>(N)> left_out{};  ///< clipped
-  std::array<bool, static_cast<std::size_t>(N)> certain{};   ///< the sign of friction is known
   int next{0};                                               ///< row
   int rows{0};                                               ///< taken so far
   Scalar ratio{0}, unexplained{0}, whole{0};                 ///< sums for ChangeWatch

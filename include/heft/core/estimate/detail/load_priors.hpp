@@ -7,6 +7,9 @@
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/arm_model.hpp"
+#include "heft/core/numeric_range.hpp"
+#include "heft/core/run_clock.hpp"
+#include "heft/core/status.hpp"
 
 namespace heft::detail {
 
@@ -43,5 +46,36 @@ struct LoadPriors {
     return value > static_cast<Scalar>(least) ? value : static_cast<Scalar>(least);
   }
 };
+
+/// Settings of PayloadEstimator for a configuration of LoadObserver; what that leaves open comes from the priors.
+/// @return kOutOfRange
+template <typename Scalar, int N, typename Config, typename Settings>
+Status payload_settings(const Config& config, const LoadPriors<Scalar, N>& priors,
+                        Settings& settings) noexcept {
+  const auto positive = [](const Scalar& value) { return value > Scalar(0) && is_usable(value); };
+  const auto not_negative = [](const Scalar& value) { return value >= Scalar(0) && is_usable(value); };
+  if (config.first_row < 0 || config.first_row >= N || config.rows_per_sample < 0 ||
+      !positive(config.update_rate) || !not_negative(config.mass_prior) ||
+      !not_negative(config.friction_prior) || !positive(config.uncertain_speed) ||
+      !not_negative(config.transition_time) || !positive(config.longest_rest) ||
+      !(config.start_time >= Scalar(0) && config.start_time <= static_cast<Scalar>(kLongestStep))) {
+    return Status::kOutOfRange;
+  }
+  settings.first_row = config.first_row;
+  settings.mass_prior = config.mass_prior > Scalar(0) ? config.mass_prior : priors.mass;
+  settings.length_prior = priors.length;
+  settings.friction_prior = config.friction_prior > Scalar(0) ? config.friction_prior : priors.friction;
+  settings.gate = Scalar(0);
+  settings.forgetting_factor = Scalar(1);  // a change starts it again
+  settings.sign_width = config.sign_width;
+  for (int i = 0; i < N; ++i) {
+    if (!not_negative(config.noise_std[i]) || !(config.torque_limit[i] > Scalar(0))) {
+      return Status::kOutOfRange;
+    }
+    const Scalar noise = config.noise_std[i] > Scalar(0) ? config.noise_std[i] : priors.noise[i];
+    settings.noise_std[i] = priors.at_least(noise, 1e-9);
+  }
+  return Status::kOk;
+}
 
 }  // namespace heft::detail

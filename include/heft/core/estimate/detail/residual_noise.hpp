@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "heft/core/arm_geometry.hpp"
+#include "heft/core/numeric_range.hpp"
 
 namespace heft::detail {
 
@@ -67,10 +68,11 @@ template <typename Scalar>
 class ResidualNoise {
  public:
   /// @param guess  standard deviation, > 0
-  void start(const Scalar& guess) noexcept {
+  /// @param known  a model's own residual: a short calm stretch does not make it smaller
+  void start(const Scalar& guess, bool known) noexcept {
     *this = ResidualNoise{};
-    variance_ = weight_ = guess * guess;
-    least_ = static_cast<Scalar>(kLeast) * variance_;
+    variance_ = weight_ = guess_ = guess * guess;
+    least_ = known ? guess_ : static_cast<Scalar>(kLeast) * guess_;
   }
 
   /// One more residual, slowly and limited to three standard deviations.
@@ -106,13 +108,13 @@ class ResidualNoise {
   void forget_block() noexcept { sum_ = information_ = in_block_ = Scalar(0); }
 
   /// Learnt variance over the guess, and how many residuals say so.
-  Scalar over_guess() const noexcept { return static_cast<Scalar>(kLeast) * power_ / least_; }
+  Scalar over_guess() const noexcept { return power_ / guess_; }
   const Scalar& learnt() const noexcept { return learnt_; }
 
   /// Takes up what has been learnt as the weight; as long as that is little, all joints together rather than this one.
   /// @param usual  over_guess() of all joints
   void weigh(const Scalar& usual) noexcept {
-    const Scalar guess = usual * least_ / static_cast<Scalar>(kLeast);
+    const Scalar guess = usual * guess_;
     const Scalar mean = guess + learnt_ / (learnt_ + static_cast<Scalar>(kOthers)) * (power_ - guess);
     weight_ = limited(mean);
   }
@@ -126,7 +128,7 @@ class ResidualNoise {
 
  private:
   Scalar limited(const Scalar& variance) const noexcept {
-    const Scalar most = static_cast<Scalar>(kMost / kLeast) * least_;
+    const Scalar most = static_cast<Scalar>(kMost) * guess_;
     return variance > most ? most : variance > least_ ? variance : least_;
   }
 
@@ -138,7 +140,7 @@ class ResidualNoise {
   static constexpr double kShare =
       0.002;  ///< of the newest residual, at least: some movements are remembered
 
-  Scalar variance_{1}, least_{0}, weight_{1}, power_{0}, learnt_{0};
+  Scalar guess_{1}, variance_{1}, least_{0}, weight_{1}, power_{0}, learnt_{0};
   Scalar sum_{0}, information_{0}, in_block_{0};  ///< of the block under way
 };
 
@@ -151,26 +153,33 @@ class ResidualNoises {
   using Row = std::array<Scalar, P>;
 
   /// @param guess        standard deviations, > 0
+  /// @param known        they are more than that
   /// @param update_rate  [Hz]
   /// @param omega        of the three poles that a residual comes through [1/s]
   /// @param silent       as of restart()
-  void start(const JointVector<Scalar, N>& guess, const Scalar& update_rate, const Scalar& omega,
+  void start(const JointVector<Scalar, N>& guess, bool known, const Scalar& update_rate, const Scalar& omega,
              std::int32_t silent) noexcept {
     *this = ResidualNoises{};
+    learning_ = known ? kLearning : 0;
     for (int i = 0; i < N; ++i) {
-      joints_[static_cast<std::size_t>(i)].start(guess[i]);
+      joints_[static_cast<std::size_t>(i)].start(guess[i], known);
     }
-    const auto updates = [&](double time, double least) {
-      const Scalar count = static_cast<Scalar>(time) * update_rate;
-      return count > static_cast<Scalar>(least) ? count : static_cast<Scalar>(least);
-    };
-    // Correlation of white noise behind three equal poles, summed over all lags: 6.4 time constants.
-    const Scalar white = static_cast<Scalar>(6.4) * update_rate / omega;
-    scale_.start(white > Scalar(1) ? white : Scalar(1));
-    friction_stays_ = updates(kFrictionStays, 1.0);
-    const Scalar block = updates(kBlock, 20.0);
+    scale_.start(white(update_rate, omega));
+    friction_stays_ = updates(kFrictionStays, update_rate, 1.0);
+    const Scalar block = updates(kBlock, update_rate, 20.0);
     block_ = block < Scalar(1e6) ? static_cast<std::int32_t>(block) : 1'000'000;
     block_left_ = silent;
+  }
+
+  /// Whether what a residual counts for remains within kLargestWeight and its inverse, whatever is learnt.
+  /// @param guess  as of start(), of one joint
+  /// @param level  of its friction
+  static bool in_range(const Scalar& guess, const Scalar& level, const Scalar& update_rate,
+                       const Scalar& omega) noexcept {
+    const Scalar least = static_cast<Scalar>(0.25) * guess * guess;
+    const Scalar most =
+        white(update_rate, omega) * guess * guess + updates(kFrictionStays, update_rate, 1.0) * level * level;
+    return is_usable_weight(least) && is_usable_weight(Scalar(100) * most);
   }
 
   /// Variance of one residual of a joint.
@@ -232,6 +241,16 @@ class ResidualNoises {
  private:
   const ResidualNoise<Scalar>& at(int joint) const noexcept {
     return joints_[static_cast<std::size_t>(joint)];
+  }
+
+  static Scalar updates(double time, const Scalar& update_rate, double least) noexcept {
+    const Scalar count = static_cast<Scalar>(time) * update_rate;
+    return count > static_cast<Scalar>(least) ? count : static_cast<Scalar>(least);
+  }
+  /// Correlation of white noise behind three equal poles, summed over all lags: 6.4 time constants.
+  static Scalar white(const Scalar& update_rate, const Scalar& omega) noexcept {
+    const Scalar neighbours = static_cast<Scalar>(6.4) * update_rate / omega;
+    return neighbours > Scalar(1) ? neighbours : Scalar(1);
   }
 
   void weigh() noexcept {

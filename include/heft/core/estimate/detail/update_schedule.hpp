@@ -12,7 +12,8 @@ struct UpdateSchedule {
   bool at_once{true};             ///< it is not
 };
 
-/// An update is finished before the next one is due: between the samples that begin and finish it.
+/// An update is finished before the next one is due: one sample begins it, one learns the noise or forgets the load, one
+/// finishes it.
 /// @param between  samples from one update to the next, > 0
 /// @param rows     of an update
 /// @param wanted   rows a sample; 0: all at once
@@ -24,7 +25,7 @@ constexpr UpdateSchedule update_schedule(const Scalar& between, std::int32_t row
   schedule.every = rounded < Scalar(1)     ? 1
                    : rounded < Scalar(1e6) ? static_cast<std::int32_t>(rounded)
                                            : 1'000'000;
-  const std::int32_t room = schedule.every - 2;
+  const std::int32_t room = schedule.every - 3;
   const std::int32_t least = room > 0 ? (rows + room - 1) / room : rows;
   schedule.at_once = wanted == 0 || room < 1;
   schedule.rows_a_sample = wanted > least ? wanted : least;
