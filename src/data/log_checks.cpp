@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double kTurn = 2.0 * std::numbers::pi;
+constexpr double kFullTurn = 2.0 * std::numbers::pi;
 
 /// A stretch over which a rate is compared with the change of what it is the rate of.
 constexpr int kStretchRows = 4;
@@ -155,7 +155,7 @@ bool LogCheck::Impl::add_step(std::size_t joint, double from, double to, double 
   if (step > 0.0) {
     least_step[j] = std::min(least_step[j], step);
     ++steps[j];
-    if (step > 5.9 && (std::abs(step / kTurn - 1.0) < 0.05 || std::abs(step / 360.0 - 1.0) < 0.05)) {
+    if (step > 5.9 && (std::abs(step / kFullTurn - 1.0) < 0.05 || std::abs(step / 360.0 - 1.0) < 0.05)) {
       Jump& jump = jumps[joint];
       if (jump.count++ == 0) {
         jump.size = to - from;

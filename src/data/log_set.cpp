@@ -12,6 +12,7 @@
 #include "log_fingerprint.hpp"
 #include "log_part.hpp"
 #include "refuse_unsound.hpp"
+#include "row_source.hpp"
 
 namespace heft::data {
 namespace {
@@ -24,8 +25,6 @@ constexpr long kLongestSplit = 100000;
 constexpr int kShortestPart = 50;
 /// Fewer rows where a single one would do are states, not a motion.
 constexpr long kFewestOfAMotion = 10;
-/// Rows of a file checked at once.
-constexpr Index kBlockRows = 2048;
 
 /// What cannot be read twice: a pipe, say.
 bool reads_once(const std::string& path) {

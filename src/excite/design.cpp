@@ -25,12 +25,9 @@ using Eigen::VectorXd;
 using regression::BaseParameters;
 using regression::find_base_parameters;
 
-constexpr double kPi = std::numbers::pi;
-
-// Bounds on the work of a design: rows of the log that its score represents, samples of the search.
-constexpr double kMostRows = 2e6;
-constexpr double kMostSamples = 20'000;
-constexpr double kMostChecks = 1e5;  // instants in the final check of one motion
+// Bounds on the work of a design, beside the rows of the log that its score represents (kMostRows).
+constexpr double kMostSamples = 20'000;  // of the search
+constexpr double kMostChecks = 1e5;      // instants in the final check of one motion
 constexpr int kMostHarmonics = 40;
 
 void check_joints(const model::Robot& robot, const MotionLimits& limits, const ExcitationOptions& options) {
@@ -143,7 +140,8 @@ void ExcitationDesign::Impl::choose_last_link() {
   const int rows = 20 * n();
   MatrixXd W(rows, 10);
   for (int s = 0; s < 20; ++s) {
-    const VectorXd q = random_position(random, VectorXd::Zero(n()), VectorXd::Constant(n(), kPi), 1.0);
+    const VectorXd q =
+        random_position(random, VectorXd::Zero(n()), VectorXd::Constant(n(), std::numbers::pi), 1.0);
     const VectorXd qd = random_position(random, VectorXd::Zero(n()), VectorXd::Ones(n()), 1.0);
     const VectorXd qdd = random_position(random, VectorXd::Zero(n()), VectorXd::Ones(n()), 1.0);
     W.middleRows(s * n(), n()) = columns.regressor(q, qd, qdd).middleCols(10 * last, 10);
@@ -234,7 +232,7 @@ void ExcitationDesign::Impl::check_start(const MotionLimits& limits) const {
   }
 }
 
-double ExcitationDesign::Impl::omega() const { return 2.0 * kPi / options.period; }
+double ExcitationDesign::Impl::omega() const { return 2.0 * std::numbers::pi / options.period; }
 
 FourierBasis ExcitationDesign::Impl::basis_at(const VectorXd& at) const {
   const int K = options.harmonics;

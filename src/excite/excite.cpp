@@ -23,8 +23,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kMostRows = 2e6;
-
 /// A good fit is possible below; above, single parameters lose a digit or more to the noise.
 constexpr double kGoodCondition = 30.0;
 

@@ -21,8 +21,8 @@ constexpr int kPosesTried = 200;
 constexpr double kScanStep = 0.02;       // of a joint's range
 constexpr double kShortestRamp = 0.6;    // from rest to constant speed [s]
 constexpr double kShortestStroke = 0.4;  // at constant speed [s]
-constexpr double kSlowDown = 0.85;
-constexpr int kSlowDowns = 40;
+constexpr double kSlower = 0.85;
+constexpr int kSlowerStrokes = 40;
 
 /// How far a joint may go with the others at rest.
 struct FreeRange {
@@ -122,7 +122,7 @@ Profile safe_profile(const LimitCheck& check, const VectorXd& pose, Index joint,
                      double speed, double longest) {
   Closest found;
   const double room = 0.98 * range.width(), middle = 0.5 * (range.low + range.high);
-  for (int attempt = 0; attempt < kSlowDowns; ++attempt, speed *= kSlowDown) {
+  for (int attempt = 0; attempt < kSlowerStrokes; ++attempt, speed *= kSlower) {
     Profile profile;
     profile.speed = speed;
     profile.ramp = std::max(kShortestRamp, 1.875 * speed / (0.95 * check.acceleration[joint]));

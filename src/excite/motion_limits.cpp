@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 // Lengths beyond this are slips of a unit or of the keyboard.
 constexpr double kLongest = 1e4;  // [m]
 
@@ -68,14 +68,14 @@ void check_space(const model::Robot& robot, const MotionLimits& limits) {
 
 /// ±π about 0, or about the middle of the range where that leaves out 0.
 void take_one_turn(double& lower, double& upper) {
-  if (lower <= -kPi && upper >= kPi) {
-    lower = -kPi;
-    upper = kPi;
+  if (lower <= -pi && upper >= pi) {
+    lower = -pi;
+    upper = pi;
     return;
   }
   const double middle = 0.5 * (lower + upper);
-  lower = middle - kPi;
-  upper = middle + kPi;
+  lower = middle - pi;
+  upper = middle + pi;
 }
 
 }  // namespace
@@ -93,10 +93,10 @@ MotionLimits limits_of(const model::Robot& robot, const LimitDefaults& defaults)
     double lower = joint.lower, upper = joint.upper;
     if (joint.joint.type == JointType::kRevolute) {
       if (!std::isfinite(lower) || !std::isfinite(upper)) {
-        lower = std::isfinite(lower) ? lower : std::isfinite(upper) ? upper - 2 * kPi : -kPi;
-        upper = std::isfinite(upper) ? upper : lower + 2 * kPi;
+        lower = std::isfinite(lower) ? lower : std::isfinite(upper) ? upper - 2 * pi : -pi;
+        upper = std::isfinite(upper) ? upper : lower + 2 * pi;
       }
-      if (!defaults.full_turns && upper - lower > 2 * kPi) take_one_turn(lower, upper);
+      if (!defaults.full_turns && upper - lower > 2 * pi) take_one_turn(lower, upper);
     }
     limits.lower[j] = lower;
     limits.upper[j] = upper;

@@ -18,14 +18,14 @@ constexpr double kCutoff = 5.0;
 /// Rows a second in cut-offs: behind a low-pass, rows that follow faster say nothing new.
 constexpr double kRowsPerCutoff = 4.0;
 /// Rows at the end; the collection holds up to twice as many.
-constexpr Index kMostRows = 400;
+constexpr Index kKeptRows = 400;
 
 /// Rows in time order; drops half of them whenever there are too many. Row k is kept while the fractional part of k/φ, φ
 /// the golden ratio, is below the share that is kept: these are spread evenly over the log, and unlike every m-th row
 /// they do not fall on the same phases of a periodic motion again and again.
 class Collection {
  public:
-  explicit Collection(Index joints) : rows_(2 * kMostRows, 4 * joints) {}
+  explicit Collection(Index joints) : rows_(2 * kKeptRows, 4 * joints) {}
 
   /// @param number  of the row among all that could be taken
   void offer(long number, const Eigen::Ref<const Eigen::RowVectorXd>& row) {

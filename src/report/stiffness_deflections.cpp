@@ -52,7 +52,7 @@ std::string stiffness_interval_in_words(double low, double high, bool prismatic)
 
 namespace {
 
-std::string millimetres(double metres) {
+std::string finite_millimetres(double metres) {
   return std::isfinite(metres) ? fmt::format("{} mm", page::number(1e3 * metres, 3)) : std::string("–");
 }
 
@@ -254,7 +254,7 @@ std::string deflection_verdict(const stiffness::Stiffness& answer) {
   return fmt::format("{} of {} joints have a stiffness{}; springs alone predict poses left out to {}.", known,
                      answer.robot.num_joints(),
                      open > 0 ? fmt::format(", of {} more only a lower bound is known", open) : std::string(),
-                     millimetres(fit.left_out_rms));
+                     finite_millimetres(fit.left_out_rms));
 }
 
 std::string deflection_text(const stiffness::Stiffness& answer) {
@@ -289,9 +289,9 @@ void add_deflections(page::Page& page, const stiffness::Stiffness& answer) {
   const StiffnessFit& fit = from.fit;
   const model::Robot& robot = answer.robot;
   page.verdict(deflection_verdict(answer), answer.judgement);
-  page.facts({{"residual", millimetres(fit.fit_rms), "rms"},
-              {"pose left out", millimetres(fit.left_out_rms), "rms error of its readings"},
-              {"repeats", millimetres(fit.repeatability), "scatter of their mean"},
+  page.facts({{"residual", finite_millimetres(fit.fit_rms), "rms"},
+              {"pose left out", finite_millimetres(fit.left_out_rms), "rms error of its readings"},
+              {"repeats", finite_millimetres(fit.repeatability), "scatter of their mean"},
               {"condition", page::number(fit.condition, 3), "of the equations"}});
   page.table(joint_table(fit, robot), "Stiffness of the joints");
   page.plot(stiffness_plot(fit, robot));

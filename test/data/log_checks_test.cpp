@@ -26,7 +26,7 @@ using testing::AnyOf;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-constexpr double kDegrees = 180.0 / pi;
+constexpr double kDegreesPerRadian = 180.0 / pi;
 
 /// Three joints in sines of up to 2.5 rad and 2 rad/s at 250 Hz, with qd, qdd and tau.
 Log sound_log() {
@@ -104,13 +104,13 @@ TEST(LogChecks, DoNotTakeAGapInTimeForAnotherUnit) {
   wide.upper *= 3.0;
   EXPECT_THAT(check_log(log, wide), IsEmpty());
   // The unit is still seen on the rest.
-  log.qd *= kDegrees;
+  log.qd *= kDegreesPerRadian;
   EXPECT_THAT(only_error(log, wide), HasSubstr("about 180/pi"));
 }
 
 TEST(LogChecks, NamePositionsInDegreesByTheLimits) {
   Log log = sound_log();
-  log.q *= kDegrees;
+  log.q *= kDegreesPerRadian;
   drop_rates(log);
   EXPECT_THAT(
       only_error(log),
@@ -121,15 +121,15 @@ TEST(LogChecks, NamePositionsInDegreesByTheLimits) {
 
 TEST(LogChecks, SayWhenTheVelocityIsInDegreesToo) {
   Log log = sound_log();
-  log.q *= kDegrees;
-  log.qd *= kDegrees;
-  log.qdd *= kDegrees;
+  log.q *= kDegreesPerRadian;
+  log.qd *= kDegreesPerRadian;
+  log.qdd *= kDegreesPerRadian;
   EXPECT_THAT(only_error(log), HasSubstr("multiply q1 to q3 and qd1 to qd3 by pi/180"));
 }
 
 TEST(LogChecks, NamePositionsInDegreesByTheVelocity) {
   Log log = sound_log();
-  log.q *= kDegrees;
+  log.q *= kDegreesPerRadian;
   EXPECT_THAT(only_error(log, {}),
               AllOf(HasSubstr("run.csv: column 'q1': q1, q2 and q3 change 57.3 times as fast as qd says"),
                     HasSubstr("multiply q1 to q3 by pi/180")));
@@ -137,7 +137,7 @@ TEST(LogChecks, NamePositionsInDegreesByTheVelocity) {
 
 TEST(LogChecks, NamePositionsInDegreesByTheirSpeed) {
   Log log = sound_log();
-  log.q *= kDegrees;
+  log.q *= kDegreesPerRadian;
   drop_rates(log);
   const JointLimits unlimited;
   EXPECT_THAT(only_error(log, unlimited), AllOf(HasSubstr("column 'q1': q1, q2 and q3 move with up to 82"),
@@ -155,8 +155,8 @@ TEST(LogChecks, DoNotTakeAJointOfAnotherRobotForDegrees) {
 
 TEST(LogChecks, NameVelocitiesInDegrees) {
   Log log = sound_log();
-  log.qd.col(1) *= kDegrees;
-  log.qdd.col(1) *= kDegrees;
+  log.qd.col(1) *= kDegreesPerRadian;
+  log.qdd.col(1) *= kDegreesPerRadian;
   EXPECT_THAT(only_error(log),
               AllOf(HasSubstr("run.csv: column 'qd2': qd2 is 57.3 times the derivative of q"),
                     HasSubstr("expected rad/s; multiply qd2 by pi/180")));
@@ -164,7 +164,7 @@ TEST(LogChecks, NameVelocitiesInDegrees) {
 
 TEST(LogChecks, NameAccelerationsInDegrees) {
   Log log = sound_log();
-  log.qdd *= kDegrees;
+  log.qdd *= kDegreesPerRadian;
   EXPECT_THAT(only_error(log),
               AllOf(HasSubstr("column 'qdd1': qdd1, qdd2 and qdd3 are 5"),
                     HasSubstr("times the derivative of qd, about 180/pi"), HasSubstr("expected rad/s^2")));
@@ -201,7 +201,7 @@ TEST(LogChecks, NameTimeInMillisecondsByTheVelocity) {
   log.time *= 1e3;
   EXPECT_THAT(only_error(log), HasSubstr("time in microseconds"));
   log.time *= 1e-3;
-  log.q *= kDegrees;
+  log.q *= kDegreesPerRadian;
   EXPECT_THAT(only_error(log, {}), HasSubstr("time in milliseconds (and q in degrees)"));
 }
 
@@ -290,7 +290,7 @@ TEST(LogChecks, NoteRowsThatRepeatTheRowBefore) {
 
 TEST(LogChecks, NoteCoarsePositions) {
   Log log = sound_log();
-  const double step = 0.05 / kDegrees;
+  const double step = 0.05 / kDegreesPerRadian;
   log.q.col(2) = (log.q.col(2).array() / step).round() * step;
   EXPECT_THAT(only_note(log), HasSubstr("column 'q3': q3 comes in steps of 0.000873 rad (0.05 degrees)"));
 }
@@ -306,7 +306,7 @@ TEST(LogChecks, LookAtMetresOfAPrismaticJointAsMetres) {
 
 TEST(LogChecks, GiveTheSameInPartsAndThroughAStream) {
   Log log = sound_log();
-  log.q *= kDegrees;
+  log.q *= kDegreesPerRadian;
   log.q.col(1).setConstant(3.0);
   const std::vector<LogFinding> whole = check_log(log, limits());
   const TemporaryFolder folder;
@@ -358,15 +358,17 @@ TEST(LogChecks, FindNothingButRestingJointsInTheMeasuredLogs) {
     const std::string name = entry.path().filename().string();
     const bool traps = name.find("recorded-qdd") != std::string::npos || name.find("target") == 0;
     for (const std::string& note : messages(findings, Severity::kNote)) {
-      EXPECT_THAT(note, AnyOf(HasSubstr("never move"), HasSubstr("in steps of"), HasSubstr("of the rows repeat"),
-                              traps ? HasSubstr("nothing to do with the derivative of qd") : HasSubstr("never move")));
+      EXPECT_THAT(
+          note,
+          AnyOf(HasSubstr("never move"), HasSubstr("in steps of"), HasSubstr("of the rows repeat"),
+                traps ? HasSubstr("nothing to do with the derivative of qd") : HasSubstr("never move")));
     }
     ++count;
 
     // The same log in degrees, or in milliseconds, is found out, where anything moves.
     if ((log.q.colwise().maxCoeff() - log.q.colwise().minCoeff()).maxCoeff() < 0.3) continue;
     Log slipped = log;
-    slipped.q *= kDegrees;
+    slipped.q *= kDegreesPerRadian;
     EXPECT_THAT(message_of<DataError>([&] { refuse_errors(check_log(slipped, with)); }),
                 HasSubstr("by pi/180"));
     slipped = log;

@@ -693,7 +693,7 @@ TEST(MotionStream, TakesNoMoreMemoryForALongerLog) {
 
 // --- refusals ---
 
-std::string refusal(const std::string& content, const LogRequirements& needs = {}) {
+std::string stream_refusal(const std::string& content, const LogRequirements& needs = {}) {
   const TemporaryFolder folder;
   const std::string path = folder.write("log.csv", content);
   const std::string message = message_of<DataError>([&] { MotionStream(path, needs); });
@@ -715,37 +715,40 @@ std::string text_log(int rows, int changed_line = 0, const std::string& change =
 TEST(MotionStream, RefusesAMissingColumn) {
   LogRequirements needs;
   needs.torque = true;
-  EXPECT_THAT(refusal("time,q1,q2,tau1\n0,1,2,3\n", needs),
+  EXPECT_THAT(stream_refusal("time,q1,q2,tau1\n0,1,2,3\n", needs),
               HasSubstr("log.csv:1: column 'tau2' is missing; found time, q1, q2, tau1"));
-  EXPECT_THAT(refusal("q1,q2\n0,1\n"), HasSubstr("log.csv:1: column 'time' is missing"));
+  EXPECT_THAT(stream_refusal("q1,q2\n0,1\n"), HasSubstr("log.csv:1: column 'time' is missing"));
 }
 
 TEST(MotionStream, RefusesARepeatedTimeStampFarIntoTheLog) {
-  EXPECT_THAT(refusal(text_log(9000, 7000, "69.99,0,1")),
+  EXPECT_THAT(stream_refusal(text_log(9000, 7000, "69.99,0,1")),
               HasSubstr("log.csv:7000: column 'time': found 69.99 after 69.99 (line 6999); expected time to "
                         "increase with every row; remove repeated rows or sort the log"));
 }
 
 TEST(MotionStream, RefusesNumbersThatAreNotFinite) {
-  EXPECT_THAT(refusal(text_log(9000, 7000, "70,nan,1")),
+  EXPECT_THAT(stream_refusal(text_log(9000, 7000, "70,nan,1")),
               HasSubstr("log.csv:7000: column 'q1': found 'nan'; expected a finite number"));
-  EXPECT_THAT(refusal(text_log(9000, 7000, "70,0,inf")),
+  EXPECT_THAT(stream_refusal(text_log(9000, 7000, "70,0,inf")),
               HasSubstr("log.csv:7000: column 'tau1': found 'inf'"));
 }
 
 TEST(MotionStream, RefusesRaggedRowsAndText) {
-  EXPECT_THAT(refusal(text_log(9000, 9001, "90.01,2")), HasSubstr("log.csv:9001: column 'tau1' is missing"));
-  EXPECT_THAT(refusal(text_log(9000, 8000, "80,2,x")), HasSubstr("log.csv:8000: column 'tau1': found 'x'"));
+  EXPECT_THAT(stream_refusal(text_log(9000, 9001, "90.01,2")),
+              HasSubstr("log.csv:9001: column 'tau1' is missing"));
+  EXPECT_THAT(stream_refusal(text_log(9000, 8000, "80,2,x")),
+              HasSubstr("log.csv:8000: column 'tau1': found 'x'"));
 }
 
 TEST(MotionStream, RefusesTooShortALogAndAnotherRobots) {
   LogRequirements needs;
   needs.min_samples = 100;
-  EXPECT_THAT(refusal(text_log(50), needs),
+  EXPECT_THAT(stream_refusal(text_log(50), needs),
               HasSubstr("the log ends after 50 samples; expected at least 100"));
   needs = {};
   needs.num_joints = 6;
-  EXPECT_THAT(refusal(text_log(50), needs), HasSubstr("the log has 1 joints (q1 to q1), the robot has 6"));
+  EXPECT_THAT(stream_refusal(text_log(50), needs),
+              HasSubstr("the log has 1 joints (q1 to q1), the robot has 6"));
   const TemporaryFolder folder;
   EXPECT_THAT(message_of<DataError>([&] { MotionStream(folder.write("log.csv", text_log(4)), {}); }),
               HasSubstr("4 samples; expected at least 5 to derive velocity and acceleration"));

@@ -17,7 +17,7 @@ using Eigen::MatrixXd;
 
 constexpr GearCoupling<double> kPair{.driving = 0, .driven = 1, .ratio = 0.5};
 
-model::Robot arm() {
+model::Robot uncoupled_arm() {
   model::Robot robot = test::planar_two_link();
   robot.joints[0].actuation = {0.0, 2.0, 1.0, 0.0};
   robot.joints[1].actuation = {0.0, 1.0, 0.5, 0.0};
@@ -51,7 +51,7 @@ data::Log log_of(const model::Robot& robot, unsigned seed) {
 }
 
 model::Robot coupled_arm() {
-  model::Robot robot = arm();
+  model::Robot robot = uncoupled_arm();
   robot.couplings = {kPair};
   robot.couplings[0].coulomb_friction = 1.5;
   robot.couplings[0].viscous_friction = 0.8;
@@ -75,17 +75,17 @@ void expect_found(const Diagnosis& d) {
 TEST(Coupling, OfAPairAskedForIsFound) {
   DiagnoseOptions options;
   options.couplings = {kPair};
-  expect_found(diagnose(arm(), {log_of(coupled_arm(), 1)}, {log_of(coupled_arm(), 2)}, options));
+  expect_found(diagnose(uncoupled_arm(), {log_of(coupled_arm(), 1)}, {log_of(coupled_arm(), 2)}, options));
 }
 
 TEST(Coupling, OfTheRobotsOwnPairIsFoundAnew) {
-  model::Robot robot = arm();
+  model::Robot robot = uncoupled_arm();
   robot.couplings = {kPair};  // a model file names the pair
   expect_found(diagnose(robot, {log_of(coupled_arm(), 1)}, {log_of(coupled_arm(), 2)}));
 }
 
 TEST(Coupling, IsNotSoughtInAnArmWithoutAWrist) {
-  const Diagnosis d = diagnose(arm(), {log_of(coupled_arm(), 1)}, {log_of(coupled_arm(), 2)});
+  const Diagnosis d = diagnose(uncoupled_arm(), {log_of(coupled_arm(), 1)}, {log_of(coupled_arm(), 2)});
   for (const Finding& f : d.findings) EXPECT_FALSE(f.effect.is<WristCoupling>());
 }
 

@@ -25,7 +25,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-Eigen::MatrixXd random_matrix(Eigen::Index rows, Eigen::Index cols, std::mt19937_64& random) {
+Eigen::MatrixXd normal_matrix(Eigen::Index rows, Eigen::Index cols, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
   return Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal(random); });
 }
@@ -38,10 +38,10 @@ const Eigen::Vector3d kTruth(1.0, -2.0, 0.5);
 /// own.
 InstrumentSums sums_by_hand(double noise, double instrument_noise, std::uint64_t seed, int rows = 2000) {
   std::mt19937_64 random(seed);
-  const Eigen::MatrixXd W0 = random_matrix(rows, 3, random);
-  const Eigen::MatrixXd W = W0 + noise * random_matrix(rows, 3, random);
-  const Eigen::MatrixXd Z = W0 + instrument_noise * random_matrix(rows, 3, random);
-  const Eigen::VectorXd y = W0 * kTruth + 0.5 * random_matrix(rows, 1, random);
+  const Eigen::MatrixXd W0 = normal_matrix(rows, 3, random);
+  const Eigen::MatrixXd W = W0 + noise * normal_matrix(rows, 3, random);
+  const Eigen::MatrixXd Z = W0 + instrument_noise * normal_matrix(rows, 3, random);
+  const Eigen::VectorXd y = W0 * kTruth + 0.5 * normal_matrix(rows, 1, random);
   InstrumentSums sums(1, 3, 0.5);
   sums.add(0, 0, Eigen::VectorXd::LinSpaced(rows, 0.0, 30.0), Z, W, y);
   return sums;
@@ -49,8 +49,8 @@ InstrumentSums sums_by_hand(double noise, double instrument_noise, std::uint64_t
 
 TEST(InstrumentSums, AreTheCrossMomentsHoweverBlocksMerge) {
   std::mt19937_64 random(1);
-  const Eigen::MatrixXd Z = random_matrix(4000, 4, random), W = random_matrix(4000, 4, random);
-  const Eigen::VectorXd y = random_matrix(4000, 1, random);
+  const Eigen::MatrixXd Z = normal_matrix(4000, 4, random), W = normal_matrix(4000, 4, random);
+  const Eigen::VectorXd y = normal_matrix(4000, 1, random);
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(4000, -1.0, 399.0);
   InstrumentSums sums(2, 4, 1.0, 16);
   for (int log = 0; log < 2; ++log) {
@@ -138,7 +138,7 @@ TEST(Instrumental, GroupsOfBlocksWidenTheIntervalOfCorrelatedNoise) {
 
 TEST(Instrumental, LeavesUndeterminedDirectionsAtTheStart) {
   std::mt19937_64 random(4);
-  Eigen::MatrixXd W = random_matrix(1000, 3, random);
+  Eigen::MatrixXd W = normal_matrix(1000, 3, random);
   W.col(2) = 2.0 * W.col(1);
   InstrumentSums sums(1, 3, 0.5);
   const Eigen::Vector3d truth(1.0, 2.0, 3.0);
@@ -155,8 +155,8 @@ TEST(Instrumental, KnowsWeakInstrumentsFromStrongOnes) {
   // Noise alone.
   std::mt19937_64 random(6);
   InstrumentSums sums(1, 3, 0.5);
-  const Eigen::MatrixXd W = random_matrix(2000, 3, random);
-  sums.add(0, 0, Eigen::VectorXd::LinSpaced(2000, 0.0, 30.0), random_matrix(2000, 3, random), W, W * kTruth);
+  const Eigen::MatrixXd W = normal_matrix(2000, 3, random);
+  sums.add(0, 0, Eigen::VectorXd::LinSpaced(2000, 0.0, 30.0), normal_matrix(2000, 3, random), W, W * kTruth);
   EXPECT_LT(solve_instrumental(sums, Eigen::VectorXd::Ones(1), kTruth).relevance_ratio, 4.0);
 }
 
@@ -211,7 +211,7 @@ data::Log noisy_log(double position_noise, std::uint32_t seed, double duration =
   settings.with_velocity = false;
   data::Log log = test::synthetic_log(small_arm(), settings);
   std::mt19937_64 random(seed);
-  log.q += position_noise * random_matrix(log.q.rows(), log.q.cols(), random);
+  log.q += position_noise * normal_matrix(log.q.rows(), log.q.cols(), random);
   return log;
 }
 
@@ -434,7 +434,7 @@ TEST(SimulatedMotion, FollowsTheLogsReferenceWhereItHasOne) {
   const auto simulated = [&](std::uint64_t noise_seed, int place) {
     data::Log log = noisy_log(0.0, 2, 10.0);
     std::mt19937_64 random(noise_seed);
-    log.q += 1e-3 * random_matrix(log.q.rows(), log.q.cols(), random);
+    log.q += 1e-3 * normal_matrix(log.q.rows(), log.q.cols(), random);
     log.qref = reference;
     const data::MotionStream stream = stream_of(std::move(log));
     InstrumentOptions options;

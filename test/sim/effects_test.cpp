@@ -13,6 +13,7 @@
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/simulator.hpp"
+#include "sim/extra_column.hpp"
 #include "support/arms.hpp"
 
 namespace heft::sim {
@@ -31,13 +32,6 @@ MatrixXd extras(const data::Log& log, const std::string& name, int n) {
     all.col(i) = it->second;
   }
   return all;
-}
-
-const VectorXd& extra(const data::Log& log, const std::string& name) {
-  for (const auto& [column, values] : log.extra) {
-    if (column == name) return values;
-  }
-  throw std::runtime_error("no column " + name);
 }
 
 heft::JointEffect<double> effect(const char* id, int joint, EffectParameters<double> parameters) {

@@ -8,19 +8,13 @@
 #include <gtest/gtest.h>
 
 #include "heft/sim/simulator.hpp"
+#include "sim/extra_column.hpp"
 #include "support/arms.hpp"
 
 namespace heft::sim {
 namespace {
 
 using Eigen::VectorXd;
-
-const VectorXd& extra(const data::Log& log, const std::string& name) {
-  for (const auto& [column, values] : log.extra) {
-    if (column == name) return values;
-  }
-  throw std::runtime_error("no column " + name);
-}
 
 /// Spring whose far end moves at a constant speed.
 class DraggedSpring : public JointEffect {

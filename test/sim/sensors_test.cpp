@@ -5,19 +5,13 @@
 #include <gtest/gtest.h>
 
 #include "heft/sim/simulator.hpp"
+#include "sim/extra_column.hpp"
 #include "support/arms.hpp"
 
 namespace heft::sim {
 namespace {
 
 using Eigen::VectorXd;
-
-const VectorXd& extra(const data::Log& log, const std::string& name) {
-  for (const auto& [column, values] : log.extra) {
-    if (column == name) return values;
-  }
-  throw std::runtime_error("no column " + name);
-}
 
 /// A swinging pendulum: motion that no sensor setting can change.
 SimulationSettings swinging() {

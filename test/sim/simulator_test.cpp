@@ -11,6 +11,7 @@
 
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
+#include "sim/extra_column.hpp"
 #include "support/arms.hpp"
 
 namespace heft::sim {
@@ -20,13 +21,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-const VectorXd& extra(const data::Log& log, const std::string& name) {
-  for (const auto& [column, values] : log.extra) {
-    if (column == name) return values;
-  }
-  throw std::runtime_error("no column " + name);
-}
 
 /// Spring to a rest position, linear.
 class Spring : public JointEffect {

@@ -109,6 +109,14 @@ function(heft_steering_sources)
   heft_source_effort(-O1 ${ARGN})
 endfunction()
 
+# heft_alone(a.cpp ...)
+# Files that a unity build (CMAKE_UNITY_BUILD, which tools/test and tools/quickstart turn on: files of a target compiled
+# several at once, so that what they share is parsed and instantiated once) is not to join: every command has its
+# `Options` and `run`, every effect its `propose`. Files of an effort of their own stay alone anyway.
+function(heft_alone)
+  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+endfunction()
+
 function(heft_source_effort level)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:${level}>"

@@ -11,7 +11,7 @@
 namespace heft::studies {
 namespace {
 
-constexpr double kSlow = 0.005;  // sampling that the table is for [s]
+constexpr double kTablePeriod = 0.005;  // sampling that the table is for [s]
 
 double rounded(double value, int decimals) {
   const double unit = std::pow(10.0, decimals);
@@ -78,7 +78,7 @@ class TableMaker {
       ivm_torque(
           b, "ivm-torque-6", "IVM torque error joint 6 [mN m] at N = 20000, rms over seeds",
           [](const ProtocolPoint& p) { return p.torque_error_6; }, e.ivm6_low, e.ivm6_high);
-      const Spread inertia = spread(values(b, kSlow, ProtocolMethod::kInstrumentModel, 20000,
+      const Spread inertia = spread(values(b, kTablePeriod, ProtocolMethod::kInstrumentModel, 20000,
                                            [](const ProtocolPoint& p) { return p.inertia_33; }));
       const int digits = b ? 3 : 2;
       row({"ivm-inertia",
@@ -102,7 +102,9 @@ class TableMaker {
   Spread error(bool b, double period, ProtocolMethod method, int samples) const {
     return errors_of(study_.runs, b, period, method, samples);
   }
-  Spread ivm(bool b, int samples) const { return error(b, kSlow, ProtocolMethod::kInstrumentModel, samples); }
+  Spread ivm(bool b, int samples) const {
+    return error(b, kTablePeriod, ProtocolMethod::kInstrumentModel, samples);
+  }
 
   void row(Claim claim) { study_.table.push_back(std::move(claim)); }
 
@@ -130,7 +132,7 @@ class TableMaker {
                     int decimals) {
     std::vector<double> means;
     for (const int samples : {2000, 20000, 5000, 10000}) {
-      means.push_back(spread(values(b, kSlow, method, samples, quantity)).mean);
+      means.push_back(spread(values(b, kTablePeriod, method, samples, quantity)).mean);
     }
     row({id, text, scenario_name(b),
          low == high ? fmt::format("{:.{}f}", low, decimals)
@@ -152,7 +154,7 @@ class TableMaker {
 
   void ivm_torque(bool b, const char* id, const char* text,
                   const std::function<double(const ProtocolPoint&)>& quantity, double low, double high) {
-    const double rms = spread(values(b, kSlow, ProtocolMethod::kInstrumentModel, 20000, quantity)).rms;
+    const double rms = spread(values(b, kTablePeriod, ProtocolMethod::kInstrumentModel, 20000, quantity)).rms;
     row({id,
          text,
          scenario_name(b),
@@ -165,7 +167,7 @@ class TableMaker {
   void literal(bool b, const Expected& e) {
     std::vector<double> means;
     for (const int samples : {2000, 20000}) {
-      means.push_back(error(b, kSlow, ProtocolMethod::kLiteralQuasiDiagonal, samples).mean);
+      means.push_back(error(b, kTablePeriod, ProtocolMethod::kLiteralQuasiDiagonal, samples).mean);
     }
     row({"literal", "(32), (33) as printed do not converge: e at N = 2000 and 20000", scenario_name(b),
          fmt::format("{:.{}f} to {:.{}f}", e.literal_low, e.literal_digits, e.literal_high, e.literal_digits),
@@ -236,7 +238,7 @@ class RequirementMaker {
     for (const bool b : {false, true}) {
       std::vector<double> quiet;
       for (const ProtocolMethod method : {ProtocolMethod::kLeastSquares, ProtocolMethod::kInstrumentModel}) {
-        quiet.push_back(errors_of(study_.quiet_runs, b, kSlow, method, 20000).rms);
+        quiet.push_back(errors_of(study_.quiet_runs, b, kTablePeriod, method, 20000).rms);
       }
       add("small-noise", "LSM and IVM agree as σ → 0: e at σ = 0.3 rad/s², rms over seeds", scenario_name(b),
           "both below 4e-4", fmt::format("{:.2e}, {:.2e}", quiet[0], quiet[1]), quiet,
@@ -246,7 +248,7 @@ class RequirementMaker {
 
   void noise_free() {
     const double exact =
-        errors_of(study_.noise_free, false, kSlow, ProtocolMethod::kLeastSquares, 20000).largest;
+        errors_of(study_.noise_free, false, kTablePeriod, ProtocolMethod::kLeastSquares, 20000).largest;
     add("noise-free", "LSM without noise is exact", "", "1e-10", fmt::format("{:.1e}", exact), {exact},
         exact < 1e-10);
   }

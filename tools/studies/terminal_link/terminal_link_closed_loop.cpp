@@ -25,8 +25,8 @@ namespace {
 
 using namespace terminal_link;
 
-constexpr double kPeriod = 1e-3;
-constexpr double kBandwidthHz = 4.0;
+constexpr double kControlPeriod = 1e-3;
+constexpr double kLoopBandwidthHz = 4.0;
 constexpr double kRamp = 1.0;
 constexpr double kExcitingTime = 22.0, kTrackingTime = 12.0;
 constexpr double kCounted = 2.0;  // tracking errors count from here on [s]
@@ -80,7 +80,7 @@ class ArmController final : public sim::Controller {
  public:
   ArmController(track::Method method, Belief belief, const Vector& inertia)
       : method_(method), belief_(std::move(belief)) {
-    const double w = 2 * std::numbers::pi * kBandwidthHz;
+    const double w = 2 * std::numbers::pi * kLoopBandwidthHz;
     JointFeedback<double, kN>::Config config;
     const bool scaled = method == track::Method::kPd || method == track::Method::kPdGravity;
     const Vector scale = scaled ? inertia : Vector(Vector::Ones());
@@ -119,7 +119,7 @@ data::Log simulate_arm(const FourierTrajectory& trajectory, double duration, boo
   for (int i = 0; i < kN; ++i)
     s.robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = kRotor[i];
   s.duration = duration;
-  s.sample_rate = 1 / kPeriod;
+  s.sample_rate = 1 / kControlPeriod;
   s.loads = sim::friction_of(s.robot);
   s.reference = reference_of(trajectory);
   s.initial_position.resize(kN);
@@ -154,7 +154,7 @@ std::vector<FilteredSample> filtered(const data::Log& log) {
     // A row's torque acts until the next row.
     const Vector tau = log.tau.row(k > 0 ? k - 1 : 0).transpose();
     (void)aligned.update(log.q.row(k).transpose(), log.qd.row(k).transpose(), log.qref.row(k).transpose(),
-                         tau, kPeriod);
+                         tau, kControlPeriod);
     if (k == 0 || log.time[k] < kRamp + 0.5 || k % kDecimation != 0) continue;
     samples.push_back({aligned.q(), aligned.qd(), aligned.qdd(), aligned.qdd_ref(), aligned.sign(),
                        aligned.tau() - kRotor.cwiseProduct(aligned.qdd())});
@@ -241,11 +241,11 @@ std::vector<EncoderEstimate> double_difference_estimates(const data::Log& log, c
   for (std::size_t g = 0; g < 3; ++g) (void)means[g].configure(static_cast<int>(g) + 1, 1);
   for (Eigen::Index k = 2; k < log.num_samples(); ++k) {
     const Vector q = log.q.row(k - 1).transpose();
-    const Vector qd = (log.q.row(k) - log.q.row(k - 2)).transpose() / (2 * kPeriod);
-    const Vector qdd =
-        (log.q.row(k) - 2 * log.q.row(k - 1) + log.q.row(k - 2)).transpose() / (kPeriod * kPeriod);
-    const Vector wanted =
-        (log.qref.row(k) - 2 * log.qref.row(k - 1) + log.qref.row(k - 2)).transpose() / (kPeriod * kPeriod);
+    const Vector qd = (log.q.row(k) - log.q.row(k - 2)).transpose() / (2 * kControlPeriod);
+    const Vector qdd = (log.q.row(k) - 2 * log.q.row(k - 1) + log.q.row(k - 2)).transpose() /
+                       (kControlPeriod * kControlPeriod);
+    const Vector wanted = (log.qref.row(k) - 2 * log.qref.row(k - 1) + log.qref.row(k - 2)).transpose() /
+                          (kControlPeriod * kControlPeriod);
     const Vector tau = 0.5 * (log.tau.row(k - 1) + log.tau.row(k - 2)).transpose();
     const Vector net = tau - kRotor.cwiseProduct(qdd);
     std::array<Vector, 3> mean;

@@ -13,7 +13,7 @@ namespace heft::studies {
 
 namespace {
 
-constexpr double kForce = 18.6718;  // the weight [N]
+constexpr double kWeight = 18.6718;  // the weight [N]
 constexpr int kToolTable = 7, kCantileverTable = 14, kPoses = 6;
 
 std::vector<PrintedReading> table(const Ur5Measurements& m, int number) {
@@ -95,7 +95,7 @@ Fault work_negative(const Ur5Measurements& m) {
   for (int pose = 0; pose < kPoses; ++pose) {
     const double d = mean_difference(table(m, kToolTable + pose)),
                  end = mean_difference(table(m, kCantileverTable + pose));
-    work.push_back(kForce * d + 9.336 * (end - d) / 0.5);  // [mJ], twice the stored energy
+    work.push_back(kWeight * d + 9.336 * (end - d) / 0.5);  // [mJ], twice the stored energy
     if (work.back() < 0.0) negative.push_back(fmt::format("{} ({:.1f} mJ)", pose + 1, work.back()));
   }
   return {"work-negative",
