@@ -14,6 +14,7 @@
 #include "heft/statistics/distributions.hpp"
 #include "heft/statistics/jackknife.hpp"
 #include "heft/validate/predict.hpp"
+#include "log_slopes.hpp"
 
 namespace heft::drive {
 namespace {
@@ -31,8 +32,6 @@ constexpr double kSignWidth = validate::kSignWidth;
 /// Alternating least squares end after this many rounds, or when no slope changes by more than kSettled.
 constexpr int kRounds = 200;
 constexpr double kSettled = 1e-10;
-/// Half-width beyond which the load does not show a joint's constant [1].
-constexpr double kWidest = 0.1;
 
 /// Terms of one joint's residual: the torque of a unit of each of the last link's ten parameters (mass, first moment,
 /// inertia about its origin), and what friction may have changed since the model was fitted: offset, Coulomb, viscous; then

@@ -16,6 +16,8 @@ namespace heft::drive {
 
 /// Half-width of an interval beyond which a log does not show the constant, as a share of the value [1].
 inline constexpr double kWidestLog = 0.25;
+/// The same of the answer, and of a known load: data sheets are as good as this.
+inline constexpr double kWidest = 0.1;
 
 /// The slope of a drive's signal on the target torque of one joint, with its uncertainty.
 struct Slope {

@@ -18,8 +18,6 @@
 namespace heft::drive {
 namespace {
 
-/// The same of the answer: data sheets are as good as this.
-constexpr double kWidest = 0.1;
 /// Scatter from log to log beyond which they do not show one constant [1].
 constexpr double kScatter = 0.05;
 /// A log whose constant is off by more than this from the median of at least three, and by more than kSurely times what

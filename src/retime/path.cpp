@@ -25,7 +25,7 @@ constexpr double kCorner = 0.1;
 /// Positions may exceed a joint's range by rounding and encoder steps [rad, m].
 constexpr double kRangeTolerance = 1e-3;
 /// Places between two points at which a path is looked at.
-constexpr int kLooks = 16;
+constexpr int kSteps = 16;
 
 /// Second derivatives at the points of a cubic spline, 0 at both ends (tridiagonal elimination).
 MatrixXd spline_curvature(const VectorXd& s, const MatrixXd& points) {
@@ -102,8 +102,8 @@ MatrixXd rounded(const MatrixXd& corners, double rounding) {
 void refuse_outside(const model::Robot& robot, const Path& path) {
   VectorXd q, dq, ddq;
   for (Index k = 0; k + 1 < path.s.size(); ++k) {
-    for (int look = 0; look <= kLooks; ++look) {
-      path.evaluate(path.s[k] + (path.s[k + 1] - path.s[k]) * look / kLooks, q, dq, ddq);
+    for (int look = 0; look <= kSteps; ++look) {
+      path.evaluate(path.s[k] + (path.s[k + 1] - path.s[k]) * look / kSteps, q, dq, ddq);
       for (Index j = 0; j < q.size(); ++j) {
         const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
         if (q[j] >= joint.lower - kRangeTolerance && q[j] <= joint.upper + kRangeTolerance) continue;
@@ -235,8 +235,8 @@ Path through(const model::Robot& robot, const data::Log& waypoints, double round
   path.source = source;
   VectorXd q, dq, ddq;
   for (Index k = 0; k + 1 < path.s.size(); ++k) {
-    for (int look = 1; look < kLooks; ++look) {
-      path.evaluate(path.s[k] + (path.s[k + 1] - path.s[k]) * look / kLooks, q, dq, ddq);
+    for (int look = 1; look < kSteps; ++look) {
+      path.evaluate(path.s[k] + (path.s[k + 1] - path.s[k]) * look / kSteps, q, dq, ddq);
       path.deviation =
           std::max(path.deviation, distance_from_rows(q, waypoints.q, 0, waypoints.q.rows() - 1));
     }

@@ -6,6 +6,10 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
   # GCC 12 finds overlapping copies where a literal and a string are joined (GCC bug 105651).
   target_compile_options(heft_warnings INTERFACE -Wno-restrict)
 endif()
+if(CMAKE_UNITY_BUILD)
+  # What is hidden in a source file is in "a header" where several sources are compiled at once.
+  target_compile_options(heft_warnings INTERFACE -Wno-subobject-linkage)
+endif()
 add_library(heft_precompiled_warnings INTERFACE)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
   # Strings from a precompiled header are taken for the 32 bytes of an empty one (akin to GCC bug 105651).

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -11,6 +10,7 @@
 
 #include "heft/host/numbers.hpp"
 #include "study_report.hpp"
+#include "ur5_stiffness_setup.hpp"
 
 namespace heft::studies {
 
@@ -24,7 +24,6 @@ using page::Table;
 
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 const std::vector<std::string> kJoints = {"joint 1", "joint 2", "joint 3", "joint 4", "joint 5", "joint 6"};
 
 std::string parameter_of(const stiffness::StiffnessTrial& t) {
