@@ -319,6 +319,12 @@ void note_worst(OperationCount& worst, const OperationCount& sample) {
   worst.trig = std::max(worst.trig, sample.trig);
 }
 
+void note_sample(Result& result, const OperationCount& sample) {
+  note_worst(result.worst, sample);
+  result.total += sample;
+  ++result.count;
+}
+
 nlohmann::ordered_json as_json(const OperationCount& c, double divisor) {
   const auto mean = [&](std::int64_t v) {
     return std::round(100.0 * static_cast<double>(v) / divisor) / 100.0;

@@ -112,11 +112,9 @@ Result control_sample(bool watched) {
         sample += monitor_cost;
         sample += own;
         watching += monitor_cost;
-        note_worst(result.worst, sample);
-        result.total += sample;
+        note_sample(result, sample);
         observing += observer_cost;
         torque_cost += own;
-        ++result.count;
       }
     }
     for (int i = 0; i < kN; ++i) last.push_back(number(tau[i]));
@@ -150,9 +148,7 @@ Result controller_sample() {
         throw Error("operation count: a cycle of the controller was refused");
       }
       if constexpr (std::is_same_v<Scalar, Counted>) {
-        note_worst(result.worst, sample);
-        result.total += sample;
-        ++result.count;
+        note_sample(result, sample);
       }
     }
     for (int i = 0; i < kN; ++i) last.push_back(number(tau[i]));
@@ -184,9 +180,7 @@ Result adaptive_sample() {
         throw Error("operation count: a cycle of the adaptive controller was refused");
       }
       if constexpr (std::is_same_v<Scalar, Counted>) {
-        note_worst(result.worst, sample);
-        result.total += sample;
-        ++result.count;
+        note_sample(result, sample);
       }
     }
     for (int i = 0; i < kN; ++i) last.push_back(number(tau[i]));

@@ -115,6 +115,12 @@ int main_with(const std::string& json_path) {
              controller_sample());
   main_document["adaptive_controller"] =
       facade("one cycle of AdaptiveController, geometry of run time", adaptive_sample());
+  main_document["arm_estimating_controller"] =
+      facade("one cycle of ArmEstimatingController", arm_estimating_sample());
+  main_document["directional_least_squares"] =
+      facade("one sample of DirectionalLeastSquares, 12 parameters", directional_sample());
+  main_document["extended_kalman_filter"] = facade("one sample of ExtendedKalmanFilter", extended_sample());
+  main_document["unscented_kalman_filter"] = facade("one sample of UnscentedKalmanFilter", unscented_sample());
   main_document["nominal_torque"] = as_json(torque, 1);
   const OperationCount contacts = monitor_cost();
   fmt::print("contact monitor by itself, worst sample (all six joints): {} mul, {} add, {} trig\n",

@@ -82,6 +82,9 @@ struct Result {
 /// Largest number of each kind.
 void note_worst(OperationCount& worst, const OperationCount& sample);
 
+/// One sample more of a loop: mean and worst.
+void note_sample(Result& result, const OperationCount& sample);
+
 /// Each number over the divisor, to two decimals.
 nlohmann::ordered_json as_json(const OperationCount& count, double divisor);
 
@@ -114,5 +117,12 @@ Result control_sample(bool watched);
 Result controller_sample();
 /// AdaptiveController on the same arm.
 Result adaptive_sample();
+/// ExtendedKalmanFilter, UnscentedKalmanFilter on that arm with rotors, positions and velocities measured, no load.
+Result extended_sample();
+Result unscented_sample();
+/// DirectionalLeastSquares, 12 parameters, 6 rows a sample.
+Result directional_sample();
+/// ArmEstimatingController on that arm: links, friction and load estimated together.
+Result arm_estimating_sample();
 
 }  // namespace heft::bench

@@ -117,6 +117,18 @@ TEST(OperationCount, AnAdaptiveController) {
   EXPECT_LE(cycle.at("mean").at("mul").get<double>(), 4500);
 }
 
+// Beside the terminal link's 511: what it costs to follow friction, or the whole arm.
+TEST(OperationCount, EstimatorsOfFrictionAndOfTheArm) {
+  for (const auto& [name, most] : {std::pair{"directional_least_squares", 4000.0},
+                                   {"arm_estimating_controller", 30000.0},
+                                   {"extended_kalman_filter", 26000.0},
+                                   {"unscented_kalman_filter", 150000.0}}) {
+    const auto& sample = counts().at(name);
+    EXPECT_TRUE(sample.at("same_numbers_as_double").get<bool>()) << name;
+    EXPECT_LE(sample.at("mean").at("mul").get<double>(), most) << name;
+  }
+}
+
 TEST(OperationCount, WhatIsCountedIsWhatRuns) {
   for (const auto& per_k : counts().at("all_k")) {
     for (const auto& f : per_k.at("forms")) {
