@@ -26,8 +26,8 @@ void Judgement::add(Verdict found, std::string reason) {
   ranks_.insert(place, found);
 }
 
-void Judgement::add(const Judgement& other) {
-  for (std::size_t k = 0; k < other.reasons.size(); ++k) add(other.ranks_[k], other.reasons[k]);
+void Judgement::add(const Judgement& other, const std::string& about) {
+  for (std::size_t k = 0; k < other.reasons.size(); ++k) add(other.ranks_[k], about + other.reasons[k]);
 }
 
 }  // namespace heft::host

@@ -100,17 +100,17 @@ void HorizonWindow::learn_noise(const VectorXd& s, double share) {
   for (std::size_t j = 0; j < noise_.size(); ++j) {
     RowNoise& noise = noise_[j];
     const double torque = root_mean_square(torques[j]);
-    if (s.size() == 0) {
-      noise.std = std::max(kFirstShare * torque, 1e-9);
-      continue;
-    }
-    if (residuals[j].size() < kLeastRows) continue;
+    if (torques[j].empty()) continue;
+    if (s.size() == 0 || noise.std == 0.0) noise.std = std::max(kFirstShare * torque, 1e-9);
+    if (s.size() == 0 || residuals[j].size() < kLeastRows) continue;
+    const double part = noise.learnt ? share : 1.0;
+    noise.learnt = true;
     std::vector<double> sizes = residuals[j];
     for (double& size : sizes) size = std::abs(size);
     const double std =
         std::max({kStdOfMedianSize * statistics::median(std::move(sizes)), kLeastShare * torque, 1e-9});
-    noise.std += share * (std - noise.std);
-    noise.correlated += share * (correlated_rows(std::move(residuals[j]), std) - noise.correlated);
+    noise.std += part * (std - noise.std);
+    noise.correlated += part * (correlated_rows(std::move(residuals[j]), std) - noise.correlated);
   }
 }
 

@@ -22,6 +22,7 @@ regression::TriangularFactor widened(const regression::TriangularFactor& factor,
 struct RowNoise {
   double std{0.0};         ///< [N·m, N]; 0: not known yet
   double correlated{1.0};  ///< rows that hold as much information as one
+  bool learnt{false};      ///< from residuals; before, from the torque
 };
 
 /// Rows of the window.
@@ -38,13 +39,12 @@ class HorizonWindow {
   void clear() { ticks_.clear(); }
 
   int rows() const;
-  bool empty() const { return ticks_.empty(); }
-  double oldest() const { return ticks_.front().tick.time; }  ///< @pre !empty() [s]
   const RowNoise& noise(int joint) const { return noise_[static_cast<std::size_t>(joint)]; }
 
   /// Scatter as a share of each joint's torque: before anything is known.
   void guess_noise();
-  /// Scatter and correlation of the residuals, mixed with what they were; a joint with few rows keeps its own.
+  /// Scatter and correlation of the residuals, mixed with what they were; a joint with few rows keeps its own, one that shows
+  /// its first rows begins with a share of its torque.
   /// @param share  of the new figures, 1: forget the old ones
   void learn_noise(const Eigen::VectorXd& s, double share);
   /// Student's weights at s. @return share of the rows that count less than half

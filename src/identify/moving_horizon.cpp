@@ -276,8 +276,8 @@ HorizonStatus MovingHorizon::Impl::step(double now) {
   if (updates) {
     if (!begins) solve(options.reweightings, 0.0);
     put_values();
-    estimate.time = now;
   }
+  estimate.time = now;
   put_spread();
   return updates ? HorizonStatus::kUpdated : HorizonStatus::kNotExcited;
 }
@@ -383,6 +383,10 @@ void MovingHorizon::forget() {
   impl_->window.clear();
   if (impl_->problem) impl_->arrival = impl_->prior();
   impl_->arrival_time = kNaN;
+  HorizonEstimate& estimate = impl_->estimate;
+  std::fill(estimate.determined.begin(), estimate.determined.end(), false);
+  std::fill(estimate.excited.begin(), estimate.excited.end(), false);
+  estimate.std.setConstant(kNaN);
 }
 
 }  // namespace heft::identify

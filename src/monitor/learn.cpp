@@ -116,6 +116,13 @@ double hand_delay(const Thresholds& thresholds, double level) {
 void set_thresholds(const FreeMotion& motion, const Thresholds& scales, double margin, const Options& options,
                     Thresholds& result) {
   const BlockMaxima maxima = block_maxima(motion.all(), motion.least_speed, scales.bandwidth);
+  if (maxima.motion.size() < kFewBlocks) {
+    throw NotIdentifiableError(fmt::format(
+        "thresholds of contacts: found {:.3g} s of motion in {:.3g} s; expected {:.3g} s at least; record the robot's usual "
+        "work for some minutes, untouched",
+        static_cast<double>(maxima.motion.size()) * kBlock, motion.seconds,
+        static_cast<double>(kFewBlocks) * kBlock));
+  }
   const bool single = motion.logs.size() == 1;
   result.expected = {0.0, kNaN, 0.0, 0.0};
   const double rest = level_of(maxima.rest, single, options, result);

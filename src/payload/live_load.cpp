@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "heft/core/run_clock.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/payload/payload.hpp"
@@ -95,6 +96,7 @@ struct LiveLoad::Impl {
 
   std::optional<LiveEvent> state_first(double time, const LoadValue& now) {
     stated = latest = now;
+    summary.load_since = since;
     return LiveEvent{Kind::kKnown, time, since, now, {}};
   }
 
@@ -119,6 +121,7 @@ struct LiveLoad::Impl {
     const bool was_none = !(stated->mass.lower > 0.0);
     const bool outside = std::abs(now.mass.value - stated->mass.value) > stated->mass.half_width();
     if (!outside && !(was_none && now.mass.lower > 0.0)) return std::nullopt;
+    summary.load_since = since;
     return LiveEvent{Kind::kCorrected, time, since, now, std::exchange(*stated, now)};
   }
 
@@ -132,7 +135,6 @@ struct LiveLoad::Impl {
   bool refusing{false};     ///< the row before was refused
   double since{0.0};        ///< data count from here on [s]
   double last{-kInfinity};  ///< time of the last row [s]
-  double segment{0.0};      ///< time of the first row since the clock was set [s]
   LiveSummary summary;
 };
 
@@ -142,7 +144,8 @@ LiveLoad::~LiveLoad() = default;
 
 std::optional<LiveEvent> LiveLoad::push(const data::LiveRow& row) {
   Impl& my = *impl_;
-  if (!(row.time > my.last)) {
+  // Forward, too: a recorder that boots at zero is set to the time of day.
+  if (!(row.time > my.last && row.time - my.last <= kLongestStep)) {
     my.follower.reset();
     my.first.clear();
   }

@@ -43,8 +43,7 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
              : "");
     line("rivals", rivals_in_words(finding.rivals, true));
     line("the same as", rivals_in_words(finding.equivalent, false));
-    if (!finding.rivals.empty() || !finding.equivalent.empty())
-      line("shown by", shown_by(finding));
+    if (!finding.rivals.empty() || !finding.equivalent.empty()) line("shown by", shown_by(finding));
   }
   const auto scores = [&](const char* title, const validate::Score& before, const validate::Score& after) {
     if (!has_scores(before, after)) return;

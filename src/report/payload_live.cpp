@@ -126,7 +126,9 @@ std::string json(const payload::LiveEvent& event) {
 
 std::string brief(const payload::LiveSummary& summary) {
   const std::string load =
-      !summary.load      ? "No load was determined"
+      !summary.load ? "No load was determined"
+      : !summary.unanswered.empty()
+          ? fmt::format("The load is not known at the end; it was {}", before_words(*summary.load))
       : summary.changing ? fmt::format("The load changed at the end and is not known again; it was {}",
                                        before_words(*summary.load))
       : weighs(*summary.load)
@@ -146,7 +148,7 @@ std::string json(const payload::LiveSummary& summary) {
                     {"samples", summary.samples},
                     {"refused", summary.refused}};
   line.update(load_json(summary.load.value_or(LoadValue{})));
-  line["mass"]["identifiable"] = summary.load.has_value() && summary.unanswered.empty();
+  line["mass"]["identifiable"] = summary.load.has_value() && !summary.changing && summary.unanswered.empty();
   line["load_since"] = summary.load_since;
   line["changing"] = summary.changing;
   line["changes"] = changes_json(summary.changes);

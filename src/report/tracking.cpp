@@ -30,6 +30,12 @@ const char* estimated(const Tracking& tracking) {
 std::string load_sentence(const Tracking& tracking) {
   const double mass = tracking.mass(), half = tracking.mass_half_width();
   if (!std::isfinite(half)) return "The motion did not determine the load before the run ended.";
+  if (tracking.wrong) {
+    return fmt::format(
+        "The observer that takes the arm for right puts the load at {:.4f} kg, in truth {:.4f} kg; the errors of the arm go into "
+        "it, so that it has no interval.",
+        mass, tracking.true_mass);
+  }
   std::string text =
       fmt::format("Estimated load at the end: {:.4f} kg ± {:.4f} kg (95 %), in truth {:.4f} kg.", mass, half,
                   tracking.true_mass);
@@ -105,7 +111,8 @@ std::string json(const Tracking& tracking) {
                                         {"controllers", tracking_json(tracking.after)}};
   }
   put_verdict(json, tracking.judgement);
-  const double half = tracking.mass_half_width();
+  // The errors of a wrong arm go into the load.
+  const double half = tracking.wrong ? kNaN : tracking.mass_half_width();
   json["load"] = {{"mass",
                    {{"value", host::number_or_null(tracking.mass())},
                     {"std", host::number_or_null(half / statistics::kNormal95)},

@@ -78,13 +78,18 @@ std::string json(const LoadComparison& comparison) {
   nlohmann::ordered_json json{{"scenario", first.scenario},
                               {"robot", first.robot},
                               {"bandwidth_hz", first.settings.bandwidth_hz},
-                              {"from", first.from}};
+                              {"from", first.from},
+                              {"model_effects", first.model_effects}};
   put_wrong(json, first.wrong);
   json["loads"] = nlohmann::ordered_json::array();
   for (std::size_t k = 0; k < comparison.masses.size(); ++k) {
     const Tracking& tracking = comparison.tracking[k];
     json["loads"].push_back(
         {{"mass", comparison.masses[k]}, {"controllers", tracking_json(tracking.counted)}});
+    if (!tracking.after.empty()) {
+      json["loads"].back()["after_last_payload_event"] = {{"from", tracking.settled},
+                                                          {"controllers", tracking_json(tracking.after)}};
+    }
   }
   put_verdict(json, comparison.judgement);
   return text_of(json);

@@ -176,9 +176,10 @@ host::Judgement judge(const Tracking& result) {
     judgement.add(validate::judge_against_truth("the estimated mass", result.mass(), result.mass_half_width(),
                                                 result.true_mass));
   }
-  judgement.add(validate::judge_improvement(result.wrong ? "the tracking error with the estimated arm"
-                                                         : "the tracking error with the estimated load",
-                                            result.judged(result.estimating()).rms(),
+  std::string what = result.wrong ? "the tracking error with the estimated arm"
+                                  : "the tracking error with the estimated load";
+  if (!result.after.empty()) what += fmt::format(", from {:.6g} s on,", result.settled);
+  judgement.add(validate::judge_improvement(what, result.judged(result.estimating()).rms(),
                                             "that with nominal values",
                                             result.judged(Method::kComputedTorque).rms()));
   return judgement;
@@ -276,7 +277,7 @@ LoadComparison compare_loads(const sim::Scenario& scenario, const std::vector<do
       of_load.progress = [&options, first, all](double done) { options.progress((first + done) / all); };
     }
     result.tracking.push_back(track(loaded, of_load));
-    result.judgement.add(result.tracking.back().judgement);
+    result.judgement.add(result.tracking.back().judgement, fmt::format("load of {:.6g} kg: ", mass));
   }
   return result;
 }

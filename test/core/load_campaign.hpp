@@ -99,18 +99,23 @@ class LoadCampaign {
     return found;
   }
 
-  /// Changes seen in so many hours with one and the same load.
+  /// Changes seen in so many hours with one and the same load, which is known at the end.
   static int false_alarms(double hours, const PickAndPlaceSettings& settings) {
     LoadCampaign campaign(settings);
     const RandomLoad load(1);
     campaign.arm.carry(load.mass, load.com);
     while (campaign.arm.time() < 3600.0 * hours) campaign.step();
+    EXPECT_EQ(campaign.observer.state(), LoadState::kKnown);
     return campaign.changes;
   }
 
   explicit LoadCampaign(const PickAndPlaceSettings& settings) : arm(settings) {
     refused += observer.configure() == Status::kOk ? 0 : 1;
   }
+  ~LoadCampaign() { EXPECT_EQ(refused, 0); }
+  LoadCampaign(const LoadCampaign&) = delete;
+  LoadCampaign& operator=(const LoadCampaign&) = delete;
+
   /// @return another load was seen
   bool step() {
     const OnlineSample s = arm.next();

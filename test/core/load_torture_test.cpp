@@ -33,7 +33,7 @@ class LoadTorture : public ::testing::Test {
     ++statuses[static_cast<std::size_t>(status)];
     ++states[static_cast<std::size_t>(record.state)];
     if (!record.estimated) return;
-    // The first error with its place; counted, for a million messages help nobody.
+    // Counted, for a million messages help nobody.
     // A body on the edge of what can exist may be rounded across it: by some units of the last place in float.
     InertialParameters<double> load{};
     for (std::size_t i = 0; i < 10; ++i) load[i] = static_cast<double>(observer.load()[i]);

@@ -308,6 +308,33 @@ TEST(MovingHorizon, RefusesBadSamplesWithoutATrace) {
   EXPECT_EQ(with.estimate().std, without.estimate().std);
 }
 
+TEST(MovingHorizon, AJointThatMovesLaterDoesNotOutweighTheOthers) {
+  const model::Robot truth = test::planar_two_link();
+  model::Robot prior = truth;
+  for (model::RobotJoint& joint : prior.joints) joint.actuation = {0.0, 0.5, 0.5, 0.0};
+  MovingHorizon horizon(prior, {});
+  const model::Dynamics dynamics(truth);
+  std::mt19937 random(2);
+  std::normal_distribution<double> noise(0.0, 0.2);
+  VectorXd q(2), qd(2), qdd(2);
+  for (int k = 1; k <= 2500; ++k) {
+    const double t = 0.002 * k, w = 4.0;
+    const double since = std::max(0.0, t - 4.0);  // the second joint stands for four seconds
+    q << 0.6 * std::sin(w * t), since > 0 ? 0.4 * (1 - std::cos(3.0 * since)) : 0.0;
+    qd << 0.6 * w * std::cos(w * t), since > 0 ? 1.2 * std::sin(3.0 * since) : 0.0;
+    qdd << -0.6 * w * w * std::sin(w * t), since > 0 ? 3.6 * std::cos(3.0 * since) : 0.0;
+    VectorXd tau = dynamics.joint_torque(q, qd, qdd);
+    for (double& value : tau) value += noise(random);
+    horizon.push({t, q, qd, tau});
+    if (!(t > 4.1) || !horizon.estimate().usable()) continue;
+    EXPECT_TRUE(horizon.estimate().noise_std[1] == 0.0 || horizon.estimate().noise_std[1] > 1e-3) << t;
+    for (int i = 0; i < static_cast<int>(horizon.estimate().unknown.size()); ++i) {
+      if (!horizon.estimate().determined[static_cast<std::size_t>(i)]) continue;
+      EXPECT_GT(horizon.estimate().interval(i).half_width(), 1e-4) << t << horizon.estimate().name(i);
+    }
+  }
+}
+
 TEST(MovingHorizon, BoundsTheIterationsOfAStep) {
   HorizonOptions options;
   options.max_iterations = 3;

@@ -283,6 +283,22 @@ TEST_F(Monitor, TooLittleFreeMotionIsNotIdentifiable) {
   }
 }
 
+// Its residual says nothing of motion, and thresholds from it would never be exceeded.
+TEST_F(Monitor, AnArmThatStandsIsNotIdentifiable) {
+  data::Log standing = log_of(arm_, "standing", 4, 60.0);
+  for (Eigen::Index k = 0; k < standing.time.size(); ++k) {
+    standing.q.row(k) = standing.q.row(0);
+    standing.tau.row(k) = standing.tau.row(0);
+  }
+  standing.qd.setZero();
+  try {
+    static_cast<void>(learn(file_, arm_, set({standing}, {})));
+    FAIL() << "learnt from an arm that stands";
+  } catch (const NotIdentifiableError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("0 s of motion in 60 s"), HasSubstr("record")));
+  }
+}
+
 TEST_F(Monitor, AModelThatDoesNotHoldIsBad) {
   model::Robot heavy = test::carrying(arm_, test::body(3.0, {0.3, 0, 0}, {0, 0, 0.01, 0, 0, 0.01}));
   const Contacts found = monitor(file_, arm_, set({}, {log_of(heavy, "heavy", 5)}), learnt()).front();

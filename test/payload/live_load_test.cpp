@@ -82,12 +82,13 @@ class LiveLoadOf : public ::testing::Test {
 };
 
 TEST_F(LiveLoadOf, AStreamIsTheLoadOfItsLogAndKnownBeforeItsEnd) {
-  const data::Log log = log_of(loaded_, 3);
+  data::Log log = log_of(loaded_, 3);
+  log.time.array() += 100.0;
   LiveLoad live(unloaded_);
   const std::vector<LiveEvent> events = push(live, log);
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.front().kind, Kind::kKnown);
-  EXPECT_LT(events.front().time, 10.0);
+  EXPECT_LT(events.front().time, 110.0);
   EXPECT_TRUE(events.front().load.mass.contains(kMass));
   EXPECT_NEAR(events.front().load.mass.value, kMass, 0.15 * kMass);
   const LiveSummary summary = live.end(7);
@@ -104,6 +105,7 @@ TEST_F(LiveLoadOf, AStreamIsTheLoadOfItsLogAndKnownBeforeItsEnd) {
   EXPECT_TRUE(summary.load->com[0].contains(0.3));
   EXPECT_EQ(summary.samples, log.num_samples());
   EXPECT_EQ(summary.refused, 7);
+  EXPECT_DOUBLE_EQ(summary.load_since, log.time[0]);
   EXPECT_THAT(summary.changes, IsEmpty());
   EXPECT_THAT(summary.unanswered, IsEmpty());
 }
@@ -146,6 +148,23 @@ TEST_F(LiveLoadOf, SaysWhatIsAttachedReplacedAndDetached) {
   ASSERT_TRUE(summary.load.has_value());
   EXPECT_TRUE(summary.load->mass.contains(0.0));
   EXPECT_FALSE(summary.changing);
+}
+
+// A recorder that booted at zero is set to the time of day, and something else is carried since.
+TEST_F(LiveLoadOf, AClockThatIsSetForwardStartsAnew) {
+  constexpr double kDay = 1.7e9;
+  LiveLoad live(unloaded_);
+  const std::vector<LiveEvent> before = push(live, log_of(loaded_, 3));
+  ASSERT_FALSE(before.empty());
+  data::Log later = log_of(heavier_, 4);
+  later.time.array() += kDay;
+  const std::vector<LiveEvent> after = push(live, later);
+  ASSERT_FALSE(after.empty());
+  const LiveSummary summary = live.end();
+  ASSERT_TRUE(summary.load.has_value());
+  EXPECT_TRUE(summary.load->mass.contains(2.0)) << report::brief(summary);
+  EXPECT_GE(summary.load_since, kDay - 1.0);
+  EXPECT_NEAR(summary.seconds, 60.0, 0.1);
 }
 
 TEST_F(LiveLoadOf, NothingIsCarriedWhereNothingIs) {

@@ -324,6 +324,14 @@ const Mistake kInputs[] = {
 };
 
 const Mistake kOptions[] = {
+    {"RateOfThresholdsThatAreNotLearnt",
+     "$H monitor --model m.json --log a.csv --rate 0.1",
+     2,
+     {"--rate", "give --learn FREE.csv"}},
+    {"FreeWithoutLog",
+     "$H monitor --model m.json --learn a.csv --free",
+     2,
+     {"--free is about the logs of --log"}},
     {"MisspeltOption",
      "$H identify --urdf scara --logs a.csv",
      2,

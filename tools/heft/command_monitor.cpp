@@ -128,7 +128,16 @@ Action set_up_monitor(CommandLine line) {
   line.parse_complete_callback([options, line] {
     options->torque_at_given = line.count("--torque-at") > 0;
     if (!options->stream.empty()) {
-      refuse_with_stream(line, options->result, {"--log", "--learn", "--free", "--output", "--torque-at"});
+      refuse_with_stream(
+          line, options->result,
+          {"--log", "--learn", "--free", "--output", "--torque-at", "--rate", "--band", "--accept-torque"});
+    }
+    if (line.count("--rate") > 0 && options->learn.empty()) {
+      throw UsageError(
+          "--rate is the rate of false alarms that thresholds are learnt for: give --learn FREE.csv with it");
+    }
+    if (options->free && options->log.logs.empty()) {
+      throw UsageError("--free is about the logs of --log: give one with it");
     }
     if (options->robot.model.empty()) {
       throw UsageError(

@@ -49,9 +49,15 @@ void run(const Options& options) {
   asked.behind_gears = loaded.fit && loaded.fit->torque_at == "joint";
   const retime::Retiming found = retime::retime(loaded.robot, path_of(options, loaded.robot), asked);
   console.print("{}", report::full(found));
-  finish(console, options.output, options.result, report::json(found), report::page(found),
-         [&] { data::write_log(options.output, found.log); });
-  if (!found.usable()) throw NotIdentifiableError(report::brief(found));
+  // A motion that exceeds a limit is not written.
+  const std::string output = found.usable() ? options.output : "";
+  finish(console, output, options.result, report::json(found), report::page(found),
+         [&] { data::write_log(output, found.log); });
+  if (!found.usable()) {
+    throw NotIdentifiableError(
+        fmt::format("{}: no motion along this path: {}{}", found.path.source.empty() ? "waypoints" : found.path.source, found.judgement.reasons.front(),
+                    options.output.empty() ? "" : "; " + options.output + " was not written"));
+  }
 }
 
 void add_limit_options(CommandLine line, Options& options) {

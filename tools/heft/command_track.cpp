@@ -95,6 +95,15 @@ Action set_up_track(CommandLine line) {
       .delimiter(',')
       .not_negative();
   add_result_options(line, options->result);
+  line.parse_complete_callback([options] {
+    const std::vector<double>& shares = options->wrong_model;
+    if (!shares.empty() && !(shares[0] <= shares[1] && shares[1] < 1.0)) {
+      throw UsageError(fmt::format(
+          "--wrong-model: found {:g},{:g}; expected shares LEAST,MOST below 1, the smaller one first, "
+          "0.1,0.3 for 10 to 30 %",
+          shares[0], shares[1]));
+    }
+  });
   line.footer(
       std::string(kScenarioKeys) +
       "Compares PD, PD with gravity, computed torque with nominal values, computed torque with the load that is estimated\n"

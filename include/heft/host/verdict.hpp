@@ -26,7 +26,8 @@ struct Judgement {
   /// Adds a reason. The verdict becomes the worse of the two; worse reasons come before better ones.
   void add(Verdict found, std::string reason);
   /// Adds all of another judgement.
-  void add(const Judgement& other);
+  /// @param about  in front of each of its reasons
+  void add(const Judgement& other, const std::string& about = "");
 
  private:
   std::vector<Verdict> ranks_;  // of `reasons`

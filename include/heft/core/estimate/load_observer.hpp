@@ -536,6 +536,9 @@ class LoadObserver {
              : ever_known_                                                       ? LoadState::kChanging
                                                                                  : LoadState::kUnknown;
     ever_known_ = ever_known_ || state_ == LoadState::kKnown || state_ == LoadState::kNone;
+    if (state_ == LoadState::kChanging) {
+      return;  // the load before, or the declared one, is carried on
+    }
     if (!weighs || !explained || make_physical(load, farthest_) != Status::kOk) {
       load = {};
     }
@@ -545,6 +548,7 @@ class LoadObserver {
   /// Another load from now on.
   void restart(bool declared) noexcept {
     change_due_ = false;
+    batch_.stage = Stage::kIdle;  // its rows are of the load before
     change_.any = true;
     change_.declared = declared;
     change_.time = clock_.seconds();
@@ -559,7 +563,6 @@ class LoadObserver {
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    batch_.stage = Stage::kIdle;
     restart(true);
     fade_.go_to(now);
     return Status::kOk;
