@@ -363,6 +363,69 @@ TYPED_TEST(Controllers, WatchingKeepsTheLoadEstimateReady) {
   EXPECT_NEAR(double(both.template get<1>().load()[kMcx]), 0.225, 0.02);
 }
 
+/// A minute of watching, elsewhere and in another pose: on its return the feed-forward of an elastic joint must not take the change
+/// of pose for one within a cycle.
+TYPED_TEST(Controllers, ComeBackFromWatchingAsFromAStart) {
+  using Scalar = TypeParam;
+  auto model = planar_arm<Scalar>();
+  const Elasticity<Scalar> elastic{0, Scalar(1000), Scalar(0), Scalar(0.2)};
+  const auto prepare = [&](auto& controller) {
+    ASSERT_EQ(controller.configure(model, usual<typename std::decay_t<decltype(controller)>::Config>()),
+              Status::kOk);
+    ASSERT_EQ(controller.add(elastic), Status::kOk);
+  };
+  Computed<Scalar> returned, fresh;
+  Adaptive<Scalar> adaptive_returned, adaptive_fresh;
+  const auto compare = [&](auto& back, auto& start) {
+    prepare(back);
+    prepare(start);
+    typename Computed<Scalar>::Measurement m;
+    typename Computed<Scalar>::Reference reference;
+    m.dt = Scalar(1e-3);
+    for (int k = 0; k < 5; ++k) ASSERT_EQ(back.step(reference, m).status, Status::kOk);
+    m.dt = Scalar(0.1);
+    for (int k = 0; k < 600; ++k) back.watch(m);
+    m.dt = Scalar(1e-3);
+    reference.q[0] = m.q[0] = Scalar(1.5);
+    // The adaptive one has learnt a little in its first cycles.
+    for (int k = 0; k < 3; ++k) {
+      EXPECT_LT((back.step(reference, m).torque - start.step(reference, m).torque).norm(), Scalar(0.05)) << k;
+    }
+  };
+  compare(returned, fresh);
+  compare(adaptive_returned, adaptive_fresh);
+}
+
+/// Whether in charge or not, a joint warms up.
+TYPED_TEST(Controllers, CountTheTimeOfWatchingForJointsThatWarmUp) {
+  using Scalar = TypeParam;
+  auto model = planar_arm<Scalar>();
+  model.actuation[0].coulomb_friction = Scalar(2);
+  JointEffect<Scalar> warming;
+  warming.kind = joint_effect_kind<FrictionDrift>();
+  warming.parameters[0] = Scalar(1);
+  warming.parameters[2] = Scalar(10);
+  typename Computed<Scalar>::Measurement m;
+  typename Computed<Scalar>::Reference reference;
+  reference.qd[0] = m.qd[0] = Scalar(1);
+  for (const bool in_charge_first : {true, false}) {
+    const auto torque_after = [&](double watched) {
+      Computed<Scalar> controller;
+      EXPECT_EQ(controller.configure(model, usual<typename Computed<Scalar>::Config>()), Status::kOk);
+      EXPECT_EQ(controller.add(warming), Status::kOk);
+      m.dt = Scalar(1e-3);
+      if (in_charge_first) controller.step(reference, m);
+      m.dt = Scalar(0.125);
+      for (double t = in_charge_first ? 0 : -0.125; t < watched; t += 0.125) controller.watch(m);
+      m.dt = Scalar(1e-3);
+      return controller.step(reference, m).torque[0];
+    };
+    // Twice the friction at first, e^(−t/T) of the second half after a time.
+    const double cold = torque_after(0), later = torque_after(10);
+    EXPECT_NEAR(cold - later, 2 * (1 - std::exp(-1.0)), 1e-3) << in_charge_first;
+  }
+}
+
 TYPED_TEST(Controllers, BelieveTheSameAfterARestWithNoise) {
   // The long form, ten minutes, is in online_long_test.
   using Scalar = TypeParam;

@@ -92,8 +92,9 @@ class ModelController : public ControllerFrame<Derived, Scalar_, ArmSource<Descr
   using Body = RigidArm<Description, Scalar>;
   using Drive = ReferenceDrive<Description, Scalar>;
 
-  /// Nothing is estimated, nobody else wants to know.
-  void see(const Measurement&) noexcept {}
+  /// No reference is known while another controller is in charge.
+  void see(const Measurement& m) noexcept { drive_.skip(m.dt); }
+  /// Nobody else wants to know.
   void tilt(const std::array<Scalar, 3>&) noexcept {}
   template <typename Part>
   Status add_part(const Part& part) noexcept {
@@ -294,6 +295,7 @@ class LoadEstimatingController final
     static_cast<void>(observer_.set_gravity(gravity));
   }
   void see(const Measurement& m) noexcept {
+    Base::see(m);
     static_cast<void>(observer_.update(m.q, m.qd, m.tau, m.dt, record_, m.cut));
     this->carry(observer_.load());
   }
@@ -355,7 +357,10 @@ class ArmEstimatingController final
     return status == Status::kOk ? Base::add_part(part) : status;
   }
   void tilt(const std::array<Scalar, 3>& gravity) noexcept { estimator_.set_gravity(gravity); }
-  void see(const Measurement& m) noexcept { static_cast<void>(estimate(m)); }
+  void see(const Measurement& m) noexcept {
+    Base::see(m);
+    static_cast<void>(estimate(m));
+  }
   Status estimate(const Measurement& m) noexcept {
     const Status status = estimator_.update(m.q, m.qd, m.tau, m.dt, record_, m.cut);
     if (record_.new_estimate) {

@@ -104,7 +104,8 @@ class ReferenceDrive {
   /// @return kNonFiniteInput: state kept
   Status update(const Body& arm, const Reference& reference, Scalar dt) noexcept {
     Motion next = motion_;
-    next.clock.advance(motion_.points > 0 ? dt : Scalar(0));
+    next.clock.advance(motion_.started ? dt : Scalar(0));
+    next.started = true;
     next.deflection.setZero();
     next.rate.setZero();
     next.torque.setZero();
@@ -137,6 +138,15 @@ class ReferenceDrive {
     return Status::kOk;
   }
 
+  /// A cycle without a point of the reference: joints warm up all the same, and the next point has none before it that a
+  /// difference could be taken to.
+  /// @param dt  since the cycle before, > 0 [s]
+  void skip(Scalar dt) noexcept {
+    motion_.clock.advance(motion_.started ? dt : Scalar(0));
+    motion_.started = true;
+    motion_.points = 0;
+  }
+
   // Of the last point.
   const Vector& friction() const noexcept { return motion_.friction; }  ///< declared [N·m, N]
   /// Of couplings, effects and the bending of elastic joints [N·m, N].
@@ -162,7 +172,8 @@ class ReferenceDrive {
            rate = Vector::Zero();
     Vector last_load = Vector::Zero(), last_change = Vector::Zero();
     RunClock<Scalar> clock;
-    int points{0};  ///< taken, up to two
+    int points{0};        ///< taken one after the other, up to two
+    bool started{false};  ///< the clock runs
   };
 
   /// An estimated load comes in steps: the derivatives are those of the nominal arm.
