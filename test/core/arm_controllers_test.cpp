@@ -14,6 +14,7 @@
 #include <Eigen/Dense>
 
 #include "heft/core/control/controller_switch.hpp"
+#include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "support/planar_rig.hpp"
 
 namespace heft {
@@ -424,6 +425,62 @@ TYPED_TEST(Controllers, CountTheTimeOfWatchingForJointsThatWarmUp) {
     const double cold = torque_after(0), later = torque_after(10);
     EXPECT_NEAR(cold - later, 2 * (1 - std::exp(-1.0)), 1e-3) << in_charge_first;
   }
+}
+
+/// An ArmEstimator that follows what an arm without friction would measure on a motion of two sines about a pose, with
+/// `extra` on top of the torque of joint 0. Calls look(record, q) after each sample.
+template <typename Scalar, typename Look>
+void follow(ArmEstimator<Arm2, Scalar>& estimator, const ArmModel<double, 2>& truth, double extra,
+            double seconds, double elbow, Look&& look) {
+  const DynamicArm<double, 2> arm(truth);
+  using Joints = JointVector<double, 2>;
+  for (int k = 0; k < static_cast<int>(seconds * 1000); ++k) {
+    const auto at = [&](double t) {
+      const auto r = reference_at<double>(t);
+      return JointReference<double, 2>{0.4 * r.q + Joints(0, elbow), 0.4 * r.qd, 0.4 * r.qdd};
+    };
+    const JointReference<double, 2> now = at(k * 1e-3), middle = at(k * 1e-3 - 5e-4);
+    Joints tau = inverse_dynamics(arm, middle.q, middle.qd, middle.qdd) + Joints(extra, 0);
+    for (int i = 0; i < 2; ++i)
+      tau[i] += truth.actuation[static_cast<std::size_t>(i)].rotor_inertia * middle.qdd[i];
+    typename ArmEstimator<Arm2, Scalar>::Record record;
+    ASSERT_EQ(estimator.update(now.q.cast<Scalar>(), now.qd.cast<Scalar>(), tau.cast<Scalar>(), Scalar(1e-3),
+                               record),
+              Status::kOk);
+    look(record, now.q);
+  }
+}
+
+/// Torques of no arm that can exist: with the elbow at a right angle its mass matrix is one, with the forearm folded back not.
+TYPED_TEST(Controllers, GoBackToTheModelOfTheStartWhereTheEstimateIsNoArmAtAll) {
+  using Scalar = TypeParam;
+  auto truth = planar_arm<double>();
+  truth.links[1][kMcx] = 1.5;
+  typename ArmEstimator<Arm2, Scalar>::Config config;
+  config.noise_std.setConstant(Scalar(0.1));
+  config.mass_prior = 20;
+  ArmEstimator<Arm2, Scalar> estimator;
+  ASSERT_EQ(estimator.configure(planar_arm<Scalar>(), config), Status::kOk);
+  int accepted = 0, refused = 0, returns = 0;
+  const auto look = [&](const auto& record, const Eigen::Vector2d& q) {
+    if (record.estimate_refused) {
+      ++refused;
+      returns += record.new_estimate ? 1 : 0;
+      auto mass = test::mass_of<2>(converted<double>(estimator.model()), q);
+      mass.diagonal().array() += 0.1;
+      ASSERT_GT(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(mass).eigenvalues()[0], 0) << refused;
+    } else if (record.new_estimate) {
+      ++accepted;
+    }
+  };
+  follow(estimator, truth, 0, 3, 1.57, look);
+  EXPECT_GT(accepted, 200);
+  EXPECT_EQ(refused, 0);
+  EXPECT_NEAR(double(estimator.model().links[1][kMcx]), 1.5, 0.15);
+  follow(estimator, truth, 0, 3, 3.14, look);
+  EXPECT_GT(refused, 100);
+  EXPECT_EQ(returns, 1);
+  EXPECT_EQ(estimator.model().links, planar_arm<Scalar>().links);
 }
 
 TYPED_TEST(Controllers, BelieveTheSameAfterARestWithNoise) {

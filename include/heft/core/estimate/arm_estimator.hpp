@@ -35,7 +35,7 @@ namespace heft {
 ///
 /// Whether the estimate makes a good model in other motions than those of the past seconds is not known; for computed torque in
 /// the present one it need not. A mass matrix that is not between `least_inertia` and `most_inertia` times the model's at
-/// the present pose is refused.
+/// the present pose is refused; where the one before it is not either, the model of the start comes back.
 ///
 /// An arm at rest teaches nothing after `longest_rest`, nor do joints at their torque limits; around a reversal a joint counts less.
 ///
@@ -101,9 +101,8 @@ class ArmEstimator {
       return status;
     }
     const Priors priors(model, model.actuation);
-    Row variance{};
+    Row variance{}, prior{};
     set_variances(model, config, priors, variance);
-    Row prior{};
     parameters_of(model, prior);
     typename Estimator::Config settings;
     using std::exp;
@@ -119,6 +118,8 @@ class ArmEstimator {
     nominal_.set_model(model);
     trial_.set_model(model);
     model_ = model;
+    prior_ = prior;
+    found_ = false;
     aligned_ = aligned;
     drive_ = drive;
     clock_.reset();
@@ -344,17 +345,28 @@ class ArmEstimator {
   /// The estimate becomes the model, where feedback may be made of it.
   void take(const Vector& q, Record& record) noexcept {
     const Row& x = recursion_.solution();
-    auto links = model_.links;
-    for (std::size_t j = 0; j < links.size(); ++j) {
-      for (std::size_t p = 0; p < 10; ++p) {
-        links[j][p] = x[10 * j + p];
-      }
+    if (within_bounds(x, q)) {
+      adopt(x);
+      found_ = record.new_estimate = true;
+      return;
     }
+    record.estimate_refused = true;
+    // What was in bounds at the poses of before may be as bad at this one.
+    parameters_of(model_, row_);
+    if (found_ && !within_bounds(row_, q)) {
+      adopt(prior_);
+      found_ = false;
+      record.new_estimate = true;
+    }
+  }
+
+  /// least M₀ < M < most M₀ at this pose, as quadratic forms, with rotors.
+  bool within_bounds(const Row& x, const Vector& q) noexcept {
     const auto trig = joint_trigonometry<Dynamic>(q);
     Mass nominal, found;
     mass_matrix(nominal_, trig, q, nominal);
     for (int j = 0; j < kNumJoints; ++j) {
-      trial_.set_link(j, links[static_cast<std::size_t>(j)]);
+      trial_.set_link(j, link_of(x, static_cast<std::size_t>(j)));
     }
     mass_matrix(trial_, trig, q, found);
     for (int i = 0; i < kNumJoints; ++i) {
@@ -362,18 +374,25 @@ class ArmEstimator {
       nominal(i, i) += rotor;
       found(i, i) += rotor;
     }
-    if (!detail::between<Scalar, kNumJoints>(found, nominal, config_.least_inertia, config_.most_inertia)) {
-      record.estimate_refused = true;
-      return;
-    }
-    model_.links = links;
-    for (std::size_t j = 0; j < links.size(); ++j) {
+    return detail::between<Scalar, kNumJoints>(found, nominal, config_.least_inertia, config_.most_inertia);
+  }
+
+  void adopt(const Row& x) noexcept {
+    for (std::size_t j = 0; j < static_cast<std::size_t>(kNumJoints); ++j) {
       const std::size_t at = kFriction + 3 * j;
+      model_.links[j] = link_of(x, j);
       model_.actuation[j].coulomb_friction = x[at] > Scalar(0) ? x[at] : Scalar(0);
       model_.actuation[j].viscous_friction = x[at + 1] > Scalar(0) ? x[at + 1] : Scalar(0);
       model_.actuation[j].friction_offset = x[at + 2];
     }
-    record.new_estimate = true;
+  }
+
+  static InertialParameters<Scalar> link_of(const Row& x, std::size_t j) noexcept {
+    InertialParameters<Scalar> link;
+    for (std::size_t p = 0; p < link.size(); ++p) {
+      link[p] = x[static_cast<std::size_t>(kParametersPerLink) * j + p];
+    }
+    return link;
   }
 
   Config config_{};
@@ -385,12 +404,13 @@ class ArmEstimator {
   Estimator recursion_;
   InnovationGate<Scalar> gate_;  ///< never rejects
   LinkRegressor<Scalar, kNumJoints> regressor_;
-  Row row_{};
+  Row row_{}, prior_{};
   RunClock<Scalar> clock_;
   Vector variance_ = Vector::Ones(), doubt_ = Vector::Ones(), last_q_ = Vector::Zero(),
          last_qd_ = Vector::Zero();
   Scalar omega_{1}, missed_{0}, settling_{0}, until_update_{0}, rest_{0};
   std::uint32_t clipped_{0};
+  bool found_{false};  ///< the model is an estimate, not that of the start
   bool started_{false}, configured_{false};
 };
 
