@@ -35,6 +35,24 @@ class OneJointFilter : public ::testing::Test {
 using OneJoint = ::testing::Types<ExtendedKalmanFilter<double, 1>, UnscentedKalmanFilter<double, 1>>;
 TYPED_TEST_SUITE(OneJointFilter, OneJoint);
 
+/// 5 N on a slide that 10 N of Coulomb friction hold: it stays within the width of the sign, whichever way it is pushed.
+TEST(DriftingArm, SticksInBothDirections) {
+  ArmModel<double, 1> slide = OneJointFilter<ExtendedKalmanFilter<double, 1>>::slide();
+  slide.links[0] = make_inertial_parameters<double>(1e-3, {0, 0, 0}, {});
+  slide.actuation[0].rotor_inertia = 0;
+  using Arm = DriftingArm<double, 1, 0>;
+  constexpr double kWidth = 0.02;
+  Arm arm;
+  arm.set_model(slide, kWidth);
+  Arm::State at_rest{};
+  at_rest[Arm::Layout::kCoulomb] = 10;
+  Arm::Mechanics forward, backward;
+  ASSERT_EQ(arm.step(at_rest, Arm::Vector(5), 1e-3, forward), Status::kOk);
+  ASSERT_EQ(arm.step(at_rest, Arm::Vector(-5), 1e-3, backward), Status::kOk);
+  EXPECT_LT(std::abs(forward[1]), kWidth);
+  EXPECT_EQ(backward, Arm::Mechanics(-forward));
+}
+
 /// Mass 2.5 kg with its rotor: q⁺ = q + dt v + dt²/2 a, v⁺ = v + dt a, a = (τ − F) / 2.5.
 TYPED_TEST(OneJointFilter, EqualsTheClosedFormOfALinearCase) {
   constexpr double kDt = 1e-3, kMass = 2.5;

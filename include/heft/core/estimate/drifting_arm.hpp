@@ -172,8 +172,10 @@ class DriftingArm {
   // Reached by an explicit step, which a joint of small inertia takes far beyond standstill. From there the chord would be too flat
   // to stop the joint: it ends at most one width beyond the present speed, which leaves half a width of overshoot.
   Scalar chord(int i, Scalar reached) const noexcept {
-    const Scalar back = v_[i] > Scalar(0) ? -v_[i] - sign_width_ : -v_[i] + sign_width_;
-    reached = (v_[i] > Scalar(0)) == (reached < back) ? back : reached;
+    // From standstill the joint stops on its way to either side.
+    const bool down = v_[i] > Scalar(0) || (!(v_[i] < Scalar(0)) && reached < Scalar(0));
+    const Scalar back = down ? -v_[i] - sign_width_ : -v_[i] + sign_width_;
+    reached = down == (reached < back) ? back : reached;
     const Scalar way = reached - v_[i];
     const Scalar least = static_cast<Scalar>(1e-3) * sign_width_;
     return way > least || way < -least ? (velocity_sign(reached, sign_width_) - sign_[i]) / way
