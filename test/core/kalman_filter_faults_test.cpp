@@ -187,6 +187,22 @@ TYPED_TEST(KalmanFilterFaults, APositionThatJumpsForGoodStartsTheMotionAgain) {
   this->expect_right_after_two_seconds();
 }
 
+TYPED_TEST(KalmanFilterFaults, TimeIsCheckedAfterALossToo) {
+  for (int n = 0; n < 200 && this->filter.running(); ++n) {
+    TwoLinkSample s = this->rig.next();
+    s.q[0] += 0.5;
+    ASSERT_EQ(this->take(s), Status::kOk);
+  }
+  ASSERT_FALSE(this->filter.running());
+  const auto before = this->filter.state();
+  for (const double dt : {0.0, -0.001, -100.0, 1e7}) {
+    this->run(0.001, Status::kOutOfRange, [&](TwoLinkSample& s) { s.dt = dt; });
+  }
+  EXPECT_FALSE(this->filter.running());
+  EXPECT_EQ(this->filter.state(), before);
+  this->expect_right_after_two_seconds();
+}
+
 TYPED_TEST(KalmanFilterFaults, AFrozenEncoderIsNamedAndTeachesNothing) {
   for (const bool measured : {true, false}) {
     this->with_velocity = measured;

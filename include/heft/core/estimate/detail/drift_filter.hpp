@@ -15,6 +15,7 @@
 #include "heft/core/estimate/drifting_arm.hpp"
 #include "heft/core/estimate/innovation_gate.hpp"
 #include "heft/core/numeric_range.hpp"
+#include "heft/core/run_clock.hpp"
 
 namespace heft::detail {
 
@@ -108,7 +109,7 @@ class DriftFilter {
     x_ = nominal_;
     drift_time_ = Scalar(0);
     stage_ = Stage::kWaits;
-    frozen_ = 0;
+    started_ = false;
     configured_ = true;
     return Status::kOk;
   }
@@ -237,10 +238,10 @@ class DriftFilter {
     if (!all_usable(q) || !all_usable(tau) || !is_usable(dt)) {
       return Status::kNonFiniteInput;
     }
-    const bool first = stage_ == Stage::kWaits && frozen_ == 0;
-    if (!first && !(dt > Scalar(0) && dt <= Scalar(1e6))) {
-      return Status::kOutOfRange;
+    if (const Status time = check_step(dt, started_); time != Status::kOk) {
+      return time;
     }
+    const bool first = !started_;
     SampleFaults<Scalar, N> faults = faults_;
     std::uint32_t frozen = 0;
     if (!first) {
@@ -269,7 +270,7 @@ class DriftFilter {
         start(q, qd, dt, record);
       }
     }
-    frozen_ = frozen;
+    started_ = true;
     q_ = q;
     tau_ = tau;
     return Status::kOk;
@@ -513,8 +514,8 @@ class DriftFilter {
   std::array<InnovationGate<Scalar>, static_cast<std::size_t>(N)> position_gate_{}, velocity_gate_{};
   Vector q_ = Vector::Zero(), tau_ = Vector::Zero(), refused_for_ = Vector::Zero();
   Scalar drift_time_{0};
-  std::uint32_t frozen_{0};
   Stage stage_{Stage::kWaits};
+  bool started_{false};  ///< a sample has been taken
   bool configured_{false};
   // Scratch.
   StepColumns<Scalar, N, Load, kExtra> columns_;
