@@ -223,6 +223,25 @@ TYPED_TEST(KalmanFilterFaults, AFrozenEncoderIsNamedAndTeachesNothing) {
   }
 }
 
+/// The joint stands, and its velocity says so: the encoder is well.
+TYPED_TEST(KalmanFilterFaults, AHardStopIsNoFrozenEncoder) {
+  while (std::abs(this->rig.arm.qd[1]) < 1.5) this->run(0.001, Status::kOk);
+  double stop = 0;
+  this->run(0.001, Status::kOk, [&](TwoLinkSample& s) { stop = s.q[1]; });
+  int running = 0;
+  for (int n = 0; n < 500; ++n) {
+    TwoLinkSample s = this->rig.next();
+    s.q[1] = stop;
+    s.qd[1] = 0;
+    ASSERT_EQ(this->take(s), Status::kOk);
+    this->look();
+    ASSERT_EQ(this->record.frozen, 0U) << n;
+    running += this->filter.running() ? 1 : 0;
+  }
+  EXPECT_GT(running, 400);
+  this->expect_right_after_two_seconds();
+}
+
 TYPED_TEST(KalmanFilterFaults, ATorqueAtItsLimitIsNamedAndTakenAsUnknown) {
   auto config = this->config();
   using S = typename TypeParam::Scalar;

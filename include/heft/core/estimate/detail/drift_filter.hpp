@@ -115,7 +115,8 @@ class DriftFilter {
   }
 
   /// Takes one sample with measured velocities.
-  /// @param q,qd  measured, n [rad, rad/s; m, m/s on a prismatic joint]
+  /// @param q,qd  measured, n; a velocity that is differenced from q hides a frozen encoder [rad, rad/s; m, m/s on a prismatic
+  ///              joint]
   /// @param tau   torque of the drives, n [N·m, N]: less what joint effects take beyond Coulomb and viscous friction; see
   ///              Config::torque_is_held
   /// @param dt    time since the last sample that was not refused, > 0, at most 1e6 [s]; of the first: any
@@ -245,7 +246,9 @@ class DriftFilter {
     SampleFaults<Scalar, N> faults = faults_;
     std::uint32_t frozen = 0;
     if (!first) {
-      const Vector speed = velocity();
+      // A joint at a hard stop stands as a frozen encoder does: a measured velocity tells them apart. That of a filter that waits
+      // is none.
+      const Vector speed = qd != nullptr ? *qd : running() ? velocity() : Vector(Vector::Zero());
       const Scalar memory = Scalar(1) / (static_cast<Scalar>(kLongestGap) * config_.period);
       const auto found = faults.look(q_, speed, q, speed, tau, config_.torque_limit, dt, memory);
       frozen = found.frozen;
