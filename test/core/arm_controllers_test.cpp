@@ -364,6 +364,21 @@ TYPED_TEST(Controllers, WatchingKeepsTheLoadEstimateReady) {
   EXPECT_NEAR(double(both.template get<1>().load()[kMcx]), 0.225, 0.02);
 }
 
+/// Beside a twin that was never asked.
+TYPED_TEST(Controllers, AreAsTheyWereAfterARefusedPart) {
+  using Scalar = TypeParam;
+  this->each([](const std::string& name, auto controller) {
+    auto twin = controller;
+    EXPECT_EQ(controller.add(Elasticity<Scalar>{0, Scalar(0), Scalar(0), Scalar(0.5)}), Status::kOutOfRange)
+        << name;
+    Loop loop(controller);
+    while (loop.time < 4) {
+      const auto expected = twin.step(loop.reference(), loop.measured()).torque;
+      ASSERT_EQ(loop.cycle().torque, expected) << name << loop.time;
+    }
+  });
+}
+
 /// A minute of watching, elsewhere and in another pose: on its return the feed-forward of an elastic joint must not take the change
 /// of pose for one within a cycle.
 TYPED_TEST(Controllers, ComeBackFromWatchingAsFromAStart) {

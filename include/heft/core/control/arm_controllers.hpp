@@ -288,8 +288,9 @@ class LoadEstimatingController final
   }
   template <typename Part>
   Status add_part(const Part& part) noexcept {
-    const Status status = observer_.add(part);
-    return status == Status::kOk ? Base::add_part(part) : status;
+    // The stricter one first: what the reference drive takes, the observer takes.
+    const Status status = Base::add_part(part);
+    return status == Status::kOk ? observer_.add(part) : status;
   }
   void tilt(const std::array<Scalar, 3>& gravity) noexcept {
     static_cast<void>(observer_.set_gravity(gravity));
@@ -353,8 +354,9 @@ class ArmEstimatingController final
   }
   template <typename Part>
   Status add_part(const Part& part) noexcept {
-    const Status status = estimator_.add(part);
-    return status == Status::kOk ? Base::add_part(part) : status;
+    // As in LoadEstimatingController.
+    const Status status = Base::add_part(part);
+    return status == Status::kOk ? estimator_.add(part) : status;
   }
   void tilt(const std::array<Scalar, 3>& gravity) noexcept { estimator_.set_gravity(gravity); }
   void see(const Measurement& m) noexcept {
