@@ -379,6 +379,30 @@ TYPED_TEST(Controllers, AreAsTheyWereAfterARefusedPart) {
   });
 }
 
+TYPED_TEST(Controllers, AreAsTheyWereAfterRefusedSettings) {
+  using Scalar = TypeParam;
+  auto other = planar_arm<Scalar>();
+  other.actuation[0].coulomb_friction = Scalar(5);
+  this->each([&](const std::string& name, auto controller) {
+    Loop loop(controller);
+    while (loop.time < 2) loop.cycle();
+    auto twin = controller;
+    auto bad = usual<typename decltype(controller)::Config>();
+    bad.stiffness[1] = std::numeric_limits<Scalar>::quiet_NaN();
+    EXPECT_EQ(controller.configure(other, bad), Status::kOutOfRange) << name;
+    bad = usual<typename decltype(controller)::Config>();
+    bad.hold_time = Scalar(0);
+    EXPECT_EQ(controller.configure(other, bad), Status::kOutOfRange) << name;
+    bad = usual<typename decltype(controller)::Config>();
+    bad.sign_width = Scalar(-1);
+    EXPECT_EQ(controller.configure(other, bad), Status::kOutOfRange) << name;
+    for (int k = 0; k < 500; ++k) {
+      const auto expected = twin.step(loop.reference(), loop.measured()).torque;
+      ASSERT_EQ(loop.cycle().torque, expected) << name << k;
+    }
+  });
+}
+
 /// A minute of watching, elsewhere and in another pose: on its return the feed-forward of an elastic joint must not take the change
 /// of pose for one within a cycle.
 TYPED_TEST(Controllers, ComeBackFromWatchingAsFromAStart) {

@@ -155,15 +155,16 @@ class ControllerFrame {
  protected:
   using Config = ControllerConfig<Scalar, N>;
 
-  /// @return kOutOfRange: settings kept
-  Status start(const Config& config) noexcept {
+  static bool in_range(const Config& config) noexcept {
     JointFeedback<Scalar, N> feedback;
-    if (!all_usable(config.stiffness) || !all_usable(config.damping) || !(config.hold_time > Scalar(0)) ||
-        !is_usable(config.hold_time) ||
-        feedback.configure({config.stiffness, config.damping, config.torque_limit}) != Status::kOk) {
-      return Status::kOutOfRange;
-    }
-    feedback_ = feedback;
+    return all_usable(config.stiffness) && all_usable(config.damping) && config.hold_time > Scalar(0) &&
+           is_usable(config.hold_time) && config.sign_width >= Scalar(0) && is_usable(config.sign_width) &&
+           feedback.configure({config.stiffness, config.damping, config.torque_limit}) == Status::kOk;
+  }
+
+  /// @param config  in range
+  void start(const Config& config) noexcept {
+    static_cast<void>(feedback_.configure({config.stiffness, config.damping, config.torque_limit}));
     hold_time_ = config.hold_time;
     applied_.setZero();
     offset_.setZero();
@@ -172,7 +173,6 @@ class ControllerFrame {
     limited_ = 0;
     offset_pending_ = placed_ = false;
     configured_ = true;
-    return Status::kOk;
   }
 
   JointFeedback<Scalar, N> feedback_;

@@ -105,16 +105,24 @@ class ModelController : public ControllerFrame<Derived, Scalar_, ArmSource<Descr
     return true;
   }
 
-  /// Settings and model of all; nothing in Derived may fail afterwards.
-  Status begin_model(const ControllerConfig<Scalar, Source::kNumJoints>& config,
-                     const Model& model) noexcept {
+  /// Settings and model of all. What may be refused is looked at before anything is replaced; nothing in Derived may fail
+  /// afterwards.
+  /// @param own  status = own(): configures what Derived has besides, or keeps it
+  template <typename Own>
+  Status begin_model(const ControllerConfig<Scalar, Source::kNumJoints>& config, const Model& model,
+                     Own&& own) noexcept {
+    if (!Frame::in_range(config)) {
+      return Status::kOutOfRange;
+    }
+    if (const Status status = own(); status != Status::kOk) {
+      return status;
+    }
+    // Refuses what a description brings along, if anything: the same each time, so that there is no older state to keep.
     if (const Status status = drive_.configure(model, config.friction, config.sign_width);
         status != Status::kOk) {
       return status;
     }
-    if (const Status status = Frame::start(config); status != Status::kOk) {
-      return status;
-    }
+    Frame::start(config);
     if constexpr (Source::kIsStatic) {
       body_ = Body{};
     } else {
@@ -123,6 +131,10 @@ class ModelController : public ControllerFrame<Derived, Scalar_, ArmSource<Descr
     load_ = {};
     known_ = true;
     return Status::kOk;
+  }
+  Status begin_model(const ControllerConfig<Scalar, Source::kNumJoints>& config,
+                     const Model& model) noexcept {
+    return begin_model(config, model, [] { return Status::kOk; });
   }
 
   void carry(const Load& load) noexcept {
@@ -278,13 +290,13 @@ class LoadEstimatingController final
   Status begin(const Config& config, const Model& model) noexcept {
     typename Observer::Config settings = config.observer;
     settings.torque_limit = settings.torque_limit.cwiseMin(config.torque_limit);
-    Status status = Status::kOk;
-    if constexpr (detail::ArmSource<Description>::kIsStatic) {
-      status = observer_.configure(settings);
-    } else {
-      status = observer_.configure(model, settings);
-    }
-    return status == Status::kOk ? this->begin_model(config, model) : status;
+    return this->begin_model(config, model, [&] {
+      if constexpr (detail::ArmSource<Description>::kIsStatic) {
+        return observer_.configure(settings);
+      } else {
+        return observer_.configure(model, settings);
+      }
+    });
   }
   template <typename Part>
   Status add_part(const Part& part) noexcept {
@@ -349,8 +361,7 @@ class ArmEstimatingController final
   Status begin(const Config& config, const Model& model) noexcept {
     typename Estimator::Config settings = config.estimator;
     settings.torque_limit = settings.torque_limit.cwiseMin(config.torque_limit);
-    const Status status = estimator_.configure(model, settings);
-    return status == Status::kOk ? this->begin_model(config, model) : status;
+    return this->begin_model(config, model, [&] { return estimator_.configure(model, settings); });
   }
   template <typename Part>
   Status add_part(const Part& part) noexcept {
@@ -421,11 +432,10 @@ class AdaptiveArmController final
 
   Status begin(Config config, const Model& model) noexcept {
     config.torque_limit = config.law.torque_limit;
-    if (const Status status = law_.configure(config.law, model); status != Status::kOk) {
-      return status;
+    const Status status = this->begin_model(config, model, [&] { return law_.configure(config.law, model); });
+    if (status == Status::kOk) {
+      take_rotors();
     }
-    const Status status = this->begin_model(config, model);
-    take_rotors();
     return status;
   }
   template <typename Part>
