@@ -3,6 +3,7 @@
 #include "heft/core/control/arm_controllers.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -520,6 +521,29 @@ TYPED_TEST(Controllers, GoBackToTheModelOfTheStartWhereTheEstimateIsNoArmAtAll) 
   EXPECT_GT(refused, 100);
   EXPECT_EQ(returns, 1);
   EXPECT_EQ(estimator.model().links, planar_arm<Scalar>().links);
+}
+
+/// The planar arm at compile time, with an elastic first joint.
+struct ElasticArm {
+  static constexpr ArmModel<double, 2> kModel = planar_arm<double>();
+  static constexpr std::array<Elasticity<double>, 1> kElasticities{{{0, 1000.0, 0.0, 0.2}}};
+};
+
+TEST(ReferenceDrive, OfACompileTimeArmForgetsATiltWhenConfiguredAgain) {
+  using Drive = ReferenceDrive<ElasticArm, double>;
+  const auto rate_of = [](Drive& drive) {
+    Drive::Reference reference;
+    EXPECT_EQ(drive.configure(ElasticArm::kModel, true, 0.02), Status::kOk);
+    EXPECT_EQ(drive.update(Drive::Body{}, reference, 1e-3), Status::kOk);
+    reference.q[0] = 0.1;
+    EXPECT_EQ(drive.update(Drive::Body{}, reference, 1e-3), Status::kOk);
+    return drive.rate();
+  };
+  Drive fresh, tilted;
+  tilted.set_gravity({9.81, 0, 0});
+  const auto expected = rate_of(fresh);
+  EXPECT_LT(expected[0], -0.01);  // the weight falls with the cosine
+  EXPECT_EQ(rate_of(tilted), expected);
 }
 
 TYPED_TEST(Controllers, BelieveTheSameAfterARestWithNoise) {

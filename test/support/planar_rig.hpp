@@ -36,7 +36,7 @@ ArmModel<double, N> carrying(ArmModel<double, N> arm, const InertialParameters<d
 
 /// A planar arm of two links in the vertical plane, 3 kg and 2 kg, rotors of 0.1 kg·m².
 template <typename Scalar>
-ArmModel<Scalar, 2> planar_arm() {
+constexpr ArmModel<Scalar, 2> planar_arm() {
   ArmModel<Scalar, 2> arm;
   arm.joints[1].position = {Scalar(0.4), Scalar(0), Scalar(0)};
   const Scalar none(0);

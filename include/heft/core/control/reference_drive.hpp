@@ -60,7 +60,9 @@ class ReferenceDrive {
         }
       }
     }
-    if constexpr (!Source::kIsStatic) {
+    if constexpr (Source::kIsStatic) {
+      nominal_ = Body{};  // with the gravity of the description
+    } else {
       nominal_.set_model(nominal);
     }
     drive_ = drive;
