@@ -491,6 +491,33 @@ void follow(ArmEstimator<Arm2, Scalar>& estimator, const ArmModel<double, 2>& tr
   }
 }
 
+/// An Offset is an effect like the others: known, and not to be put down to links that have none of it.
+TYPED_TEST(Controllers, TakeAnOffsetForWhatItIs) {
+  using Scalar = TypeParam;
+  ArmEstimator<Arm2, Scalar> estimator;
+  typename ArmEstimator<Arm2, Scalar>::Config config;
+  config.noise_std.setConstant(Scalar(0.1));
+  auto model = planar_arm<Scalar>();
+  model.actuation[0].friction_offset = Scalar(0.5);
+  ASSERT_EQ(estimator.configure(model, config), Status::kOk);
+  JointEffect<Scalar> offset;
+  offset.kind = joint_effect_kind<Offset>();
+  offset.parameters[0] = Scalar(3);
+  ASSERT_EQ(estimator.add(offset), Status::kOk);
+  EXPECT_EQ(estimator.model().actuation[0].friction_offset, Scalar(3.5));
+  int estimates = 0;
+  follow(estimator, planar_arm<double>(), 3.5, 3, 0.5, [&](const auto& record, const auto&) {
+    if (!record.new_estimate) return;
+    ++estimates;
+    const auto& found = estimator.model();
+    ASSERT_NEAR(double(found.actuation[0].friction_offset), 3.5, 0.02) << estimates;
+    for (std::size_t j = 0; j < 2; ++j) {
+      ASSERT_NEAR(double(found.links[j][kMcx]), double(model.links[j][kMcx]), 0.02) << estimates;
+    }
+  });
+  EXPECT_GT(estimates, 200);
+}
+
 /// Torques of no arm that can exist: with the elbow at a right angle its mass matrix is one, with the forearm folded back not.
 TYPED_TEST(Controllers, GoBackToTheModelOfTheStartWhereTheEstimateIsNoArmAtAll) {
   using Scalar = TypeParam;

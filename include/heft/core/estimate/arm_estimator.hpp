@@ -135,7 +135,11 @@ class ArmEstimator {
   /// @return see DriveTorque; kNotConfigured; state kept unless kOk
   template <typename Part>
   Status add(const Part& part) noexcept {
-    return configured_ ? drive_.add(part) : Status::kNotConfigured;
+    const Status status = configured_ ? drive_.add(part) : Status::kNotConfigured;
+    if (status == Status::kOk) {
+      adopt(prior_);  // with an offset, if it was one
+    }
+    return status;
   }
 
   /// Replaces gravity, in the base frame; finite [m/s²].
@@ -271,7 +275,10 @@ class ArmEstimator {
   Status filter(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed) noexcept {
     return aligned_.update(
         q, qd, q, tau, elapsed, [this](const Vector& at, const Vector& rate, Vector& left) {
-          Vector known = Vector::Zero();
+          Vector known;
+          for (int i = 0; i < kNumJoints; ++i) {
+            known[i] = added_offset(static_cast<std::size_t>(i));
+          }
           drive_.add_couplings(rate, Vector::Zero(), known);
           if (drive_.has_effects()) {
             Vector load;
@@ -383,8 +390,13 @@ class ArmEstimator {
       model_.links[j] = link_of(x, j);
       model_.actuation[j].coulomb_friction = x[at] > Scalar(0) ? x[at] : Scalar(0);
       model_.actuation[j].viscous_friction = x[at + 1] > Scalar(0) ? x[at + 1] : Scalar(0);
-      model_.actuation[j].friction_offset = x[at + 2];
+      model_.actuation[j].friction_offset = x[at + 2] + added_offset(j);
     }
+  }
+
+  /// Of Offset effects: known, as all effects are, and not looked for [N·m, N].
+  Scalar added_offset(std::size_t joint) const noexcept {
+    return drive_.actuation()[joint].friction_offset - prior_[kFriction + 3 * joint + 2];
   }
 
   static InertialParameters<Scalar> link_of(const Row& x, std::size_t j) noexcept {
