@@ -518,6 +518,47 @@ TYPED_TEST(Controllers, TakeAnOffsetForWhatItIs) {
   EXPECT_GT(estimates, 200);
 }
 
+/// Its square would be no weight, and every row refused.
+TYPED_TEST(Controllers, RefuseANoiseThatNothingCanBeLearntFrom) {
+  using Scalar = TypeParam;
+  ArmEstimator<Arm2, Scalar> estimator;
+  typename ArmEstimator<Arm2, Scalar>::Config config;
+  for (const double large : {2 * std::sqrt(kLargestWeight<Scalar>), 0.9 * kLargestInput<Scalar>}) {
+    config.noise_std[1] = static_cast<Scalar>(large);
+    EXPECT_EQ(estimator.configure(planar_arm<Scalar>(), config), Status::kOutOfRange);
+  }
+  EXPECT_EQ(estimator.status(), Status::kNotConfigured);
+  config.noise_std[1] = static_cast<Scalar>(0.5 * std::sqrt(kLargestWeight<Scalar>));
+  EXPECT_EQ(estimator.configure(planar_arm<Scalar>(), config), Status::kOk);
+}
+
+/// A sample too early for the filter, with a jump of the position: what presliding friction remembers is that of its twin, which
+/// never saw it.
+TYPED_TEST(Controllers, DoNotRememberAMotionThatTheFilterRefused) {
+  using Scalar = TypeParam;
+  auto model = planar_arm<Scalar>();
+  model.actuation[0].coulomb_friction = Scalar(20);
+  JointEffect<Scalar> presliding;
+  presliding.kind = joint_effect_kind<Hysteresis>();
+  presliding.parameters[0] = Scalar(1);
+  ArmEstimator<Arm2, Scalar> estimator;
+  ASSERT_EQ(estimator.configure(model), Status::kOk);
+  ASSERT_EQ(estimator.add(presliding), Status::kOk);
+  const auto ignore = [](const auto&, const auto&) {};
+  follow(estimator, planar_arm<double>(), 0, 1, 0.5, ignore);
+  auto twin = estimator;
+  typename ArmEstimator<Arm2, Scalar>::Record record;
+  using Joints = JointVector<Scalar, 2>;
+  EXPECT_EQ(estimator.update(Joints::Constant(3), Joints::Zero(), Joints::Zero(), Scalar(1e-12), record),
+            Status::kOutOfRange);
+  follow(estimator, planar_arm<double>(), 0, 0.2, 0.5, ignore);
+  follow(twin, planar_arm<double>(), 0, 0.2, 0.5, ignore);
+  for (std::size_t k = 0; k < 26; ++k) {
+    EXPECT_NEAR(double(estimator.recursion().solution()[k]), double(twin.recursion().solution()[k]), 1e-5)
+        << k;
+  }
+}
+
 /// Torques of no arm that can exist: with the elbow at a right angle its mass matrix is one, with the forearm folded back not.
 TYPED_TEST(Controllers, GoBackToTheModelOfTheStartWhereTheEstimateIsNoArmAtAll) {
   using Scalar = TypeParam;

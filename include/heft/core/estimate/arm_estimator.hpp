@@ -84,7 +84,7 @@ class ArmEstimator {
   };
 
   /// Starts at the model, without load; add() brings the rest.
-  /// @return kOutOfRange (settings), kNonFiniteInput (model): state kept
+  /// @return kOutOfRange (settings, or friction whose square is beyond kLargestWeight), kNonFiniteInput (model): state kept
   Status configure(const Model& model, const Config& config = {}) noexcept {
     if (!in_range(config)) {
       return Status::kOutOfRange;
@@ -107,13 +107,21 @@ class ArmEstimator {
     typename Estimator::Config settings;
     using std::exp;
     settings.forgetting_factor = exp(Scalar(-1) / (config.memory * config.update_rate));
+    Vector noise_variance;
+    for (int i = 0; i < kNumJoints; ++i) {
+      const Scalar noise = config.noise_std[i] > Scalar(0) ? config.noise_std[i] : priors.noise[i];
+      noise_variance[i] = Priors::at_least(noise * noise, 1e-9);
+      // The recursion would refuse every row of a joint that has more.
+      const Scalar friction =
+          static_cast<Scalar>(0.5) * model.actuation[static_cast<std::size_t>(i)].coulomb_friction;
+      if (!is_usable_weight(noise_variance[i] + friction * friction)) {
+        return Status::kOutOfRange;
+      }
+    }
     if (const Status status = recursion_.configure(settings, prior, variance); status != Status::kOk) {
       return status;
     }
-    for (int i = 0; i < kNumJoints; ++i) {
-      const Scalar noise = config.noise_std[i] > Scalar(0) ? config.noise_std[i] : priors.noise[i];
-      variance_[i] = Priors::at_least(noise * noise, 1e-9);
-    }
+    variance_ = noise_variance;
     config_ = config;
     nominal_.set_model(model);
     trial_.set_model(model);
@@ -273,8 +281,9 @@ class ArmEstimator {
   }
 
   Status filter(const Vector& q, const Vector& qd, const Vector& tau, const Scalar& elapsed) noexcept {
-    return aligned_.update(
-        q, qd, q, tau, elapsed, [this](const Vector& at, const Vector& rate, Vector& left) {
+    const auto memory = drive_.memory();
+    const Status taken =
+        aligned_.update(q, qd, q, tau, elapsed, [this](const Vector& at, const Vector& rate, Vector& left) {
           Vector known;
           for (int i = 0; i < kNumJoints; ++i) {
             known[i] = added_offset(static_cast<std::size_t>(i));
@@ -291,6 +300,10 @@ class ArmEstimator {
           left -= known;
           return Status::kOk;
         });
+    if (taken != Status::kOk) {
+      drive_.go_back(memory);
+    }
+    return taken;
   }
 
   /// Faults, rest, and how well the friction is known.
