@@ -84,7 +84,7 @@ class UdFactors {
     return sum;
   }
 
-  /// P ← P − P wᵀ w P / (w P wᵀ + noise): one measurement, by Bierman. Cost 1.5 p² + 4 p multiplications, p divisions.
+  /// P ← P − P wᵀ w P / (w P wᵀ + noise): one measurement, by Bierman. Cost p² + 5 p multiplications, p + 1 divisions.
   /// @param f        Uᵀ wᵀ
   /// @param g        D f
   /// @param noise    variance of the measurement, > 0
