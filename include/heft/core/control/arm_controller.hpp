@@ -11,6 +11,7 @@
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/control/joint_controller.hpp"
 #include "heft/core/numeric_range.hpp"
+#include "heft/core/run_clock.hpp"
 #include "heft/core/status.hpp"
 
 namespace heft {
@@ -179,14 +180,13 @@ class ControllerFrame {
 
  private:
   static constexpr std::uint32_t kAll = std::numeric_limits<std::uint32_t>::max();
-  static constexpr double kLongestStep = 1e6;  ///< [s]
 
   Derived& derived() noexcept { return static_cast<Derived&>(*this); }
 
   /// Checks a sample, and counts the time of refused ones in.
   Status take(Measurement& sample) noexcept {
-    const bool timed = sample.dt > Scalar(0) && sample.dt <= static_cast<Scalar>(kLongestStep);
-    const Status of_time = is_finite(sample.dt) ? Status::kOutOfRange : Status::kNonFiniteInput;
+    const Status of_time = check_step(sample.dt);
+    const bool timed = of_time == Status::kOk;
     period_ = timed ? sample.dt : period_;
     if (all_usable(sample.q)) {
       last_q_ = sample.q;

@@ -169,11 +169,8 @@ class ArmEstimator {
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    if (!is_finite(dt)) {
-      return Status::kNonFiniteInput;
-    }
-    if (!(dt > Scalar(0) && dt <= static_cast<Scalar>(kLongestStep))) {
-      return Status::kOutOfRange;
+    if (const Status time = check_step(dt); time != Status::kOk) {
+      return time;
     }
     const Scalar elapsed = missed_ + dt;
     if (!all_usable(q) || !all_usable(qd) || !all_usable(tau)) {
@@ -219,7 +216,6 @@ class ArmEstimator {
   using Dynamic = DynamicArm<Scalar, kNumJoints>;
   using Mass = MassMatrix<Scalar, kNumJoints>;
   static constexpr int kFriction = kParametersPerLink * kNumJoints;  ///< first of its parameters
-  static constexpr double kLongestStep = 1e6;                        ///< [s]
   static constexpr double kSettled = 10;  ///< time constants after which a filter has forgotten the past
   /// Where a centre of mass of nothing stated may be [m], and friction that is stated as none [N·m].
   static constexpr double kPlace = 0.02, kSomeFriction = 0.1;

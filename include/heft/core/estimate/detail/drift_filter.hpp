@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 
+#include "heft/core/dynamics/detail/usable_model.hpp"
 #include "heft/core/estimate/detail/sample_faults.hpp"
 #include "heft/core/estimate/detail/ud_factors.hpp"
 #include "heft/core/estimate/drift.hpp"
@@ -84,7 +85,7 @@ class DriftFilter {
     if (!in_range(config)) {
       return Status::kOutOfRange;
     }
-    if (!usable(model)) {
+    if (!is_usable_model(model)) {
       return Status::kNonFiniteInput;
     }
     config_ = config;
@@ -200,19 +201,6 @@ class DriftFilter {
     }
     for (std::size_t k = 0; k < static_cast<std::size_t>(Load); ++k) {
       good = good && is_usable_weight(square(c.load_std[k]));
-    }
-    return good;
-  }
-
-  static bool usable(const Model& model) noexcept {
-    bool good = all_usable(model.gravity);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
-      const auto& joint = model.joints[i];
-      const auto& drive = model.actuation[i];
-      good = good && all_usable(joint.rotation) && all_usable(joint.position) && all_usable(joint.axis) &&
-             all_usable(model.links[i]) && is_usable(drive.rotor_inertia) &&
-             is_usable(drive.coulomb_friction) && is_usable(drive.viscous_friction) &&
-             is_usable(drive.friction_offset);
     }
     return good;
   }
