@@ -30,7 +30,9 @@ Result filter_sample(const char* name) {
   Result result{name, false, false, {}, 0, {}, {}, true, 0};
   const auto drive = [&]<typename Scalar>(Scalar, std::vector<double>& last) {
     const auto filter = std::make_unique<Filter<Scalar>>();
-    if (filter->configure({}, arm_with_rotors<Scalar>()) != Status::kOk) {
+    typename Filter<Scalar>::Config config;
+    config.period = Scalar(0.005);
+    if (filter->configure(config, arm_with_rotors<Scalar>()) != Status::kOk) {
       throw Error("operation count: a Kalman filter refused its settings");
     }
     for (std::size_t k = 0; k < kCounted; ++k) {
