@@ -201,10 +201,10 @@ std::string series_script(const PlotSpec& spec, double num_bars, ColourName colo
 std::vector<std::size_t> colours_of(const PlotSpec& spec) {
   std::vector<std::size_t> colours;
   std::size_t next = 0;
-  constexpr std::size_t kNumHues = kPalette.size() - kFirstHue - 1;
+  constexpr std::size_t kNumHues = kPalette.size() - kFirstHue;
   for (const Series& series : spec.series) {
     if (series.hue == Hue::kAuto) {
-      colours.push_back(kFirstHue + 1 + next++ % kNumHues);
+      colours.push_back(kFirstHue + ++next % kNumHues);  // the neutral one last
     } else {
       colours.push_back(kFirstHue + static_cast<std::size_t>(series.hue) -
                         static_cast<std::size_t>(Hue::kNeutral));
