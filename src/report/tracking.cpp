@@ -56,7 +56,8 @@ std::vector<page::Mark> marks_of(const Tracking& tracking) {
 page::PlotSpec mass_plot(const Tracking& tracking) {
   const track::LoadTrace& load = tracking.load;
   page::PlotSpec spec;
-  spec.title = "Estimated mass of the load with its 95 % interval";
+  spec.title = tracking.wrong ? "Mass that the observer estimates, the arm's errors in it"
+                              : "Estimated mass of the load with its 95 % interval";
   spec.x_label = "time [s]";
   spec.y_label = "mass [kg]";
   const double largest = std::max(0.05, tracking.largest_mass);
@@ -69,7 +70,8 @@ page::PlotSpec mass_plot(const Tracking& tracking) {
     interval.y_high.push_back(clamped(load.mass[k] + load.mass_half_width[k]));
     shown.push_back(clamped(load.mass[k]));
   }
-  spec.series = {interval, {"estimate", load.time, shown, {}, page::Style::kLine, page::Hue::kBlue}};
+  if (!tracking.wrong) spec.series.push_back(interval);
+  spec.series.push_back({"estimate", load.time, shown, {}, page::Style::kLine, page::Hue::kBlue});
   spec.marks = marks_of(tracking);
   return spec;
 }
