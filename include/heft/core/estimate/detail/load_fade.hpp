@@ -23,7 +23,11 @@ class LoadFade {
   void approach(const Load& estimate) noexcept {
     constexpr Scalar kShare{static_cast<Scalar>(0.2)};
     for (std::size_t i = 0; i < goal_.size(); ++i) {
-      goal_[i] += kShare * (estimate[i] - goal_[i]);
+      goal_[i] = (Scalar(1) - kShare) * goal_[i] + kShare * estimate[i];
+    }
+    // On its way to nothing a load becomes nothing, before its digits are lost below the smallest normal number.
+    if (goal_[kMass] < static_cast<Scalar>(1e-9)) {
+      goal_ = {};
     }
     going_ = true;
   }
@@ -51,8 +55,10 @@ class LoadFade {
       now_ = goal_;
       return;
     }
+    // A sum of two bodies; as a difference, rounding would leave what is no body where one of them is nearly gone.
+    const Scalar left = Scalar(1) - progress_;
     for (std::size_t i = 0; i < now_.size(); ++i) {
-      now_[i] = from_[i] + progress_ * (goal_[i] - from_[i]);
+      now_[i] = left * from_[i] + progress_ * goal_[i];
     }
   }
 
