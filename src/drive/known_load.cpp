@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <Eigen/Core>
 
+#include "heft/core/denavit_hartenberg.hpp"
 #include "heft/drive/torque_constants.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
@@ -106,10 +107,8 @@ struct Solution {
 /// inertia about its centre is not known, and small beside it for a tool or a weight that is held off the flange.
 VectorXd inertia_of(double mass, const Vector3d& moment) {
   const Vector3d c = moment / mass;
-  VectorXd inertia(6);
-  inertia << c.y() * c.y() + c.z() * c.z(), -c.x() * c.y(), c.x() * c.x() + c.z() * c.z(), -c.x() * c.z(),
-      -c.y() * c.z(), c.x() * c.x() + c.y() * c.y();
-  return mass * inertia;
+  const InertialParameters<double> point = make_inertial_parameters<double>(mass, {c.x(), c.y(), c.z()}, {});
+  return Eigen::Map<const Eigen::Matrix<double, 6, 1>>(point.data() + kIxx);
 }
 
 /// Slope of one joint's residual on the torque of a load, its own friction fitted beside it.

@@ -1,9 +1,11 @@
 #include "heft/model/point_load.hpp"
 
 #include <cmath>
+#include <cstddef>
 
 #include <fmt/format.h>
 
+#include "heft/core/denavit_hartenberg.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::model {
@@ -19,19 +21,10 @@ Robot with_load(Robot robot, const PointLoad& load) {
   using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   const Eigen::Vector3d c = Eigen::Map<const Eigen::Vector3d>(robot.tip_position.data()) +
                             Eigen::Map<const Rotation>(robot.tip_rotation.data()) * load.com;
-  const double m = load.mass;
-  const Eigen::Matrix3d inertia = m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  const InertialParameters<double> point =
+      make_inertial_parameters<double>(load.mass, {c.x(), c.y(), c.z()}, {});
   InertialParameters<double>& link = robot.joints.back().link;
-  link[kMass] += m;
-  link[kMcx] += m * c.x();
-  link[kMcy] += m * c.y();
-  link[kMcz] += m * c.z();
-  link[kIxx] += inertia(0, 0);
-  link[kIxy] += inertia(0, 1);
-  link[kIyy] += inertia(1, 1);
-  link[kIxz] += inertia(0, 2);
-  link[kIyz] += inertia(1, 2);
-  link[kIzz] += inertia(2, 2);
+  for (std::size_t i = 0; i < link.size(); ++i) link[i] += point[i];
   return robot;
 }
 
