@@ -7,11 +7,11 @@
 #include <fmt/format.h>
 #include <Eigen/Core>
 
-#include "heft/core/denavit_hartenberg.hpp"
 #include "heft/drive/torque_constants.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/words.hpp"
+#include "heft/model/point_load.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "heft/statistics/jackknife.hpp"
 #include "heft/validate/predict.hpp"
@@ -106,8 +106,7 @@ struct Solution {
 /// Inertia of a point mass about the last link's origin, in the order of a link's parameters [kg·m²]: the load's own
 /// inertia about its centre is not known, and small beside it for a tool or a weight that is held off the flange.
 VectorXd inertia_of(double mass, const Vector3d& moment) {
-  const Vector3d c = moment / mass;
-  const InertialParameters<double> point = make_inertial_parameters<double>(mass, {c.x(), c.y(), c.z()}, {});
+  const InertialParameters<double> point = model::point_body(mass, moment / mass);
   return Eigen::Map<const Eigen::Matrix<double, 6, 1>>(point.data() + kIxx);
 }
 
