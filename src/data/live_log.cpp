@@ -8,9 +8,24 @@
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
+#include "heft/statistics/median.hpp"
 #include "log_file.hpp"
 
 namespace heft::data {
+
+double live_period(const std::vector<LiveRow>& first) {
+  constexpr double kLongest = 1.0;  // [s]
+  std::vector<double> periods;
+  for (std::size_t k = 1; k < first.size(); ++k) periods.push_back(first[k].time - first[k - 1].time);
+  const double period = statistics::median(std::move(periods));
+  if (!(period <= kLongest)) {
+    throw DataError(fmt::format(
+        "column 'time': found a row every {:.4g} s, expected one every {:g} s at least; time in milliseconds is to "
+        "be divided by 1000",
+        period, kLongest));
+  }
+  return period;
+}
 
 struct LiveLog::Impl {
   Impl(const std::string& where, const LogRequirements& needs, std::function<void(const std::string&)> notes)

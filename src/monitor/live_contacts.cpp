@@ -5,7 +5,6 @@
 #include "heft/host/numbers.hpp"
 #include "heft/model/at_sensor.hpp"
 #include "heft/monitor/monitor.hpp"
-#include "heft/statistics/median.hpp"
 
 namespace heft::monitor {
 
@@ -30,9 +29,7 @@ struct LiveContacts::Impl {
 
   /// Goes through the rows that waited for the sample period.
   void start(std::vector<LiveContact>& events) {
-    std::vector<double> periods;
-    for (std::size_t k = 1; k < first.size(); ++k) periods.push_back(first[k].time - first[k - 1].time);
-    core.emplace(robot, thresholds, statistics::median(std::move(periods)), first.front().time);
+    core.emplace(robot, thresholds, data::live_period(first), first.front().time);
     for (const data::LiveRow& row : first) take(row, events);
     first.clear();
   }

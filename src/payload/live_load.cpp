@@ -10,7 +10,6 @@
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/payload/payload.hpp"
-#include "heft/statistics/median.hpp"
 #include "load_follower.hpp"
 #include "load_geometry.hpp"
 #include "runs.hpp"
@@ -32,9 +31,7 @@ struct LiveLoad::Impl {
 
   /// Goes through the rows that waited for the sample period. Filters settle: nothing can come of them but a refusal.
   std::optional<LiveEvent> start() {
-    std::vector<double> periods;
-    for (std::size_t k = 1; k < first.size(); ++k) periods.push_back(first[k].time - first[k - 1].time);
-    follower.emplace(arm, options, statistics::median(std::move(periods)));
+    follower.emplace(arm, options, data::live_period(first));
     std::optional<LiveEvent> event;
     for (const data::LiveRow& row : std::exchange(first, {})) {
       std::optional<LiveEvent> of_row = take(row);

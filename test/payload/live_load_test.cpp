@@ -167,6 +167,18 @@ TEST_F(LiveLoadOf, AClockThatIsSetForwardStartsAnew) {
   EXPECT_NEAR(summary.seconds, 60.0, 0.1);
 }
 
+TEST_F(LiveLoadOf, TimeInMillisecondsIsRefused) {
+  data::Log log = log_of(loaded_, 3);
+  log.time *= 1000.0;
+  LiveLoad live(unloaded_);
+  try {
+    push(live, log);
+    FAIL() << "took milliseconds for seconds";
+  } catch (const DataError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("milliseconds"));
+  }
+}
+
 TEST_F(LiveLoadOf, NothingIsCarriedWhereNothingIs) {
   LiveLoad live(unloaded_);
   const std::vector<LiveEvent> events = push(live, log_of(arm_, 6));

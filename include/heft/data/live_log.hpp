@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -19,6 +20,10 @@ struct LiveRow {
   Eigen::VectorXd qd;   ///< velocities, n; size 0 where the log has none
   Eigen::VectorXd tau;  ///< torques, n [N·m, N]; size 0 where they were not asked for
 };
+
+/// Sample period of a stream: the median over its first rows, two at least [s].
+/// @throws DataError above 1 s: no filter follows an arm at that rate, and time in milliseconds looks like it
+double live_period(const std::vector<LiveRow>& first);
 
 /// Reads rows as they arrive, each as soon as its line is complete. A row that cannot be used (fields missing, not a
 /// number, time that goes back) is refused with a note that names its line, and reading goes on behind it: one row must
