@@ -251,145 +251,136 @@ class ComputedTorqueController final
   }
 };
 
-template <typename Description, typename Scalar>
-struct LoadEstimatingConfig : ControllerConfig<Scalar, detail::ArmSource<Description>::kNumJoints> {
-  /// Its torque_limit is the smaller one of its own and the controller's.
-  typename LoadObserver<Description, Scalar>::Config observer{};
-};
+namespace detail {
 
-/// Computed torque with the load that a LoadObserver finds on the way. A sample that the observer refuses does not stop the loop:
-/// ControlStep::measurement.
-template <typename Description, typename Scalar>
-class LoadEstimatingController final
-    : public detail::ModelController<LoadEstimatingController<Description, Scalar>,
-                                     LoadEstimatingConfig<Description, Scalar>, Description, Scalar> {
-  using Base = detail::ModelController<LoadEstimatingController, LoadEstimatingConfig<Description, Scalar>,
-                                       Description, Scalar>;
+/// Computed torque with what an estimator finds on the way. Derived has adopt(): takes the estimator's last answer into the model.
+/// A sample that the estimator refuses does not stop the loop: ControlStep::measurement.
+template <typename Derived, typename Config_, typename Description, typename Scalar, typename Estimating>
+class EstimatingController : public ModelController<Derived, Config_, Description, Scalar> {
+  using Base = ModelController<Derived, Config_, Description, Scalar>;
 
  public:
+  using typename Base::Config;
   using typename Base::Measurement;
   using typename Base::Model;
   using typename Base::Reference;
   using typename Base::Step;
   using typename Base::Vector;
-  using Observer = LoadObserver<Description, Scalar>;
-  using typename Base::Config;
 
-  /// The load is the observer's affair: attach(), detach().
+  /// The load is the estimator's affair.
   Status set_load(const InertialParameters<Scalar>&) = delete;
-  const Observer& observer() const noexcept { return observer_; }
-  /// attach() and detach() declare a change of load.
-  Observer& observer() noexcept { return observer_; }
-  /// What the observer did with the last sample.
-  const typename Observer::Record& observed() const noexcept { return record_; }
+  /// What the estimator did with the last sample.
+  const typename Estimating::Record& observed() const noexcept { return record_; }
+
+ protected:
+  Estimating estimating_;
+  typename Estimating::Record record_{};
 
  private:
   friend Base;
-  friend detail::ControllerFrame<LoadEstimatingController, Scalar, Base::kNumJoints>;
+  friend ControllerFrame<Derived, Scalar, Base::kNumJoints>;
 
   Status begin(const Config& config, const Model& model) noexcept {
-    typename Observer::Config settings = config.observer;
+    typename Estimating::Config settings = config.settings();
     settings.torque_limit = settings.torque_limit.cwiseMin(config.torque_limit);
     return this->begin_model(config, model, [&] {
-      if constexpr (detail::ArmSource<Description>::kIsStatic) {
-        return observer_.configure(settings);
+      if constexpr (ArmSource<Description>::kIsStatic) {
+        return estimating_.configure(settings);
       } else {
-        return observer_.configure(model, settings);
+        return estimating_.configure(model, settings);
       }
     });
   }
   template <typename Part>
   Status add_part(const Part& part) noexcept {
-    // The stricter one first: what the reference drive takes, the observer takes.
+    // The stricter one first: what the reference drive takes, the estimator takes.
     const Status status = Base::add_part(part);
-    return status == Status::kOk ? observer_.add(part) : status;
+    return status == Status::kOk ? estimating_.add(part) : status;
   }
   void tilt(const std::array<Scalar, 3>& gravity) noexcept {
-    static_cast<void>(observer_.set_gravity(gravity));
+    static_cast<void>(estimating_.set_gravity(gravity));
   }
-  void see(const Measurement& m) noexcept {
-    Base::see(m);
-    static_cast<void>(observer_.update(m.q, m.qd, m.tau, m.dt, record_, m.cut));
-    this->carry(observer_.load());
-  }
-  Status wanted(const Reference& reference, const Measurement& m, std::uint32_t, Vector& tau,
-                Step& step) noexcept {
-    step.measurement = observer_.update(m.q, m.qd, m.tau, m.dt, record_, m.cut);
-    this->carry(observer_.load());
-    return this->computed(reference, m, tau);
-  }
-
-  Observer observer_;
-  typename Observer::Record record_{};
-};
-
-template <typename Description, typename Scalar>
-struct ArmEstimatingConfig : ControllerConfig<Scalar, detail::ArmSource<Description>::kNumJoints> {
-  /// Its torque_limit is the smaller one of its own and the controller's.
-  typename ArmEstimator<Description, Scalar>::Config estimator{};
-};
-
-/// Computed torque with links, friction and load as an ArmEstimator finds them on the way: for a model that is roughly right. A
-/// sample that the estimator refuses does not stop the loop: ControlStep::measurement.
-/// @tparam Description  RunTimeArm<N, ...>
-template <typename Description, typename Scalar>
-class ArmEstimatingController final
-    : public detail::ModelController<ArmEstimatingController<Description, Scalar>,
-                                     ArmEstimatingConfig<Description, Scalar>, Description, Scalar> {
-  using Base = detail::ModelController<ArmEstimatingController, ArmEstimatingConfig<Description, Scalar>,
-                                       Description, Scalar>;
-
- public:
-  using typename Base::Config;
-  using typename Base::Measurement;
-  using typename Base::Model;
-  using typename Base::Reference;
-  using typename Base::Step;
-  using typename Base::Vector;
-  using Estimator = ArmEstimator<Description, Scalar>;
-
-  /// The load is the estimator's affair.
-  Status set_load(const InertialParameters<Scalar>&) = delete;
-  const Estimator& estimator() const noexcept { return estimator_; }
-  /// What the estimator did with the last sample.
-  const typename Estimator::Record& observed() const noexcept { return record_; }
-
- private:
-  friend Base;
-  friend detail::ControllerFrame<ArmEstimatingController, Scalar, Base::kNumJoints>;
-
-  Status begin(const Config& config, const Model& model) noexcept {
-    typename Estimator::Config settings = config.estimator;
-    settings.torque_limit = settings.torque_limit.cwiseMin(config.torque_limit);
-    return this->begin_model(config, model, [&] { return estimator_.configure(model, settings); });
-  }
-  template <typename Part>
-  Status add_part(const Part& part) noexcept {
-    // As in LoadEstimatingController.
-    const Status status = Base::add_part(part);
-    return status == Status::kOk ? estimator_.add(part) : status;
-  }
-  void tilt(const std::array<Scalar, 3>& gravity) noexcept { estimator_.set_gravity(gravity); }
   void see(const Measurement& m) noexcept {
     Base::see(m);
     static_cast<void>(estimate(m));
-  }
-  Status estimate(const Measurement& m) noexcept {
-    const Status status = estimator_.update(m.q, m.qd, m.tau, m.dt, record_, m.cut);
-    if (record_.new_estimate) {
-      this->body_.set_model(estimator_.model());
-      this->drive_.set_friction(estimator_.model().actuation);
-    }
-    return status;
   }
   Status wanted(const Reference& reference, const Measurement& m, std::uint32_t, Vector& tau,
                 Step& step) noexcept {
     step.measurement = estimate(m);
     return this->computed(reference, m, tau);
   }
+  Status estimate(const Measurement& m) noexcept {
+    const Status status = estimating_.update(m.q, m.qd, m.tau, m.dt, record_, m.cut);
+    static_cast<Derived*>(this)->adopt();
+    return status;
+  }
+};
 
-  Estimator estimator_;
-  typename Estimator::Record record_{};
+}  // namespace detail
+
+template <typename Description, typename Scalar>
+struct LoadEstimatingConfig : ControllerConfig<Scalar, detail::ArmSource<Description>::kNumJoints> {
+  /// Its torque_limit is the smaller one of its own and the controller's.
+  typename LoadObserver<Description, Scalar>::Config observer{};
+  const auto& settings() const noexcept { return observer; }
+};
+
+/// Computed torque with the load that a LoadObserver finds on the way.
+template <typename Description, typename Scalar>
+class LoadEstimatingController final
+    : public detail::EstimatingController<LoadEstimatingController<Description, Scalar>,
+                                          LoadEstimatingConfig<Description, Scalar>, Description, Scalar,
+                                          LoadObserver<Description, Scalar>> {
+  using Base =
+      detail::EstimatingController<LoadEstimatingController, LoadEstimatingConfig<Description, Scalar>,
+                                   Description, Scalar, LoadObserver<Description, Scalar>>;
+
+ public:
+  using Observer = LoadObserver<Description, Scalar>;
+
+  const Observer& observer() const noexcept { return this->estimating_; }
+  /// attach() and detach() declare a change of load.
+  Observer& observer() noexcept { return this->estimating_; }
+
+ private:
+  friend Base;
+
+  void adopt() noexcept { this->carry(this->estimating_.load()); }
+};
+
+template <typename Description, typename Scalar>
+struct ArmEstimatingConfig : ControllerConfig<Scalar, detail::ArmSource<Description>::kNumJoints> {
+  /// Its torque_limit is the smaller one of its own and the controller's.
+  typename ArmEstimator<Description, Scalar>::Config estimator{};
+  const auto& settings() const noexcept { return estimator; }
+};
+
+/// Computed torque with links, friction and load as an ArmEstimator finds them on the way: for a model that is roughly right.
+/// @tparam Description  RunTimeArm<N, ...>
+template <typename Description, typename Scalar>
+class ArmEstimatingController final
+    : public detail::EstimatingController<ArmEstimatingController<Description, Scalar>,
+                                          ArmEstimatingConfig<Description, Scalar>, Description, Scalar,
+                                          ArmEstimator<Description, Scalar>> {
+  using Base = detail::EstimatingController<ArmEstimatingController, ArmEstimatingConfig<Description, Scalar>,
+                                            Description, Scalar, ArmEstimator<Description, Scalar>>;
+
+ public:
+  using Estimator = ArmEstimator<Description, Scalar>;
+
+  const Estimator& estimator() const noexcept { return this->estimating_; }
+  /// attach() and detach() declare a change of load.
+  Estimator& estimator() noexcept { return this->estimating_; }
+
+ private:
+  friend Base;
+
+  void adopt() noexcept {
+    if (this->record_.new_estimate) {
+      this->body_.set_model(this->estimating_.model());
+      this->drive_.set_friction(this->estimating_.model().actuation);
+    }
+  }
 };
 
 /// Of ControllerConfig the gains are not used; the torque limits are those of `law`.
