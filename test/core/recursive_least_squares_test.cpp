@@ -267,6 +267,35 @@ TEST_P(Payload, IsFoundFromRowsKToN) {
 
 INSTANTIATE_TEST_SUITE_P(K1To5, Payload, ::testing::Values(0, 1, 2, 3, 4));
 
+/// P + (prior − P_ii) e eᵀ: the estimate that as much process noise on one parameter gives.
+TEST(RecursiveLeastSquares, AParameterThatHasChangedIsAsUncertainAsThePriorAndNoOtherIs) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  auto estimator = make<double>(1.0);
+  const auto learn = [&] {
+    Estimator<double>::Row w;
+    for (double& v : w) v = normal(random);
+    Estimator<double>::Record record;
+    ASSERT_EQ(estimator.update(w, normal(random), 0.0, record), Status::kOk);
+  };
+  for (int n = 0; n < 30; ++n) learn();
+  for (const int changed : {0, 2, kP - 1}) {
+    const auto before = estimator;
+    estimator.widen(changed);
+    EXPECT_EQ(estimator.solution(), before.solution());
+    for (int i = 0; i < kP; ++i) {
+      for (int j = 0; j < kP; ++j) {
+        const bool own = i == changed && j == changed;
+        EXPECT_NEAR(estimator.covariance(i, j), own ? 100.0 : before.covariance(i, j), 1e-9) << i << j;
+      }
+    }
+    estimator.replace(changed, 7.0);
+    EXPECT_EQ(estimator.solution()[static_cast<std::size_t>(changed)], 7.0);
+    EXPECT_NEAR(estimator.covariance(changed, changed), 100.0, 1e-9);
+    learn();
+  }
+}
+
 TEST(PayloadEstimator, LeavesOutStandstillAndRefusesNan) {
   PayloadEstimator<double, 6> estimator;
   PayloadEstimator<double, 6>::Config config;

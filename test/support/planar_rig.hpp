@@ -81,6 +81,11 @@ class Plant {
     qd = reference_at<double>(0).qd;
   }
 
+  /// Another load from now on, picked up at the speed of the arm.
+  void carry(const InertialParameters<double>& load) {
+    arm_.set_model(carrying<2>(planar_arm<double>(), load));
+  }
+
   void step(const Eigen::Vector2d& tau, double dt) {
     MassMatrix<double, 2> mass;
     Eigen::Vector2d bias;

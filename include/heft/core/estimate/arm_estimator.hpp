@@ -22,6 +22,7 @@
 #include "heft/core/estimate/recursive_least_squares.hpp"
 #include "heft/core/filter/aligned_motion.hpp"
 #include "heft/core/numeric_range.hpp"
+#include "heft/core/physical_body.hpp"
 #include "heft/core/run_clock.hpp"
 #include "heft/core/status.hpp"
 
@@ -30,8 +31,14 @@ namespace heft {
 /// Recursive least squares for all links and the friction of all joints at once, around the values of a model that is known to
 /// some share of them (`doubt`), with a load on the last link. LoadObserver is for an arm that is known: what its model lacks
 /// goes into the load there. Here it goes where the prior says it may be, and a parameter that the motion does not show stays
-/// the model's. The past is forgotten within `memory` of motion, back to the prior, so that a load that is gripped or put
-/// down is followed.
+/// the model's. The past is forgotten within `memory` of motion, back to the prior.
+///
+/// A load that is gripped or put down changes the last link alone. Torques that suddenly differ from those of the estimate by more
+/// than they use to (Record::surprised), or attach() and detach(), widen the variances of that link's ten parameters to the prior's;
+/// what is known of the other links and of friction stays.
+///
+/// model() lies between the model of the start and the estimate, where it would have left least of the torques of the last tenths
+/// of a second, each judged before it went into the estimate: what explains them worse than the model of the start has no weight.
 ///
 /// Whether the estimate makes a good model in other motions than those of the past seconds is not known; for computed torque in
 /// the present one it need not. A mass matrix that is not between `least_inertia` and `most_inertia` times the model's at
@@ -39,8 +46,8 @@ namespace heft {
 ///
 /// An arm at rest teaches nothing after `longest_rest`, nor do joints at their torque limits; around a reversal a joint counts less.
 ///
-/// Cost of an update, p = 13 n parameters: n recursions of 1.5 p² multiplications, regressor and leak, up to 78 000 with 6 joints; of
-/// other samples, the filters.
+/// Cost of an update, p = 13 n parameters: n recursions of 1.5 p² multiplications, regressor and leak, up to 78 000 with 6 joints,
+/// and 3000 after a change of load; of other samples, the filters.
 /// 8 p² bytes in double. No allocation, no exception, every loop bounded.
 ///
 /// @tparam Description  RunTimeArm<N, ...>
@@ -51,7 +58,7 @@ class ArmEstimator {
 
  public:
   static constexpr int kNumJoints = Source::kNumJoints;
-  /// Ten a link, then Coulomb, viscous and offset friction of each joint.
+  /// Ten a link, the last link first, then Coulomb, viscous and offset friction of each joint.
   static constexpr int kParameters = 13 * kNumJoints;
   using Vector = JointVector<Scalar, kNumJoints>;
   using Model = ArmModel<Scalar, kNumJoints>;
@@ -79,6 +86,7 @@ class ArmEstimator {
   struct Record {
     bool new_estimate{false};      ///< model() changed
     bool estimate_refused{false};  ///< its mass matrix is out of bounds
+    bool surprised{false};         ///< as after a change of load: the last link counts as unknown
     bool settling{false};          ///< filters settle: nothing is estimated
     bool at_rest{false};           ///< longer than `longest_rest`: nothing is estimated
     std::uint32_t clipped{0};      ///< bit i: torque i does not count
@@ -134,7 +142,12 @@ class ArmEstimator {
     clock_.reset();
     doubt_.setOnes();
     omega_ = static_cast<Scalar>(6.283185307179586) * config.filter_hz;
-    missed_ = until_update_ = rest_ = Scalar(0);
+    missed_ = until_update_ = rest_ = widening_ = calm_ = along_ = across_ = Scalar(0);
+    bare_ = model.links[kNumJoints - 1];
+    loaded_ = declared_ = false;
+    weight_ = Scalar(1);
+    weight_share_ = Scalar(1) - exp(Scalar(-1) / (static_cast<Scalar>(kProof) * config.update_rate));
+    change_.reset();
     started_ = false;
     configured_ = true;
     return Status::kOk;
@@ -191,6 +204,8 @@ class ArmEstimator {
     }
     clock_.advance(started_ ? elapsed : Scalar(0));
     started_ = true;
+    record.new_estimate = declared_;
+    declared_ = false;
     look(q, qd, tau, elapsed, cut, record);
     until_update_ -= elapsed;
     // Half a sample early rather than late, so that rounding of sample times does not skip one.
@@ -204,8 +219,42 @@ class ArmEstimator {
     return Status::kOk;
   }
 
+  /// Something was gripped, or taken in place of what was there, just now: nothing is known of the last link. The model keeps what it
+  /// has until the torques show another.
+  /// @return kNotConfigured
+  Status attach() noexcept {
+    widening_ = configured_ ? static_cast<Scalar>(kSettled) / omega_ : widening_;
+    loaded_ = true;
+    return status();
+  }
+
+  /// The same where the new load is roughly known: the model takes it up at once.
+  /// @param expected  about the last link frame
+  /// @return kNonFiniteInput, kNotPositiveDefinite: nothing is declared; kNotConfigured
+  Status attach(const InertialParameters<Scalar>& expected) noexcept {
+    const Status physical = check_physical(expected);
+    if (!configured_ || physical != Status::kOk) {
+      return configured_ ? physical : Status::kNotConfigured;
+    }
+    replace_last_link(expected);
+    loaded_ = true;
+    return Status::kOk;
+  }
+
+  /// The load was put down just now: the last link is what it was before anything was gripped.
+  /// @return kNotConfigured
+  Status detach() noexcept {
+    if (configured_) {
+      replace_last_link({});
+      loaded_ = false;
+    }
+    return status();
+  }
+
   /// Links with the load on the last one, rotors and friction as they are believed to be.
   const Model& model() const noexcept { return model_; }
+  /// Share of the estimate in model(), 0 to 1; the rest is the model of the start.
+  const Scalar& weight() const noexcept { return weight_; }
   const Estimator& recursion() const noexcept { return recursion_; }
   Status status() const noexcept { return configured_ ? Status::kOk : Status::kNotConfigured; }
 
@@ -218,6 +267,10 @@ class ArmEstimator {
   using Mass = MassMatrix<Scalar, kNumJoints>;
   static constexpr int kFriction = kParametersPerLink * kNumJoints;  ///< first of its parameters
   static constexpr double kSettled = 10;  ///< time constants after which a filter has forgotten the past
+  /// Root mean square of innovations that another load gives, over what they usually are, and how fast that follows.
+  static constexpr double kSurprise = 2.5, kWidening = 0.01;
+  /// In which the estimate proves better than the model of the start [s].
+  static constexpr double kProof = 0.1;
   /// Where a centre of mass of nothing stated may be [m], and friction that is stated as none [N·m].
   static constexpr double kPlace = 0.02, kSomeFriction = 0.1;
 
@@ -235,10 +288,15 @@ class ArmEstimator {
            c.least_inertia <= Scalar(1) && c.most_inertia >= Scalar(1) && is_usable(c.most_inertia);
   }
 
+  /// The last link comes first: see RecursiveLeastSquares::widen.
+  static constexpr std::size_t first_of(std::size_t link) noexcept {
+    return static_cast<std::size_t>(kParametersPerLink) * (static_cast<std::size_t>(kNumJoints) - 1 - link);
+  }
+
   static void parameters_of(const Model& model, Row& x) noexcept {
     for (std::size_t j = 0; j < static_cast<std::size_t>(kNumJoints); ++j) {
       for (std::size_t p = 0; p < 10; ++p) {
-        x[10 * j + p] = model.links[j][p];
+        x[first_of(j) + p] = model.links[j][p];
       }
       const std::size_t at = kFriction + 3 * j;
       x[at] = model.actuation[j].coulomb_friction;
@@ -260,13 +318,13 @@ class ArmEstimator {
       using std::sqrt;
       const Scalar moment = sqrt(link[kMcx] * link[kMcx] + link[kMcy] * link[kMcy] + link[kMcz] * link[kMcz]);
       const Scalar inertia = link[kIxx] + link[kIyy] + link[kIzz];
-      variance[10 * j] = square(config.doubt * m) + square(added);
+      variance[first_of(j)] = square(config.doubt * m) + square(added);
       for (std::size_t p = 1; p < 4; ++p) {
-        variance[10 * j + p] =
+        variance[first_of(j) + p] =
             square(config.doubt * (moment + static_cast<Scalar>(kPlace) * m)) + square(added * length);
       }
       for (std::size_t p = 4; p < 10; ++p) {
-        variance[10 * j + p] = square(config.doubt * inertia) + square(added * length * length);
+        variance[first_of(j) + p] = square(config.doubt * inertia) + square(added * length * length);
       }
       const JointActuation<Scalar>& drive = model.actuation[j];
       const Scalar level = drive.coulomb_friction + static_cast<Scalar>(kSomeFriction);
@@ -337,33 +395,117 @@ class ArmEstimator {
     Vector tau = Vector::Zero();
     drive_.add_inertia(aligned_.qdd(), tau);
     tau = aligned_.tau() - tau;
+    std::uint32_t usable = 0;
+    Vector scatter;
     for (int i = 0; i < kNumJoints; ++i) {
-      if (((clipped_ >> i) & 1U) != 0 || !is_usable(tau[i]) ||
-          !is_usable(regressor_.row(i).cwiseAbs().sum())) {
-        continue;
-      }
-      row_ = Row{};
-      for (int c = kParametersPerLink * i; c < kFriction; ++c) {
-        row_[static_cast<std::size_t>(c)] = regressor_(i, c);
-      }
-      const std::size_t at = static_cast<std::size_t>(kFriction + 3 * i);
-      row_[at] = aligned_.sign()[i];
-      row_[at + 1] = aligned_.qd()[i];
-      row_[at + 2] = Scalar(1);
       const Scalar friction = static_cast<Scalar>(0.5) * doubt_[i] *
                               drive_.actuation()[static_cast<std::size_t>(i)].coulomb_friction;
-      typename Estimator::Record taken;
-      static_cast<void>(recursion_.add(row_, tau[i], variance_[i] + friction * friction, gate_, taken));
+      scatter[i] = variance_[i] + friction * friction;
+      const bool good = is_usable(tau[i]) && is_usable(regressor_.row(i).cwiseAbs().sum());
+      usable |= good ? std::uint32_t{1} << i : 0U;
+    }
+    usable &= ~clipped_;
+    record.surprised = compare(tau, scatter, usable);
+    watch_load(record.surprised);
+    if (widening_ > Scalar(0)) {
+      widening_ -= Scalar(1) / config_.update_rate;
+      for (int p = 0; p < kParametersPerLink; ++p) {
+        recursion_.widen(p);
+      }
+    }
+    for (int i = 0; i < kNumJoints; ++i) {
+      if ((usable >> i & 1U) != 0) {
+        set_row(i);
+        typename Estimator::Record taken;
+        static_cast<void>(
+            recursion_.add(row_, tau[i], scatter[i] * change_.usual() * change_.usual(), gate_, taken));
+      }
     }
     recursion_.forget();
     take(q, record);
   }
 
+  /// The filters hold torques of the load before: nothing is learnt until they have forgotten it.
+  void replace_last_link(const InertialParameters<Scalar>& load) noexcept {
+    for (int p = 0; p < kParametersPerLink; ++p) {
+      const std::size_t k = static_cast<std::size_t>(p);
+      recursion_.replace(p, bare_[k] + load[k]);
+    }
+    const Scalar wait = static_cast<Scalar>(kSettled) / omega_;
+    settling_ = settling_ > wait ? settling_ : wait;
+    Record record;
+    take(last_q_, record);
+    declared_ = record.new_estimate;
+  }
+
+  void set_row(int i) noexcept {
+    row_ = Row{};
+    for (int j = i; j < kNumJoints; ++j) {
+      const std::size_t first = first_of(static_cast<std::size_t>(j));
+      for (int p = 0; p < kParametersPerLink; ++p) {
+        row_[first + static_cast<std::size_t>(p)] = regressor_(i, kParametersPerLink * j + p);
+      }
+    }
+    const std::size_t at = static_cast<std::size_t>(kFriction + 3 * i);
+    row_[at] = aligned_.sign()[i];
+    row_[at + 1] = aligned_.qd()[i];
+    row_[at + 2] = Scalar(1);
+  }
+
+  /// What the estimate leaves of the torques before it has seen them, and what the model of the start leaves. Sets weight_.
+  /// @return true: more than it uses to leave, as after a change of load
+  bool compare(const Vector& tau, const Vector& scatter, std::uint32_t usable) noexcept {
+    const Row& x = recursion_.solution();
+    Scalar surprise(0), along(0), across(0), rows(0);
+    for (int i = 0; i < kNumJoints; ++i) {
+      if ((usable >> i & 1U) == 0) {
+        continue;
+      }
+      set_row(i);
+      Scalar left = tau[i], of_start = tau[i];
+      for (std::size_t p = 0; p < row_.size(); ++p) {
+        left -= row_[p] * x[p];
+        of_start -= row_[p] * prior_[p];
+      }
+      const Scalar inverse = Scalar(1) / scatter[i], gained = of_start - left;
+      surprise += left * left * inverse;
+      along += of_start * gained * inverse;
+      across += gained * gained * inverse;
+      rows += Scalar(1);
+    }
+    if (!(rows > Scalar(0)) || !is_usable(surprise) || !is_usable(along) || !is_usable(across)) {
+      return false;
+    }
+    along_ += weight_share_ * (along - along_);
+    across_ += weight_share_ * (across - across_);
+    weight_ = !(along_ < across_) ? Scalar(1) : along_ > Scalar(0) ? along_ / across_ : Scalar(0);
+    using std::sqrt;
+    const bool surprised = change_.refuses(sqrt(surprise / rows), static_cast<Scalar>(kSurprise),
+                                           static_cast<Scalar>(kWidening));
+    return surprised;
+  }
+
+  /// Widens after a surprise until the filters have forgotten the load before; notes the last link as it is while nothing is gripped.
+  void watch_load(bool surprised) noexcept {
+    // The model of the start surprises as well.
+    loaded_ = loaded_ || (surprised && calm_ > config_.memory);
+    if (surprised) {
+      widening_ = static_cast<Scalar>(kSettled) / omega_;
+      calm_ = Scalar(0);
+    } else if (!loaded_) {
+      bare_ = link_of(recursion_.solution(), kNumJoints - 1);
+    }
+    calm_ += calm_ > config_.memory ? Scalar(0) : Scalar(1) / config_.update_rate;
+  }
+
   /// The estimate becomes the model, where feedback may be made of it.
   void take(const Vector& q, Record& record) noexcept {
     const Row& x = recursion_.solution();
-    if (within_bounds(x, q)) {
-      adopt(x);
+    for (std::size_t p = 0; p < row_.size(); ++p) {
+      row_[p] = prior_[p] + weight_ * (x[p] - prior_[p]);
+    }
+    if (within_bounds(row_, q)) {
+      adopt(row_);
       found_ = record.new_estimate = true;
       return;
     }
@@ -412,7 +554,7 @@ class ArmEstimator {
   static InertialParameters<Scalar> link_of(const Row& x, std::size_t j) noexcept {
     InertialParameters<Scalar> link;
     for (std::size_t p = 0; p < link.size(); ++p) {
-      link[p] = x[static_cast<std::size_t>(kParametersPerLink) * j + p];
+      link[p] = x[first_of(j) + p];
     }
     return link;
   }
@@ -431,8 +573,17 @@ class ArmEstimator {
   Vector variance_ = Vector::Ones(), doubt_ = Vector::Ones(), last_q_ = Vector::Zero(),
          last_qd_ = Vector::Zero();
   Scalar omega_{1}, missed_{0}, settling_{0}, until_update_{0}, rest_{0};
+  InnovationGate<Scalar> change_;
+  InertialParameters<Scalar> bare_{};  ///< last link without load
+  Scalar widening_{0};                 ///< the last link counts as unknown for so long [s]
+  Scalar calm_{0};                     ///< since the last surprise, at most a little above `memory` [s]
+  /// Of the residual of the model of the start along what the estimate changes of it, and of that change: see compare().
+  Scalar along_{0}, across_{0}, weight_{1};
+  Scalar weight_share_{1};  ///< of an update in along_ and across_
   std::uint32_t clipped_{0};
-  bool found_{false};  ///< the model is an estimate, not that of the start
+  bool loaded_{false};    ///< something was gripped
+  bool declared_{false};  ///< model() has changed with a declared load
+  bool found_{false};     ///< the model is an estimate, not that of the start
   bool started_{false}, configured_{false};
 };
 

@@ -197,6 +197,24 @@ class RecursiveLeastSquares {
   /// Rows used so far.
   long updates() const noexcept { return updates_; }
 
+  /// Parameter i has changed, by as much as the prior allows: its variance becomes the prior's again, and what is known of the
+  /// others stays. Cost i² + p multiplications: those that change belong to the front.
+  void widen(int i) noexcept {
+    const std::size_t k = static_cast<std::size_t>(i);
+    const Scalar room = ceiling_[k] - covariance(i, i);
+    if (configured_ && room > Scalar(0)) {
+      Row unit{};
+      unit[k] = Scalar(1);
+      covariance_.add(unit, room);
+    }
+  }
+
+  /// The same where its new value is roughly known; finite.
+  void replace(int i, const Scalar& value) noexcept {
+    widen(i);
+    x_[static_cast<std::size_t>(i)] = configured_ ? value : x_[static_cast<std::size_t>(i)];
+  }
+
   /// Multiplies all variances by one factor, or by the largest smaller one that leaves none above its initial value:
   /// after a known change of tool or load. Cost p³/6 multiplications.
   /// @param factor  ≥ 1
