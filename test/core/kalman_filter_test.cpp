@@ -1,7 +1,9 @@
 /// Extended and unscented filter: against a closed-form Kalman filter, their derivatives, their consistency, what they can
 /// observe, and friction that drifts.
+#include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <string>
 
@@ -51,6 +53,36 @@ TEST(DriftingArm, SticksInBothDirections) {
   ASSERT_EQ(arm.step(at_rest, Arm::Vector(-5), 1e-3, backward), Status::kOk);
   EXPECT_LT(std::abs(forward[1]), kWidth);
   EXPECT_EQ(backward, Arm::Mechanics(-forward));
+}
+
+/// Slower than the width of the sign and pushed on with less than its friction: it goes on creeping, however light it is.
+TEST(DriftingArm, CreepsAsLongAsFrictionHoldsWhatPushesIt) {
+  using Arm = DriftingArm<double, 1, 0>;
+  ArmModel<double, 1> slide = OneJointFilter<ExtendedKalmanFilter<double, 1>>::slide();
+  slide.actuation[0].rotor_inertia = 0;
+  constexpr double kWidth = 0.02, kFriction = 10;
+  for (const double mass : {1e-4, 1e-3, 1e-2}) {
+    slide.links[0] = make_inertial_parameters<double>(mass, {0, 0, 0}, {});
+    Arm arm;
+    arm.set_model(slide, kWidth);
+    for (const double share : {0.1, 0.5, 0.9, 0.99}) {
+      for (const double speed : {1e-6, 0.1, 0.5, 0.99, 2.9}) {
+        Arm::State x{0, speed * kWidth, kFriction, 0};
+        Arm::Mechanics forward, backward;
+        ASSERT_EQ(arm.step(x, Arm::Vector(share * kFriction), 1e-3, forward), Status::kOk);
+        EXPECT_LE(std::abs(x[1] + forward[1]), 3 * kWidth * (1 + 1e-9))
+            << mass << " " << share << " " << speed;
+        x[1] = -x[1];
+        ASSERT_EQ(arm.step(x, Arm::Vector(-share * kFriction), 1e-3, backward), Status::kOk);
+        EXPECT_EQ(backward, Arm::Mechanics(-forward));
+      }
+    }
+    // What friction does not hold breaks loose in the same step: (15 - 10) N on the mass.
+    const Arm::State creeping{0, 0.5 * kWidth, kFriction, 0};
+    Arm::Mechanics loose;
+    ASSERT_EQ(arm.step(creeping, Arm::Vector(1.5 * kFriction), 1e-3, loose), Status::kOk);
+    EXPECT_GT(loose[1], 0.5 * 5e-3 / mass) << mass;
+  }
 }
 
 /// Mass 2.5 kg with its rotor: q⁺ = q + dt v + dt²/2 a, v⁺ = v + dt a, a = (τ − F) / 2.5.
@@ -163,6 +195,47 @@ TYPED_TEST(OneJointFilter, FrictionThatIsNotShownRelaxesToTheModel) {
   EXPECT_TRUE(record.restarted);
   EXPECT_NEAR(filter.coulomb(0) - 3.0, off * std::exp(-1.0), 1e-3);
   EXPECT_NEAR(filter.covariance(2, 2), variance * std::exp(-2.0) + 1 - std::exp(-2.0), 1e-3);
+}
+
+/// A minute at rest under 0.4 of the Coulomb friction, which a filter might take for all of it; then it goes on.
+TYPED_TEST(OneJointFilter, AJointAtRestTeachesNothingAboutItsFriction) {
+  typename TypeParam::Config config;
+  config.coulomb.std.setConstant(1.5);
+  config.viscous.std.setConstant(0.3);
+  config.coulomb.time = config.viscous.time = 400;
+  config.velocity_noise.setConstant(1e-3);
+  config.torque_noise.setConstant(0.3);
+  auto arm = this->slide();
+  arm.actuation[0].viscous_friction = 0.6;
+  TypeParam filter;
+  ASSERT_EQ(filter.configure(config, arm), Status::kOk);
+  constexpr double kDt = 2e-3, kCoulomb = 2.4, kViscous = 0.5, kStop = 3 * std::numbers::pi / 2;
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> normal;
+  // Stops between strokes of 0.5 sin(2 t).
+  const auto speed = [&](double t) {
+    return t < kStop ? 0.5 * std::sin(2 * t) : t < kStop + 60 ? 0.0 : 0.5 * std::sin(2 * (t - 60));
+  };
+  double q = 0, worst = 0;
+  double known = 0, after = 0;
+  typename TypeParam::Record record;
+  for (double t = 0; t < kStop + 63; t += kDt) {
+    const double v = speed(t), next = speed(t + kDt), middle = 0.5 * (v + next);
+    const double friction =
+        middle == 0 ? 0.4 * kCoulomb : std::copysign(kCoulomb, middle) + kViscous * middle;
+    using One = typename TypeParam::Vector;
+    ASSERT_EQ(filter.update(One(q + 1e-4 * normal(random)), One(v + 1e-3 * normal(random)),
+                            One(2.5 * (next - v) / kDt + friction + 0.3 * normal(random)), kDt, record),
+              Status::kOk);
+    q += kDt * middle;
+    if (t < kStop) known = filter.standard_deviation(TypeParam::kCoulomb);
+    if (t < kStop + 60) after = filter.standard_deviation(TypeParam::kCoulomb);
+    if (t > 3) worst = std::max(worst, std::abs(filter.coulomb(0) / kCoulomb - 1));
+  }
+  this->RecordProperty("worst", std::to_string(worst));
+  EXPECT_LT(worst, 0.05);
+  EXPECT_LT(after, 1.1 * known);
+  EXPECT_NEAR(filter.viscous(0), kViscous, 0.1);
 }
 
 TEST(DriftingArm, TransitionEqualsDifferencesOfTheStep) {

@@ -99,7 +99,8 @@ class DriftingArm {
     Vector diagonal;
     for (int i = 0; i < N; ++i) {
       const std::size_t k = static_cast<std::size_t>(i);
-      chord_[i] = chord(i, explicit_velocity[i]);
+      const Scalar coulomb = x[Layout::kCoulomb + k], push = net[i] + coulomb * sign_[i];
+      chord_[i] = chord(i, explicit_velocity[i], push < coulomb && -push < coulomb);
       // A negative estimate must not feed the motion.
       damping_[i] = not_negative(x[Layout::kViscous + k]) + not_negative(x[Layout::kCoulomb + k]) * chord_[i];
       diagonal[i] = rotor_[i] + dt * damping_[i];
@@ -170,12 +171,15 @@ class DriftingArm {
   static Scalar not_negative(const Scalar& v) noexcept { return v > Scalar(0) ? v : Scalar(0); }
 
   // Reached by an explicit step, which a joint of small inertia takes far beyond standstill. From there the chord would be too flat
-  // to stop the joint: it ends at most one width beyond the present speed, which leaves half a width of overshoot.
-  Scalar chord(int i, Scalar reached) const noexcept {
+  // to stop the joint: it ends at most one width beyond the present speed, which leaves half a width of overshoot. Where friction
+  // holds what pushes the joint, it ends where friction is developed in full at the latest: a joint that creeps goes on creeping.
+  Scalar chord(int i, Scalar reached, bool held) const noexcept {
     // From standstill the joint stops on its way to either side.
     const bool down = v_[i] > Scalar(0) || (!(v_[i] < Scalar(0)) && reached < Scalar(0));
     const Scalar back = down ? -v_[i] - sign_width_ : -v_[i] + sign_width_;
     reached = down == (reached < back) ? back : reached;
+    const Scalar full = Scalar(3) * sign_width_;
+    reached = !held ? reached : reached > full ? full : reached < -full ? -full : reached;
     const Scalar way = reached - v_[i];
     const Scalar least = static_cast<Scalar>(1e-3) * sign_width_;
     return way > least || way < -least ? (velocity_sign(reached, sign_width_) - sign_[i]) / way

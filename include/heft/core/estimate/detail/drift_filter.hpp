@@ -38,7 +38,8 @@ struct StepColumns {
 /// standard deviations of the nominal value; friction is not negative.
 ///
 /// *Rest.* A joint slower than three sign_width is charged with the part of its Coulomb torque that its velocity leaves open:
-/// friction at rest takes up any torque, and teaches nothing.
+/// friction at rest takes up any torque, stays at it, and teaches nothing. A joint at rest does not wear either: its friction, where it
+/// is a random walk, keeps its variance.
 ///
 /// *Faults.* Numbers that are not finite and time that does not advance are refused with a status and leave no trace. A measured
 /// value off by more than `gate` standard deviations is left out (Record::refused). The mechanical state starts again from
@@ -173,8 +174,9 @@ class DriftFilter {
   static constexpr int kFarthest = 10;
   /// Periods without a sample after which the torque in between is not known.
   static constexpr int kLongestGap = 5;
-  /// What is cut off a torque stays the same over some periods, not white: over the square of this it counts in full.
-  static constexpr int kCutFor = 10;
+  /// What is cut off a torque, or taken up by friction at rest, stays the same over some periods, not white: over the square of this
+  /// it counts in full.
+  static constexpr int kStaysFor = 10;
   /// Share of the nominal value that a standard deviation of 0 stands for, and the least [N·m].
   static constexpr double kPriorShare = 0.5, kLeastPrior = 1e-3;
   /// Most that relaxing takes away at a time, so that factors stay invertible.
@@ -315,9 +317,10 @@ class DriftFilter {
     Vector variance;
     for (int i = 0; i < N; ++i) {
       const bool unknown = (clipped >> i & 1U) != 0;
-      variance[i] = (square(config_.torque_noise[i]) + square(columns_.uncertain[i]) +
-                     (unknown ? square(static_cast<Scalar>(kCutFor) * config_.torque_limit[i]) : Scalar(0))) *
-                    (config_.period / dt);
+      variance[i] =
+          (square(config_.torque_noise[i]) + square(static_cast<Scalar>(kStaysFor) * columns_.uncertain[i]) +
+           (unknown ? square(static_cast<Scalar>(kStaysFor) * config_.torque_limit[i]) : Scalar(0))) *
+          (config_.period / dt);
     }
     refactor(variance);
     return Status::kOk;
@@ -377,6 +380,9 @@ class DriftFilter {
     }
     for (std::size_t k = kMoving; k < static_cast<std::size_t>(kStates); ++k) {
       const auto [kind, time] = law(k);
+      if (kind == DriftKind::kWanders && k < static_cast<std::size_t>(kLoad) && rests((k - kMoving) % N)) {
+        continue;
+      }
       const Scalar ceiling = ceiling_[k];
       Scalar gained;
       if (kind == DriftKind::kRelaxes) {
@@ -398,6 +404,12 @@ class DriftFilter {
       }
     }
     drift_time_ = Scalar(0);
+  }
+
+  /// More of its Coulomb torque is open than known.
+  bool rests(std::size_t joint) const noexcept {
+    return running() && columns_.uncertain[static_cast<int>(joint)] >
+                            static_cast<Scalar>(0.5) * x_[static_cast<std::size_t>(kCoulomb) + joint];
   }
 
   struct Law {
