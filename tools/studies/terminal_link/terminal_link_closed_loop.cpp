@@ -75,41 +75,24 @@ Belief belief_of(const ArmModel<double, kN>& arm) {
   return belief;
 }
 
-/// Core's controllers with compile-time geometry.
-class ArmController final : public sim::Controller {
- public:
-  ArmController(track::Method method, Belief belief, const Vector& inertia)
-      : method_(method), belief_(std::move(belief)) {
-    const double w = 2 * std::numbers::pi * kLoopBandwidthHz;
-    JointFeedback<double, kN>::Config config;
-    const bool scaled = method == track::Method::kPd || method == track::Method::kPdGravity;
-    const Vector scale = scaled ? inertia : Vector(Vector::Ones());
-    config.stiffness = scale * (w * w);
-    config.damping = scale * (2 * w);
-    (void)feedback_.configure(config);
+/// The arm as a controller believes it to be.
+model::Robot robot_of(const Belief& belief) {
+  ArmModel<double, kN> arm = model::KawasakiArm::kModel;
+  for (std::size_t j = 0; j < arm.links.size(); ++j) {
+    const Eigen::Index i = static_cast<Eigen::Index>(j);
+    arm.links[j] = to_inertial_parameters(belief.parameters.links[j]);
+    arm.actuation[j] = {kRotor[i], belief.friction.coulomb[i], belief.friction.viscous[i], 0.0};
   }
-  void control(double, const sim::Measurement& m, Eigen::Ref<Eigen::VectorXd> torque) override {
-    JointReference<double, kN> reference;
-    reference.q = m.q_ref;
-    reference.qd = m.qd_ref;
-    reference.qdd = m.qdd_ref;
-    const Vector q = m.q, qd = m.qd;
-    Vector tau = Vector::Zero();
-    ControlRecord record;
-    const Status status =
-        method_ == track::Method::kComputedTorque
-            ? computed_torque<Arm>(feedback_, belief_.parameters, belief_.friction, kRotor, reference, q, qd,
-                                   tau, record)
-            : pd_control<Arm>(feedback_, belief_.parameters, method_ == track::Method::kPdGravity, reference,
-                              q, qd, tau, record);
-    if (status == Status::kOk) torque = tau;
-  }
+  return model::robot_of(arm, "kawasaki6r");
+}
 
- private:
-  track::Method method_;
-  Belief belief_;
-  JointFeedback<double, kN> feedback_;
-};
+std::shared_ptr<sim::Controller> controller_of(track::Method method, const Belief& belief,
+                                               const Vector& inertia) {
+  track::ControllerSettings settings;
+  settings.bandwidth_hz = kLoopBandwidthHz;
+  settings.inertia = inertia;
+  return track::make_controller(method, robot_of(belief), settings);
+}
 
 /// Simulates the arm with or without the payload under a controller.
 data::Log simulate_arm(const FourierTrajectory& trajectory, double duration, bool payload, int seed,
@@ -330,18 +313,14 @@ ClosedLoop run_closed_loop(int seed) {
 
   const ArmModel<double, kN> nominal_model = nominal_arm(seed);
   const Belief nominal = belief_of(nominal_model);
-  model::Robot nominal_robot = model::robot_of(nominal_model, "nominal");
-  for (int i = 0; i < kN; ++i)
-    nominal_robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia = kRotor[i];
   const FourierTrajectory exciting = exciting_trajectory(), validation = validation_trajectory();
-  const Vector inertia = track::mean_inertia(nominal_robot, *reference_of(validation), kTrackingTime);
+  const Vector inertia = track::mean_inertia(robot_of(nominal), *reference_of(validation), kTrackingTime);
 
   std::array<std::vector<FilteredSample>, 2> samples;
   data::Log loaded;
   host::for_each_parallel(2, [&](std::size_t i) {
-    data::Log log =
-        simulate_arm(exciting, kExcitingTime, i == 1, seed + static_cast<int>(i),
-                     std::make_shared<ArmController>(track::Method::kComputedTorque, nominal, inertia));
+    data::Log log = simulate_arm(exciting, kExcitingTime, i == 1, seed + static_cast<int>(i),
+                                 controller_of(track::Method::kComputedTorque, nominal, inertia));
     samples[i] = filtered(log);
     if (i == 1) loaded = std::move(log);
   });
@@ -383,8 +362,8 @@ ClosedLoop run_closed_loop(int seed) {
   out.runs.resize(contenders.size());
   host::for_each_parallel(contenders.size(), [&](std::size_t i) {
     const Contender& c = contenders[i];
-    const data::Log log = simulate_arm(validation, kTrackingTime, true, seed + 10,
-                                       std::make_shared<ArmController>(c.method, *c.belief, inertia));
+    const data::Log log =
+        simulate_arm(validation, kTrackingTime, true, seed + 10, controller_of(c.method, *c.belief, inertia));
     Eigen::Index first = 0;
     while (log.time[first] < kCounted) ++first;
     const Eigen::Index rows = log.num_samples() - first;
