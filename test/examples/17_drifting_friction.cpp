@@ -2,7 +2,7 @@
 // a motion, with friction that falls by 30 % in 20 s.
 // Prints:
 //   joint 2 cold: 5.00 N·m, the filter expects 5.00 ± 2.50
-//   joint 2 warm: 3.50 N·m, the filter finds 3.57 ± 0.15
+//   joint 2 warm: 3.50 N·m, the filter finds 3.51 ± 0.16
 #include <cmath>
 #include <cstdio>
 
