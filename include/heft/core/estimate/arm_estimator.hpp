@@ -46,9 +46,8 @@ namespace heft {
 ///
 /// An arm at rest teaches nothing after `longest_rest`, nor do joints at their torque limits; around a reversal a joint counts less.
 ///
-/// Cost of an update, p = 13 n parameters: n recursions of 1.5 p² multiplications, regressor and leak, up to 78 000 with 6 joints,
-/// and 3000 after a change of load; of other samples, the filters.
-/// 8 p² bytes in double. No allocation, no exception, every loop bounded.
+/// Cost of an update, p = 13 n parameters: n recursions of 1.5 p² multiplications, regressor and leak, with 6 joints up to 81 000
+/// after a change of load; of other samples, the filters. 8 p² bytes in double. No allocation, no exception, every loop bounded.
 ///
 /// @tparam Description  RunTimeArm<N, ...>
 template <typename Description, typename Scalar>
