@@ -479,9 +479,8 @@ class ArmEstimator {
     across_ += weight_share_ * (across - across_);
     weight_ = !(along_ < across_) ? Scalar(1) : along_ > Scalar(0) ? along_ / across_ : Scalar(0);
     using std::sqrt;
-    const bool surprised = change_.refuses(sqrt(surprise / rows), static_cast<Scalar>(kSurprise),
-                                           static_cast<Scalar>(kWidening));
-    return surprised;
+    return change_.refuses(sqrt(surprise / rows), static_cast<Scalar>(kSurprise),
+                           static_cast<Scalar>(kWidening));
   }
 
   /// Widens after a surprise until the filters have forgotten the load before; notes the last link as it is while nothing is gripped.
