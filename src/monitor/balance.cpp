@@ -21,8 +21,6 @@ using Eigen::Index;
 constexpr double kLongestGap = 10.0;
 /// Bandwidth at which the observer passes the torque from outside on as it is [1/s].
 constexpr double kUnfiltered = 1e5;
-/// Filters and offsets have forgotten the start to 5 % [1 / adaptation].
-constexpr double kSettling = 3.0;
 
 template <int N>
 Index fill(const model::Robot& robot, const Signals& signals, Balance& balance) {
@@ -60,24 +58,21 @@ template <int N>
 void fill(const Balance& balance, const Thresholds& thresholds, Deviations& found) {
   ContactDeviation<double, N> core;
   core.configure(sized_thresholds<N>(thresholds));
-  typename ContactDeviation<double, N>::Record record;
+  typename ContactDeviation<double, N>::Record record{};
   double settled = 0.0;
   for (Index k = 0; k < balance.time.size(); ++k) {
     if (k > 0 && balance.time[k] - balance.time[k - 1] > balance.longest_period) {
       core.restart();
       settled = 0.0;
     }
-    core.update(balance.outside.row(k), balance.explained.row(k), balance.qd.row(k), balance.period[k], false,
+    core.update(balance.outside.row(k), balance.explained.row(k), balance.qd.row(k), balance.period[k], 0.0,
                 record);
-    found.residual.row(k) = record.residual;
-    found.deviation.row(k) = record.deviation;
-    found.threshold.row(k) = record.threshold;
-    found.offset.row(k) = record.offset;
-    found.allowance.row(k) = record.allowance;
+    found.level.row(k) = (record.residual.array() / record.level_threshold.array()).abs();
+    found.change.row(k) = (record.change.array() / record.change_threshold.array()).abs();
     for (Index j = 0; j < found.phase.cols(); ++j)
       found.phase(k, j) = static_cast<int>(record.phase[static_cast<std::size_t>(j)]);
     found.load_rate[k] = core.load_rate();
-    found.judged[static_cast<std::size_t>(k)] = settled >= kSettling / thresholds.adaptation;
+    found.judged[static_cast<std::size_t>(k)] = settled >= core.kSettling / thresholds.adaptation;
     settled += balance.period[k];
   }
 }
@@ -124,9 +119,7 @@ Balance balance_of(const model::Robot& robot, const Signals& signals) {
 Deviations deviations_of(const Balance& balance, const Thresholds& thresholds) {
   const Index samples = balance.time.size(), n = balance.outside.cols();
   Deviations found;
-  for (Eigen::MatrixXd* matrix :
-       {&found.residual, &found.deviation, &found.threshold, &found.offset, &found.allowance})
-    matrix->setZero(samples, n);
+  for (Eigen::MatrixXd* matrix : {&found.level, &found.change}) matrix->setZero(samples, n);
   found.phase.setZero(samples, n);
   found.load_rate.setZero(samples);
   found.judged.assign(static_cast<std::size_t>(samples), 0);

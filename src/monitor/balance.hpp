@@ -26,10 +26,10 @@ Balance balance_of(const model::Robot& robot, const Signals& signals);
 
 /// A balance through core's ContactDeviation.
 struct Deviations {
-  Eigen::MatrixXd residual, deviation, threshold, offset, allowance;  ///< samples × n [N·m, N]
-  Eigen::MatrixXi phase;                                              ///< MotionPhase
-  Eigen::VectorXd load_rate;                                          ///< [N·m/s, N/s]
-  std::vector<char> judged;                                           ///< without start and gaps
+  Eigen::MatrixXd level, change;  ///< sizes of residual and change, each by its threshold, samples × n
+  Eigen::MatrixXi phase;          ///< MotionPhase
+  Eigen::VectorXd load_rate;      ///< [N·m/s, N/s]
+  std::vector<char> judged;       ///< without start and gaps
 };
 Deviations deviations_of(const Balance& balance, const Thresholds& thresholds);
 

@@ -32,6 +32,10 @@ void keep(const SampleRecord& record, Index k, Run& run) {
   run.contact[static_cast<std::size_t>(k)] = record.contact;
   run.deviation.row(k) = record.deviation.transpose();
   run.threshold.row(k) = record.threshold.transpose();
+  run.residual.row(k) = record.residual.transpose();
+  run.level_threshold.row(k) = record.level_threshold.transpose();
+  run.change.row(k) = record.change.transpose();
+  run.change_threshold.row(k) = record.change_threshold.transpose();
   if (record.event != ContactEvent::kNone)
     run.events.push_back({k, static_cast<int>(record.event), record.load});
 }
@@ -61,7 +65,9 @@ Signals signals_of(const model::Robot& robot, const data::Log& log) {
 Run run_core(const model::Robot& robot, const Signals& signals, const Thresholds& thresholds) {
   const Index samples = signals.q.rows(), n = signals.q.cols();
   Run run;
-  for (Eigen::MatrixXd* matrix : {&run.deviation, &run.threshold}) matrix->setZero(samples, n);
+  for (Eigen::MatrixXd* matrix : {&run.deviation, &run.threshold, &run.residual, &run.level_threshold,
+                                  &run.change, &run.change_threshold})
+    matrix->setZero(samples, n);
   run.judged.assign(static_cast<std::size_t>(samples), 0);
   run.contact.assign(static_cast<std::size_t>(samples), 0);
   SampleMonitor core(robot, thresholds, median_period(signals.time));

@@ -36,7 +36,8 @@ struct Event {
 
 /// What core said about each sample.
 struct Run {
-  Eigen::MatrixXd deviation, threshold;  ///< samples × n [N·m, N]
+  Eigen::MatrixXd deviation, threshold;                                 ///< samples × n [N·m, N]
+  Eigen::MatrixXd residual, level_threshold, change, change_threshold;  ///< likewise
   std::vector<char> judged, contact;
   std::vector<Event> events;
   long refused{0};  ///< samples that core did not take

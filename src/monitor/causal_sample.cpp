@@ -127,6 +127,10 @@ class MonitorOf : public SampleMonitor::Sized {
     const Status status = core_.update(terms_, columns_, qd, tau, friction, period, record_);
     record.deviation = record_.deviation;
     record.threshold = record_.threshold;
+    record.residual = record_.residual;
+    record.level_threshold = record_.level_threshold;
+    record.change = record_.change;
+    record.change_threshold = record_.change_threshold;
     record.judged = record_.judged;
     record.contact = record_.contact;
     record.joint = record_.joint;

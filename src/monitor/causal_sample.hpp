@@ -49,7 +49,8 @@ class SampleFriction {
 
 /// What core said about a sample: ContactMonitor::Record.
 struct SampleRecord {
-  Eigen::VectorXd deviation, threshold;  ///< n [N·m, N]
+  Eigen::VectorXd deviation, threshold;                                 ///< n [N·m, N]
+  Eigen::VectorXd residual, level_threshold, change, change_threshold;  ///< likewise
   bool judged{false}, contact{false};
   int joint{-1}, direction{0};
   ContactEvent event{ContactEvent::kNone};

@@ -45,12 +45,12 @@ std::vector<Contact> contacts_of(const Run& run, const Signals& signals) {
   return contacts;
 }
 
-Eigen::VectorXd median_threshold(const Run& run) {
-  Eigen::VectorXd medians(run.threshold.cols());
+Eigen::VectorXd median_of(const Eigen::MatrixXd& threshold, const Run& run) {
+  Eigen::VectorXd medians(threshold.cols());
   for (Index j = 0; j < medians.size(); ++j) {
     std::vector<double> values;
-    for (Index k = 0; k < run.threshold.rows(); ++k) {
-      if (run.judged[static_cast<std::size_t>(k)] != 0) values.push_back(run.threshold(k, j));
+    for (Index k = 0; k < threshold.rows(); ++k) {
+      if (run.judged[static_cast<std::size_t>(k)] != 0) values.push_back(threshold(k, j));
     }
     medians[j] = statistics::median(std::move(values));
   }
@@ -115,11 +115,11 @@ Contacts monitor_log(const model::ModelFile& file, const model::Robot& robot, co
   result.thresholds = thresholds;
   result.judged_seconds = seconds_of(run.judged, signals.time);
   result.contacts = contacts_of(run, signals);
-  result.threshold = median_threshold(run);
+  result.threshold = median_of(run.level_threshold, run);
+  result.change_threshold = median_of(run.change_threshold, run);
   result.delay.resize(result.threshold.size());
   for (Index j = 0; j < result.delay.size(); ++j) {
-    result.delay[j] = push_delay(thresholds.bandwidth, thresholds.adaptation, result.threshold[j],
-                                 thresholds.joints[static_cast<std::size_t>(j)].offset_limit);
+    result.delay[j] = push_delay(thresholds, result.threshold[j], result.change_threshold[j]);
   }
   result.known_free = options.known_free;
   result.false_alarms = thresholds.expected;
@@ -135,7 +135,8 @@ Contacts monitor_log(const model::ModelFile& file, const model::Robot& robot, co
         "{}: no velocities; derived from the positions by a causal low-pass, 16 ms late", source.path));
   if (run.refused > 0)
     result.notes.push_back(fmt::format("{}: {} samples were refused", source.path, run.refused));
-  if (options.traces) result.trace = {signals.time, run.deviation, run.threshold};
+  if (options.traces)
+    result.trace = {signals.time, run.residual, run.level_threshold, run.change, run.change_threshold};
   judge(run, signals, options, result);
   return result;
 }

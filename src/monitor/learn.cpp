@@ -30,14 +30,20 @@ constexpr double kShortest = 10.0;
 /// On logs that the model was not fitted to, the deviation was up to 1.7 times as large as on those that it was fitted to
 /// (a KUKA LWR4+ on another motion).
 constexpr double kSeenMargin = 2.0;
-/// A recording exceeds the level that follows from the others by up to 1.15 (twenty-two recordings of four arms); a single
-/// log does not show how friction and motion differ from one recording to the next (a KUKA LWR4+, slow and fast: by 1.5).
-constexpr double kNextRecording = 1.2, kOnlyRecording = 1.6;
+/// By how much a recording may exceed the multiple that follows from the others.
+struct Margin {
+  double
+      next;  ///< than several recordings (one of twenty-two of four arms: the residual by 1.26, its change by 1.19)
+  double
+      only;  ///< than a single one, which does not show how recordings differ (the residual of a KR 300: by 3.3)
+};
+constexpr Margin kLevelMargin{1.4, 4.0}, kChangeMargin{1.25, 1.6};
 /// Fewer blocks have no tail; the level without: above any that measured arms asked for.
 constexpr std::size_t kFewBlocks = 10;
 constexpr double kUnknownLevel = 5.0;
-/// A sample counts that many thresholds at least: less would hold up a push, not a glitch.
-constexpr double kLeastStep = 0.6;
+/// Part of the threshold of a change by which a single sample moves the residual at most. A glitch of the torque is in two
+/// samples, one of the velocity in two of opposite signs: neither reaches the threshold.
+constexpr double kGlitchShare = 0.45;
 /// Least speed of a joint that moves [rad/s]; a tenth of it in m/s.
 constexpr double kLeastSpeed = 0.01;
 /// Expected false alarms whose interval reaches that multiple of what was asked for are extrapolated too far.
@@ -84,29 +90,51 @@ FreeMotion free_motion_of(const model::Robot& robot, const data::LogSet& logs, T
   return motion;
 }
 
-/// Multiple of the scales that is exceeded at half the rate allowed, and the alarms to be expected from it added: rest and
-/// motion share them.
-double level_of(std::vector<double> maxima, bool single, const Options& options, Thresholds& result) {
-  if (maxima.size() < kFewBlocks) return kUnknownLevel;
-  constexpr double kHourly = 3600.0 / kBlock;
-  const double share = static_cast<double>(maxima.size()) * kBlock / (3600.0 * result.hours);
-  Tail tail = tail_of(std::move(maxima));
-  if (single) tail.shape = 0.0;  // its own scales hold its largest deviations down
-  const double rate = 0.5 * options.false_alarms_per_hour / (kHourly * share);
-  const double level = (single ? kOnlyRecording : kNextRecording) * std::max(tail.level(rate), 1.0);
-  const double log_rate = tail.log_rate(level), half = statistics::kNormal95 * tail.log_rate_std(level);
-  result.expected.value += kHourly * share * std::exp(log_rate);
-  result.expected.lower += kHourly * share * std::exp(log_rate - half);
-  result.expected.upper += kHourly * share * std::exp(log_rate + half);
-  return level;
+/// As ContactThresholds::largest_step.
+double largest_step(double bandwidth, double rate) {
+  return std::clamp(kGlitchShare / -std::expm1(-bandwidth / rate), 1e-3, 1000.0);
 }
+
+/// Multiples of scales that are exceeded at the rate allowed, and the alarms to be expected from them.
+class Levels {
+ public:
+  Levels(bool single, const Options& options, double hours)
+      : single_(single), allowed_(options.false_alarms_per_hour), hours_(hours) {}
+
+  /// @param part  of the alarms that are allowed
+  double level_of(const std::vector<double>& maxima, double part, const Margin& margin) {
+    if (maxima.size() < kFewBlocks) return kUnknownLevel;
+    constexpr double kHourly = 3600.0 / kBlock;
+    const double share = static_cast<double>(maxima.size()) * kBlock / (3600.0 * hours_);
+    Tail tail = tail_of(maxima);
+    if (single_) tail.shape = 0.0;  // its own scales hold its largest deviations down
+    const double rate = part * allowed_ / (kHourly * share);
+    const double level = (single_ ? margin.only : margin.next) * std::max(tail.level(rate), 1.0);
+    const double alarms = kHourly * share * std::exp(tail.log_rate(level));
+    alarms_ += alarms;
+    variance_ += std::pow(alarms * tail.log_rate_std(level), 2);
+    return level;
+  }
+
+  /// Alarms an hour. The tails are taken as independent, the logarithm of each is known by its standard deviation.
+  statistics::Interval expected() const {
+    if (!(alarms_ > 0)) return {0.0, kNaN, 0.0, 0.0};
+    const double half = statistics::kNormal95 * std::sqrt(variance_) / alarms_;
+    return {alarms_, kNaN, alarms_ * std::exp(-half), alarms_ * std::exp(half)};
+  }
+
+ private:
+  bool single_;
+  double allowed_, hours_;
+  double alarms_{0.0}, variance_{0.0};
+};
 
 /// Mean delay of a push by a hand over the joints, in motion [s].
 double hand_delay(const Thresholds& thresholds, double level) {
   double delay = 0.0;
   for (const JointThreshold<double>& joint : thresholds.joints) {
-    const double seconds = push_delay(thresholds.bandwidth, thresholds.adaptation, level * joint.moving,
-                                      joint.offset_limit, kHandRate);
+    const double seconds =
+        push_delay(thresholds, level * joint.moving, level * joint.moving_change, kHandRate);
     delay += std::isfinite(seconds) ? std::min(seconds, kSlowestPush) : kSlowestPush;
   }
   return delay / static_cast<double>(thresholds.joints.size());
@@ -123,20 +151,28 @@ void set_thresholds(const FreeMotion& motion, const Thresholds& scales, double m
         static_cast<double>(maxima.motion.size()) * kBlock, motion.seconds,
         static_cast<double>(kFewBlocks) * kBlock));
   }
-  const bool single = motion.logs.size() == 1;
-  result.expected = {0.0, kNaN, 0.0, 0.0};
-  const double rest = level_of(maxima.rest, single, options, result);
-  const double level = level_of(maxima.motion, single, options, result);
+  // Residual and change, rest and motion share the alarms; of the change each joint has its part, since one that is noisy
+  // or sticks must not raise the thresholds of the others.
+  constexpr double kPart = 0.25;
+  Levels levels(motion.logs.size() == 1, options, result.hours);
+  const double rest = levels.level_of(maxima.rest, kPart, kLevelMargin);
+  const double moving = levels.level_of(maxima.motion, kPart, kLevelMargin);
   result.bandwidth = scales.bandwidth;
   result.load_rate = scales.load_rate;
-  result.largest_step = std::max(scales.largest_step / (margin * level), kLeastStep);
+  result.largest_step = largest_step(scales.bandwidth, motion.rate);
   result.joints = scales.joints;
-  for (JointThreshold<double>& joint : result.joints) {
-    joint.moving *= margin * level;
-    joint.turning *= margin * level;
+  const double joint_part = kPart / static_cast<double>(result.joints.size());
+  for (std::size_t j = 0; j < result.joints.size(); ++j) {
+    JointThreshold<double>& joint = result.joints[j];
+    const double change = levels.level_of(maxima.motion_change[j], joint_part, kChangeMargin);
+    joint.moving *= margin * moving;
+    joint.turning *= margin * moving;
     joint.rest *= margin * rest;
-    joint.offset_limit *= margin;
+    joint.moving_change *= margin * change;
+    joint.turning_change *= margin * change;
+    joint.rest_change *= margin * levels.level_of(maxima.rest_change[j], joint_part, kChangeMargin);
   }
+  result.expected = levels.expected();
 }
 
 /// Thresholds at the bandwidth by which pushes are found soonest: of the two that promise most by their scales, that which
@@ -201,13 +237,13 @@ void judge(const std::vector<std::string>& seen, const Options& options, Thresho
 
 }  // namespace
 
-double push_delay(double bandwidth, double adaptation, double threshold, double offset_limit, double rate) {
+double push_delay(const Thresholds& thresholds, double level, double change, double rate) {
   constexpr double kStep = 1e-4, kEnd = 10.0;
-  double residual = 0.0, offset = 0.0;
+  double residual = 0.0, mean = 0.0;
   for (double time = kStep; time < kEnd; time += kStep) {
-    residual += bandwidth * kStep * (rate * time - residual);
-    if (residual - offset > threshold) return time;
-    offset = std::min(offset + adaptation * kStep * (residual - offset), offset_limit);
+    residual += thresholds.bandwidth * kStep * (rate * time - residual);
+    if (residual > level || residual - mean > change) return time;
+    mean += thresholds.adaptation * kStep * (residual - mean);
   }
   return kNaN;
 }

@@ -1,6 +1,7 @@
 #include "threshold_fit.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 
@@ -16,16 +17,10 @@ constexpr double kOpen = 1e30;
 /// Blocks from whose maxima a scale is taken [s], and the share of them that exceeds it: a scale is no tail, and a phase
 /// such as a reversal is short.
 constexpr double kScaleBlock = 0.5;
-constexpr std::size_t kScaleShare = 20;
-/// The same at rest, where little happens until a joint breaks away.
-constexpr std::size_t kRestScaleShare = 50;
-/// Fewer blocks of a phase give no scale: the limit of the offsets takes its place.
+constexpr std::size_t kScaleShare = 50;
+/// Fewer blocks of a phase give no scale: that of the phase which shows most takes its place.
 constexpr std::size_t kFewBlocks = 10;
-/// A single sample counts as that many scales at most, which is about one threshold.
-constexpr double kLargestStep = 2.0;
-/// Offsets may be larger by that part than any that the logs show.
-constexpr double kOffsetMargin = 1.2;
-/// Part of the samples of a joint at rest, or of the arm's load rate, beyond which values are no longer usual.
+/// Part of the samples of the arm's load rate beyond which values are no longer usual.
 constexpr double kUsual = 0.99;
 /// A joint moves above that part of its top speed.
 constexpr double kRestShare = 0.01;
@@ -39,11 +34,12 @@ constexpr double kLeastShape = -0.25;
 
 constexpr MotionPhase kPhases[] = {MotionPhase::kRest, MotionPhase::kTurning, MotionPhase::kMoving};
 
-double& scale_of(JointThreshold<double>& joint, MotionPhase phase) {
-  return phase == MotionPhase::kRest      ? joint.rest
-         : phase == MotionPhase::kTurning ? joint.turning
-                                          : joint.moving;
-}
+/// Of a joint in each phase, as kPhases.
+using PhaseScales = std::array<double JointThreshold<double>::*, 3>;
+constexpr PhaseScales kLevels{&JointThreshold<double>::rest, &JointThreshold<double>::turning,
+                              &JointThreshold<double>::moving};
+constexpr PhaseScales kChanges{&JointThreshold<double>::rest_change, &JointThreshold<double>::turning_change,
+                               &JointThreshold<double>::moving_change};
 
 /// The value that the stated part of them does not exceed; 0 of none.
 double quantile(std::vector<double> values, double part) {
@@ -53,42 +49,31 @@ double quantile(std::vector<double> values, double part) {
   return *at;
 }
 
-/// Speeds, limits of the offsets and usual load rate.
+/// Speeds and usual load rate; thresholds of one.
 Thresholds limits_of(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
                      double bandwidth) {
-  const Index n = least_speed.size();
-  Thresholds open;
-  open.bandwidth = bandwidth;
-  open.load_rate = kOpen;
-  for (Index j = 0; j < n; ++j) {
+  Thresholds limits;
+  limits.bandwidth = bandwidth;
+  limits.load_rate = kOpen;
+  limits.largest_step =
+      1000.0;  // a glitch shows in full: what it leaves behind the limit depends on the thresholds
+  for (Index j = 0; j < least_speed.size(); ++j) {
     double top = 0.0;
     for (const Balance* log : logs) top = std::max(top, log->qd.col(j).cwiseAbs().maxCoeff());
     const double rest = std::max(least_speed[j], kRestShare * top);
-    open.joints.push_back({kOpen, kOpen, kOpen, kOpen, rest, std::max(top, 2.0 * rest)});
+    JointThreshold<double> joint = JointThreshold<double>::uniform(1.0, 0.0);
+    joint.rest_speed = rest;
+    joint.top_speed = std::max(top, 2.0 * rest);
+    limits.joints.push_back(joint);
   }
-  Thresholds limits = open;
   std::vector<double> rates;
-  std::vector<std::vector<double>> resting(static_cast<std::size_t>(n));
-  Eigen::VectorXd largest = Eigen::VectorXd::Zero(n);
   for (const Balance* log : logs) {
-    const Deviations found = deviations_of(*log, open);
+    const Deviations found = deviations_of(*log, limits);
     for (Index k = 0; k < log->time.size(); ++k) {
-      if (found.judged[static_cast<std::size_t>(k)] == 0) continue;
-      rates.push_back(found.load_rate[k]);
-      for (Index j = 0; j < n; ++j) {
-        if (found.phase(k, j) == static_cast<int>(MotionPhase::kRest)) {
-          resting[static_cast<std::size_t>(j)].push_back(std::abs(found.residual(k, j)));
-        } else {
-          largest[j] = std::max(largest[j], std::abs(found.offset(k, j)));
-        }
-      }
+      if (found.judged[static_cast<std::size_t>(k)] != 0) rates.push_back(found.load_rate[k]);
     }
   }
   limits.load_rate = std::max(quantile(std::move(rates), kUsual), kLeastScale);
-  for (Index j = 0; j < n; ++j) {
-    const auto i = static_cast<std::size_t>(j);
-    limits.joints[i].offset_limit = kOffsetMargin * std::max(largest[j], quantile(resting[i], kUsual));
-  }
   return limits;
 }
 
@@ -107,10 +92,30 @@ void add_block_maxima(const Balance& log, const Deviations& found, double length
   }
 }
 
-/// Deviation of a joint as a multiple of its threshold, both without what is not known yet.
-double multiple(const Deviations& found, Index k, Index j) {
-  const double unknown = found.allowance(k, j);
-  return std::max(0.0, std::abs(found.deviation(k, j)) - unknown) / (found.threshold(k, j) - unknown);
+/// Scales of a joint's phases from multiples of the scales before, given with the phase of each sample.
+void rescale(const std::vector<const Balance*>& logs, const std::vector<Deviations>& all,
+             Eigen::MatrixXd Deviations::*multiple, Index j, const PhaseScales& scales,
+             JointThreshold<double>& joint) {
+  std::array<double, 3> found{};
+  double largest = kLeastScale;
+  for (std::size_t p = 0; p < scales.size(); ++p) {
+    std::vector<double> maxima;
+    for (std::size_t l = 0; l < logs.size(); ++l) {
+      add_block_maxima(
+          *logs[l], all[l], kScaleBlock,
+          [&](Index k) {
+            return all[l].phase(k, j) == static_cast<int>(kPhases[p]) ? (all[l].*multiple)(k, j) : -1.0;
+          },
+          maxima);
+    }
+    if (maxima.size() < (kPhases[p] == MotionPhase::kRest ? 1 : kFewBlocks)) continue;
+    std::sort(maxima.begin(), maxima.end(), std::greater<>());
+    found[p] = std::max(joint.*scales[p] * maxima[maxima.size() / kScaleShare], kLeastScale);
+    largest = std::max(largest, found[p]);
+  }
+  for (std::size_t p = 0; p < scales.size(); ++p) joint.*scales[p] = found[p] > 0 ? found[p] : largest;
+  // A phase that shows little by chance.
+  for (const auto scale : scales) joint.*scale = std::max(joint.*scale, joint.*scales.back());
 }
 
 /// Scales from deviations by the scales before.
@@ -118,33 +123,9 @@ void rescale(const std::vector<const Balance*>& logs, Thresholds& scales) {
   std::vector<Deviations> all;
   for (const Balance* log : logs) all.push_back(deviations_of(*log, scales));
   for (std::size_t i = 0; i < scales.joints.size(); ++i) {
-    JointThreshold<double>& joint = scales.joints[i];
-    const JointThreshold<double> before = joint;
-    for (const MotionPhase phase : kPhases) {
-      std::vector<double> maxima;
-      for (std::size_t l = 0; l < logs.size(); ++l) {
-        const auto j = static_cast<Index>(i);
-        add_block_maxima(
-            *logs[l], all[l], kScaleBlock,
-            [&](Index k) {
-              return all[l].phase(k, j) == static_cast<int>(phase) ? multiple(all[l], k, j) : -1.0;
-            },
-            maxima);
-      }
-      JointThreshold<double> old = before;
-      double& scale = scale_of(joint, phase);
-      const double known = scale_of(old, phase);
-      std::sort(maxima.begin(), maxima.end(), std::greater<>());
-      scale =
-          maxima.empty()
-              ? 0.0
-              : known * maxima[maxima.size() / (phase == MotionPhase::kRest ? kRestScaleShare : kScaleShare)];
-      if (maxima.size() >= kFewBlocks || phase == MotionPhase::kRest) continue;
-      scale = std::max(scale, (phase == MotionPhase::kMoving ? 0.5 : 1.0) * joint.offset_limit);
-    }
-    joint.moving = std::max(joint.moving, kLeastScale);
-    joint.turning = std::max(joint.turning, joint.moving);
-    joint.rest = std::max(joint.rest, joint.moving);
+    const auto j = static_cast<Index>(i);
+    rescale(logs, all, &Deviations::level, j, kLevels, scales.joints[i]);
+    rescale(logs, all, &Deviations::change, j, kChanges, scales.joints[i]);
   }
 }
 
@@ -153,18 +134,16 @@ void rescale(const std::vector<const Balance*>& logs, Thresholds& scales) {
 Thresholds scales_of(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
                      double bandwidth) {
   Thresholds scales = limits_of(logs, least_speed, bandwidth);
-  for (JointThreshold<double>& joint : scales.joints)
-    joint.moving = joint.turning = joint.rest = std::max(joint.offset_limit, kLeastScale);
-  scales.largest_step = 1000.0;
   rescale(logs, scales);
-  scales.largest_step = kLargestStep;
-  for (int pass = 0; pass < 2; ++pass) rescale(logs, scales);
   return scales;
 }
 
 BlockMaxima block_maxima(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
                          double bandwidth) {
   BlockMaxima maxima;
+  const auto joints = static_cast<std::size_t>(least_speed.size());
+  maxima.rest_change.resize(joints);
+  maxima.motion_change.resize(joints);
   for (const Balance* log : logs) {
     std::vector<const Balance*> others;
     for (const Balance* other : logs) {
@@ -172,15 +151,20 @@ BlockMaxima block_maxima(const std::vector<const Balance*>& logs, const Eigen::V
     }
     const Deviations found = deviations_of(*log, scales_of(others, least_speed, bandwidth));
     for (const bool rest : {true, false}) {
+      const auto of_joint = [&](const Eigen::MatrixXd& multiple, Index k, Index j) {
+        return (found.phase(k, j) == static_cast<int>(MotionPhase::kRest)) == rest ? multiple(k, j) : -1.0;
+      };
       const auto largest = [&](Index k) {
         double most = -1.0;
-        for (Index j = 0; j < found.deviation.cols(); ++j) {
-          if ((found.phase(k, j) == static_cast<int>(MotionPhase::kRest)) == rest)
-            most = std::max(most, multiple(found, k, j));
-        }
+        for (Index j = 0; j < found.level.cols(); ++j) most = std::max(most, of_joint(found.level, k, j));
         return most;
       };
       add_block_maxima(*log, found, kBlock, largest, rest ? maxima.rest : maxima.motion);
+      for (std::size_t j = 0; j < joints; ++j) {
+        add_block_maxima(
+            *log, found, kBlock, [&](Index k) { return of_joint(found.change, k, static_cast<Index>(j)); },
+            (rest ? maxima.rest_change : maxima.motion_change)[j]);
+      }
     }
   }
   return maxima;

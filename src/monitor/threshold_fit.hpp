@@ -12,17 +12,17 @@ namespace heft::monitor {
 /// Length of a block [s]: five time constants of the offsets, so that maxima of blocks hardly know of one another.
 inline constexpr double kBlock = 1.0;
 
-/// Thresholds that one in twenty half seconds of free motion exceeds: one scale a joint and phase, with the limits of
-/// offsets, the speeds and the rate of the load that the logs show.
-/// @param logs         at least one
-/// @param least_speed  of a joint that moves, one a joint [rad/s, m/s]
+/// Thresholds that one in fifty half seconds of free motion exceeds: one scale a joint and phase, for residual and change,
+/// with the speeds and the rate of the load that the logs show.
+/// @param logs          at least one
+/// @param least_speed   of a joint that moves, one a joint [rad/s, m/s]
 Thresholds scales_of(const std::vector<const Balance*>& logs, const Eigen::VectorXd& least_speed,
                      double bandwidth);
 
-/// Largest deviation of any joint, as a multiple of its scale, in each block of the logs.
+/// The largest multiples of the scales in each block of the logs.
 struct BlockMaxima {
-  std::vector<double> rest;    ///< of joints at rest
-  std::vector<double> motion;  ///< of joints that turn or move
+  std::vector<double> rest, motion;  ///< of the residual of any joint, at rest, and turning or moving
+  std::vector<std::vector<double>> rest_change, motion_change;  ///< of the change of each joint
 };
 /// Each log is measured by the scales of the others: friction and motions differ more from one recording to the next than
 /// within one. A single log is measured by its own.

@@ -21,9 +21,10 @@ Json others_of(const model::ModelFile& file) {
 }
 
 double above_zero(const Node& node, const char* key) {
-  const Node value = node.at(key, "a number above 0");
+  constexpr const char* kExpected = "a number above 0, as heft monitor --learn writes it";
+  const Node value = node.at(key, kExpected);
   const double number = value.number();
-  if (!(number > 0)) value.fail(fmt::format("found {}", number), "a number above 0");
+  if (!(number > 0)) value.fail(fmt::format("found {}", number), kExpected);
   return number;
 }
 
@@ -83,8 +84,7 @@ std::optional<Thresholds> thresholds_of(const model::ModelFile& file) {
   for (std::size_t j = 0; j < static_cast<std::size_t>(file.num_joints()); ++j) {
     const Node entry = list.at(j);
     JointThreshold<double>& joint = thresholds.joints.emplace_back();
-    for (const ThresholdField& field : kThresholdFields)
-      joint.*field.value = field.above_zero ? above_zero(entry, field.name) : not_negative(entry, field.name);
+    for (const ThresholdField& field : kThresholdFields) joint.*field.value = above_zero(entry, field.name);
   }
   thresholds.asked_rate = node.number_or("asked_per_hour", thresholds.asked_rate);
   if (node.has("expected_per_hour")) {

@@ -72,9 +72,10 @@ page::Table contact_table(const Contacts& found) {
 }
 
 page::Table judged_table(const Contacts& found) {
-  page::Table table({"joint", "threshold here, median [N·m]", "delay [ms]"});
+  page::Table table({"joint", "threshold here, median [N·m]", "of its change [N·m]", "delay [ms]"});
   for (Eigen::Index j = 0; j < found.threshold.size(); ++j) {
     table.add_row({fmt::format("{}", j + 1), page::number(found.threshold[j], 3),
+                   page::number(found.change_threshold[j], 3),
                    std::isfinite(found.delay[j]) ? fmt::format("{:.0f}", 1e3 * found.delay[j]) : "–"});
   }
   return table;
@@ -82,26 +83,27 @@ page::Table judged_table(const Contacts& found) {
 
 std::string delay_meaning() {
   return fmt::format(
-      "Delay: until a torque from outside that grows by {:.0f} N·m/s exceeds the threshold; – where it is "
-      "followed as friction first.",
+      "Delay: until a torque from outside that grows by {:.0f} N·m/s, or its change, exceeds its threshold; – beyond 10 s.",
       monitor::kPushRate);
 }
 
 page::Table threshold_table(const Thresholds& thresholds) {
-  page::Table table({"joint", "moving [N·m]", "turning round [N·m]", "at rest [N·m]", "offset at most [N·m]",
-                     "rest below [rad/s]", "known up to [rad/s]"});
+  page::Table table({"joint", "moving [N·m]", "turning round [N·m]", "at rest [N·m]", "change moving [N·m]",
+                     "change turning [N·m]", "change at rest [N·m]", "rest below [rad/s]",
+                     "known up to [rad/s]"});
   for (std::size_t j = 0; j < thresholds.joints.size(); ++j) {
     const JointThreshold<double>& joint = thresholds.joints[j];
-    table.add_row({fmt::format("{}", j + 1), page::number(joint.moving, 3), page::number(joint.turning, 3),
-                   page::number(joint.rest, 3), page::number(joint.offset_limit, 3),
-                   page::number(joint.rest_speed, 3), page::number(joint.top_speed, 3)});
+    std::vector<std::string> row{fmt::format("{}", j + 1)};
+    for (const monitor::ThresholdField& field : monitor::kThresholdFields)
+      row.push_back(page::number(joint.*field.value, 3));
+    table.add_row(row);
   }
   return table;
 }
 
 std::string filters_words(const Thresholds& thresholds) {
   return fmt::format(
-      "Low-pass {:.3g}/s ({:.2g} Hz), offsets followed at {:.3g}/s. A joint turns for {:.2g} s after it started or turned "
+      "Low-pass {:.3g}/s ({:.2g} Hz), change from a mean that follows at {:.3g}/s. A joint turns for {:.2g} s after it started or turned "
       "round. Beyond a load rate of {} N·m/s and the speeds of the last column thresholds grow in proportion.",
       thresholds.bandwidth, thresholds.bandwidth / 6.283185307179586, thresholds.adaptation,
       thresholds.turning_time, page::number(thresholds.load_rate, 3));
@@ -165,6 +167,7 @@ ordered_json found_json(const Contacts& found) {
   json["judged_seconds"] = found.judged_seconds;
   json["false_alarms_per_hour"] = rate_json(found.false_alarms);
   json["thresholds"] = host::json_array(found.threshold);
+  json["change_thresholds"] = host::json_array(found.change_threshold);
   json["delay"] = host::json_array(found.delay);
   json["learnt"] = thresholds_json(found.thresholds);
   return json;
@@ -176,9 +179,12 @@ page::PlotSpec deviation_plot(const Contacts& found, Eigen::Index joint) {
   spec.x_label = "time [s]";
   spec.y_label = "torque from outside [N·m]";
   const monitor::DeviationTrace& trace = found.trace;
-  spec.series.push_back(page::band("threshold", trace.time, -trace.threshold.col(joint),
-                                   trace.threshold.col(joint), page::Hue::kNeutral));
-  spec.series.push_back(page::line("deviation", trace.time, trace.deviation.col(joint), page::Hue::kBlue));
+  spec.series.push_back(page::band("threshold", trace.time, -trace.level_threshold.col(joint),
+                                   trace.level_threshold.col(joint), page::Hue::kNeutral));
+  spec.series.push_back(page::band("of its change", trace.time, -trace.change_threshold.col(joint),
+                                   trace.change_threshold.col(joint), page::Hue::kSky));
+  spec.series.push_back(page::line("residual", trace.time, trace.residual.col(joint), page::Hue::kBlue));
+  spec.series.push_back(page::line("change", trace.time, trace.change.col(joint), page::Hue::kOrange));
   for (const Contact& contact : found.contacts) {
     if (std::find(contact.joints.begin(), contact.joints.end(), static_cast<int>(joint)) ==
         contact.joints.end())
@@ -287,7 +293,7 @@ page::Page page(const Thresholds& thresholds, const std::vector<Contacts>& found
     page.table(judged_table(one), delay_meaning());
     if (one.trace.time.size() == 0) continue;
     std::vector<page::PlotSpec> plots;
-    for (Eigen::Index j = 0; j < one.trace.deviation.cols(); ++j) plots.push_back(deviation_plot(one, j));
+    for (Eigen::Index j = 0; j < one.trace.residual.cols(); ++j) plots.push_back(deviation_plot(one, j));
     page.plots("Torque from outside and threshold", small(plots));
   }
   page.heading("Thresholds");

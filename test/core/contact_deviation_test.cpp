@@ -8,7 +8,7 @@
 namespace heft {
 namespace {
 
-constexpr double kPeriod = 0.002, kThreshold = 2.0, kLimit = 5.0;
+constexpr double kPeriod = 0.002, kThreshold = 2.0, kFriction = 5.0, kBandwidth = 40.0, kRate = 10.0;
 
 /// Two joints at given speeds; the torque from outside is that of the first.
 template <typename Scalar>
@@ -18,25 +18,28 @@ class Joints {
   using Vector = typename Deviation::Vector;
 
   Joints() {
-    thresholds.bandwidth = Scalar(40);
+    thresholds.bandwidth = static_cast<Scalar>(kBandwidth);
+    thresholds.adaptation = static_cast<Scalar>(kRate);
     thresholds.load_rate = Scalar(100);
     thresholds.joints.fill(
-        JointThreshold<Scalar>::uniform(static_cast<Scalar>(kThreshold), static_cast<Scalar>(kLimit)));
-    thresholds.joints[0].turning = static_cast<Scalar>(3 * kThreshold);
+        JointThreshold<Scalar>::uniform(static_cast<Scalar>(kThreshold), static_cast<Scalar>(kFriction)));
+    thresholds.joints[0].turning_change = static_cast<Scalar>(3 * kThreshold);
     thresholds.joints[0].top_speed = Scalar(2);
     deviation.configure(thresholds);
   }
-  void step(double outside, bool hold = false) {
+  void step(double outside, double hold = 0.0) {
     explained += rate * kPeriod;
     deviation.update({static_cast<Scalar>(outside), Scalar(0)}, {Scalar(0), static_cast<Scalar>(explained)},
                      {static_cast<Scalar>(speed[0]), static_cast<Scalar>(speed[1])},
-                     static_cast<Scalar>(kPeriod), hold, record);
+                     static_cast<Scalar>(kPeriod), static_cast<Scalar>(hold), record);
   }
   void run(double seconds, double outside) {
     for (double t = 0; t < seconds; t += kPeriod) step(outside);
   }
-  /// Largest deviation of the first joint against its threshold while the torque from outside grows.
-  double share() const { return std::abs(static_cast<double>(record.deviation[0] / record.threshold[0])); }
+  /// Change of the first joint against its threshold.
+  double share() const {
+    return std::abs(static_cast<double>(record.change[0] / record.change_threshold[0]));
+  }
 
   typename Deviation::Thresholds thresholds;
   Deviation deviation;
@@ -61,14 +64,31 @@ TYPED_TEST(ContactDeviationTest, AMovingJointShowsARampAfterTheLagOfTheLowPass) 
   EXPECT_NEAR(joints.record.residual[0], exact, rate * kPeriod);
 }
 
-TYPED_TEST(ContactDeviationTest, NoGlitchOfOneSampleExceedsAThreshold) {
+TYPED_TEST(ContactDeviationTest, ItsChangeIsWhatTheMeanOfLateHasNotFollowed) {
+  Joints<TypeParam> joints;
+  joints.run(3.0, 3.0);
+  EXPECT_NEAR(joints.record.change[0], 0.0, 1e-3);
+  const double rate = 30.0, seconds = 0.05;
+  for (double t = kPeriod; t < seconds + 0.5 * kPeriod; t += kPeriod) joints.step(3.0 + rate * t);
+  // A ramp through K/(s + K) · s/(s + A), half a sample late.
+  const double lags =
+      (1 - std::exp(-kRate * seconds)) / kRate - (1 - std::exp(-kBandwidth * seconds)) / kBandwidth;
+  EXPECT_NEAR(joints.record.change[0], rate * lags * kBandwidth / (kBandwidth - kRate), rate * kPeriod);
+}
+
+// Of the torque, which is in the mean of two samples; of the velocity, whose momentum makes a pair of opposite signs.
+TYPED_TEST(ContactDeviationTest, NoGlitchExceedsAThreshold) {
   for (const double glitch : {10.0, 1e3, -1e7}) {
-    Joints<TypeParam> joints;
-    joints.run(3.0, 0.0);
-    joints.step(glitch);
-    EXPECT_LT(joints.share(), 0.1) << glitch;  // 1.2 thresholds times K h = 0.08
-    joints.run(0.2, 0.0);
-    EXPECT_LT(joints.share(), 0.01) << glitch;
+    for (const double next : {0.0, glitch, -glitch}) {
+      Joints<TypeParam> joints;
+      joints.run(3.0, 0.0);
+      joints.step(glitch);
+      EXPECT_LT(joints.share(), 0.25) << glitch;  // 2.5 thresholds times K h = 0.08
+      joints.step(next);
+      EXPECT_LT(joints.share(), 0.45) << glitch << " then " << next;
+      joints.run(0.3, 0.0);
+      EXPECT_LT(joints.share(), 0.01) << glitch;
+    }
   }
 }
 
@@ -78,82 +98,88 @@ TYPED_TEST(ContactDeviationTest, AStepOfAnySizeIsFoundInTheSameTime) {
     joints.run(3.0, 0.0);
     int samples = 0;
     for (; joints.share() < 1.0 && samples < 100; ++samples) joints.step(push);
-    // At most 1.2 thresholds times K a second; the offset follows meanwhile at 5/s.
-    EXPECT_NEAR(samples * kPeriod, 1 / (1.2 * 40), 0.004) << push;
+    // At most 2.5 thresholds times K a second; the mean follows meanwhile.
+    EXPECT_NEAR(samples * kPeriod, 1 / (2.5 * kBandwidth), 0.004) << push;
   }
 }
 
-TYPED_TEST(ContactDeviationTest, AJointAtRestMayHoldAnyTorqueOfFrictionWhileAnotherMoves) {
+TYPED_TEST(ContactDeviationTest, EachPhaseHasItsThresholds) {
   Joints<TypeParam> joints;
-  joints.speed[0] = 0.0;
+  joints.thresholds.joints[0].rest = TypeParam(11);
+  joints.deviation.configure(joints.thresholds);
   joints.run(1.0, 0.0);
-  for (double torque = 0; torque < kLimit; torque += 0.05) {
-    joints.step(torque);
-    ASSERT_EQ(joints.record.deviation[0], TypeParam(0)) << torque;
-  }
+  EXPECT_NEAR(joints.record.change_threshold[0], kThreshold, 1e-3);
+  EXPECT_NEAR(joints.record.level_threshold[0], kThreshold + kFriction, 1e-3);
+  joints.speed[0] = -1.0;
+  joints.step(0.0);
+  EXPECT_EQ(joints.record.phase[0], MotionPhase::kTurning);
+  EXPECT_NEAR(joints.record.change_threshold[0], 3 * kThreshold, 1e-3);
+  joints.speed[0] = 0.0;
+  joints.step(0.0);
   EXPECT_EQ(joints.record.phase[0], MotionPhase::kRest);
-  joints.run(1.0, kLimit + 1.5);
-  EXPECT_NEAR(joints.record.deviation[0], 1.5, 1e-3);
+  EXPECT_NEAR(joints.record.level_threshold[0], 11.0, 1e-3);
 }
 
-TYPED_TEST(ContactDeviationTest, AStandingArmShowsWhatChanges) {
+TYPED_TEST(ContactDeviationTest, WhatFrictionWasWhileTheJointTurnedIsForgotten) {
+  Joints<TypeParam> joints;
+  joints.speed[0] = -1.0;
+  joints.run(1.0, 0.0);
+  joints.speed[0] = 1.0;
+  joints.run(0.19, 6.0);
+  EXPECT_EQ(joints.record.phase[0], MotionPhase::kTurning);
+  joints.run(0.05, 1.0);
+  EXPECT_EQ(joints.record.phase[0], MotionPhase::kMoving);
+  EXPECT_LT(joints.share(), 1.0);  // 5 N·m less than while it turned
+}
+
+TYPED_TEST(ContactDeviationTest, AStandingArmShowsWhatChangesSlowly) {
   Joints<TypeParam> joints;
   joints.speed[0] = joints.speed[1] = 0.0;
   joints.run(3.0, 4.0);
-  EXPECT_NEAR(joints.record.deviation[0], 0.0, 1e-3);
-  joints.run(0.1, 1.0);
-  EXPECT_NEAR(joints.record.deviation[0], -3.0, 0.3);  // the offset follows at 0.5/s
+  EXPECT_NEAR(joints.record.change[0], 0.0, 0.05);
+  joints.run(0.2, 1.0);
+  EXPECT_NEAR(joints.record.change[0], -3.0, 0.4);  // the mean follows at 0.5/s
+  joints.speed[1] = 1.0;
+  joints.run(0.5, 1.0);
+  EXPECT_NEAR(joints.record.change[0], 0.0, 0.1);  // and at 10/s while the other joint moves
 }
 
-TYPED_TEST(ContactDeviationTest, FrictionsOffsetOfEachDirectionIsFollowedWithinItsLimit) {
-  Joints<TypeParam> joints;
-  joints.run(3.0, 2.0);
-  EXPECT_NEAR(joints.record.deviation[0], 0.0, 1e-3);
-  joints.speed[0] = -1.0;
-  joints.step(-3.0);
-  EXPECT_EQ(joints.record.phase[0], MotionPhase::kTurning);
-  EXPECT_NEAR(joints.record.threshold[0], 3 * kThreshold + kLimit, 1e-3);  // an offset that is not known yet
-  joints.run(3.0, -3.0);
-  EXPECT_NEAR(joints.record.deviation[0], 0.0, 1e-3);
-  EXPECT_NEAR(joints.record.threshold[0], kThreshold, 1e-3);
-  joints.speed[0] = 1.0;
-  joints.run(0.2, 2.0);
-  EXPECT_NEAR(joints.record.offset[0], 2.0, 0.3);  // that of before
-  joints.run(5.0, kLimit + 1.0);
-  EXPECT_NEAR(joints.record.deviation[0], 1.0, 1e-3);
-}
-
-TYPED_TEST(ContactDeviationTest, NoOffsetFollowsWhileItIsHeld) {
+TYPED_TEST(ContactDeviationTest, NoMeanFollowsAPushWhileItIsHeld) {
   Joints<TypeParam> joints;
   joints.run(3.0, 0.0);
-  for (int k = 0; k < 1000; ++k) joints.step(3.0, true);
-  EXPECT_NEAR(joints.record.deviation[0], 3.0, 1e-3);
+  joints.run(0.04, 4.0);
+  const double before = static_cast<double>(joints.record.residual[0] - joints.record.change[0]);
+  for (int k = 0; k < 1000; ++k) joints.step(4.0, 0.7);
+  EXPECT_NEAR(joints.record.change[0], 4.0 - before, 0.1);
+  EXPECT_GT(joints.share(), 1.0);
+  for (int k = 0; k < 200; ++k) joints.step(1.5, 0.7);  // quiet: it follows again
+  EXPECT_NEAR(joints.record.change[0], 0.0, 0.1);
+  joints.run(0.04, 5.5);
   joints.deviation.accept(0);
-  joints.step(3.0);
-  EXPECT_NEAR(joints.record.deviation[0], 0.0, 1e-3);
-  EXPECT_NEAR(joints.record.threshold[0], kThreshold + kLimit, 1e-3);  // what was held is not known
+  joints.step(static_cast<double>(joints.record.residual[0]), 0.7);
+  EXPECT_NEAR(joints.record.change[0], 0.0, 1e-3);
 }
 
 TYPED_TEST(ContactDeviationTest, HarsherMotionThanWasLearntWidensThresholdsInProportion) {
   Joints<TypeParam> joints;
   joints.run(3.0, 0.0);
-  EXPECT_NEAR(joints.record.threshold[0], kThreshold, 1e-3);
+  EXPECT_NEAR(joints.record.change_threshold[0], kThreshold, 1e-3);
   joints.rate = 300.0;  // three times what was learnt, of the other joint
   joints.run(2.0, 0.0);
-  EXPECT_NEAR(joints.record.threshold[0], 3 * kThreshold, 0.05);
+  EXPECT_NEAR(joints.record.change_threshold[0], 3 * kThreshold, 0.05);
   joints.rate = 0.0;
   joints.speed[0] = 5.0;  // 2.5 times
   joints.run(2.0, 0.0);
-  EXPECT_NEAR(joints.record.threshold[0], 2.5 * kThreshold, 0.01);
+  EXPECT_NEAR(joints.record.change_threshold[0], 2.5 * kThreshold, 0.01);
 }
 
-TYPED_TEST(ContactDeviationTest, AGapForgetsTheFiltersAndKeepsTheOffsets) {
+TYPED_TEST(ContactDeviationTest, AGapForgetsTheFilters) {
   Joints<TypeParam> joints;
   joints.run(3.0, 2.0);
   joints.deviation.restart();
-  joints.step(2.5);
-  EXPECT_NEAR(joints.record.residual[0], 2.5, 1e-3);
-  EXPECT_NEAR(joints.record.offset[0], 2.0, 1e-3);
+  joints.step(6.5);
+  EXPECT_NEAR(joints.record.residual[0], 6.5, 1e-3);
+  EXPECT_EQ(joints.record.change[0], TypeParam(0));
 }
 
 }  // namespace

@@ -209,7 +209,7 @@ TYPED_TEST(LoadObserverOf, WhatItExplainsShowsAContactAndNotTheLoad) {
   EXPECT_GE(at, 0.0);
   EXPECT_LE(
       at,
-      0.036);  // a step counts as 1.2 thresholds a sample at most: 1 / (1.2 · 25/s), and the sample half-way
+      0.036);  // 30 N·m behind the low-pass reach 8 in 12 ms; a step counts as 2.5 thresholds at most: 1 / (2.5 · 25/s)
   for (std::size_t i = 0; i < 10; ++i) {  // nothing else is estimated
     EXPECT_EQ(explaining.estimate().value[i], this->observer.estimate().value[i]) << i;
   }

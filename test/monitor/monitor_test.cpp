@@ -182,8 +182,8 @@ TEST_P(MonitorOfSixJoints, FindsAGrowingTorqueAtTheElbowSoon) {
 
 INSTANTIATE_TEST_SUITE_P(Frictions, MonitorOfSixJoints,
                          ::testing::Values(GrowingTorque{"Viscous", 0.0, 0.0, 0.020},
-                                           GrowingTorque{"SharpDry", 1.0, 0.0, 0.030},
-                                           GrowingTorque{"Stribeck", 1.0, 2.0, 0.080}),
+                                           GrowingTorque{"SharpDry", 1.0, 0.0, 0.020},
+                                           GrowingTorque{"Stribeck", 1.0, 2.0, 0.020}),
                          [](const auto& given) { return std::string(given.param.name); });
 
 TEST_F(Monitor, CountsFalseAlarmsOfALogKnownToBeFreeWithTheExactInterval) {
@@ -251,8 +251,11 @@ TEST_F(Monitor, NamesThePlaceOfAThresholdThatMeansNothing) {
   EXPECT_THAT(
       message("\"torque_at\":\"motor\"", "\"torque_at\":\"tool\""),
       AllOf(HasSubstr("watched.json: /contact_thresholds/torque_at: found \"tool\""), HasSubstr("expected")));
-  EXPECT_THAT(message("\"adaptation\":5.0", "\"adaptation\":-1"),
+  EXPECT_THAT(message("\"adaptation\":10.0", "\"adaptation\":-1"),
               HasSubstr("/contact_thresholds/adaptation: found -1"));
+  EXPECT_THAT(
+      message("\"moving_change\"", "\"offset_limit\""),
+      AllOf(HasSubstr("/contact_thresholds/joints/0"), HasSubstr("as heft monitor --learn writes it")));
 }
 
 TEST_F(Monitor, RefusesALogThatTheThresholdsWereLearntFrom) {

@@ -78,9 +78,12 @@ TEST(ThresholdScales, AreThoseOfWhatTheJointDoes) {
   ASSERT_EQ(scales.joints.size(), 2U);
   const JointThreshold<double>& joint = scales.joints[0];
   // Noise behind the low-pass has the standard deviation σ √(a / (2 − a)), a = 1 − e^{−Kh}. Of the maxima of a hundred
-  // samples, some thirty of them independent, one in twenty lies beyond 3.2 standard deviations.
+  // samples, some thirty of them independent, one in fifty lies beyond 3.4 standard deviations.
   const double a = 1 - std::exp(-50.0 * 0.005), sigma = 0.5 * std::sqrt(a / (2 - a));
-  EXPECT_NEAR(joint.moving, 3.2 * sigma, 0.6 * sigma);
+  EXPECT_NEAR(joint.moving, 3.4 * sigma, 0.6 * sigma);
+  // What is slower than A leaves the change: e^{-Kh} forgets a mean of 5 time constants, which holds a sixth of the variance.
+  EXPECT_LT(joint.moving_change, joint.moving);
+  EXPECT_GT(joint.moving_change, 0.8 * joint.moving);
   EXPECT_GT(joint.turning, 3.0 * joint.moving);
   EXPECT_LT(joint.turning, 9.0 * joint.moving);
   EXPECT_DOUBLE_EQ(joint.top_speed, 1.0);
@@ -88,13 +91,25 @@ TEST(ThresholdScales, AreThoseOfWhatTheJointDoes) {
   EXPECT_LT(scales.joints[1].rest, joint.moving);
 }
 
-TEST(ThresholdScales, OfAJointThatNeverMovedComeFromItsOffsets) {
+TEST(ThresholdScales, OfAPhaseThatAJointNeverShowsAreThoseOfTheOthers) {
   Balance log = free_motion(0.5, 3.0, 3);
   log.outside.col(1).setConstant(2.0);
   const JointThreshold<double> still = scales_of({&log}, kLeastSpeed, 50.0).joints[1];
-  EXPECT_NEAR(still.offset_limit, 1.2 * 2.0, 1e-6);
-  EXPECT_NEAR(still.moving, 0.5 * still.offset_limit, 1e-9);
-  EXPECT_NEAR(still.turning, still.offset_limit, 1e-9);
+  EXPECT_NEAR(still.rest, 2.0, 1e-6);
+  EXPECT_NEAR(still.moving, still.rest, 1e-9);
+  EXPECT_NEAR(still.turning, still.rest, 1e-9);
+}
+
+// A wrist that sticks must not raise the thresholds of the elbow.
+TEST(ThresholdBlocks, OfAChangeAreThoseOfEachJoint) {
+  Balance quiet = free_motion(0.5, 0.5, 4), also = free_motion(0.5, 0.5, 5);
+  for (Eigen::Index k = 0; k < also.outside.rows(); ++k) {
+    if (std::fmod(also.time[k], 7.0) < 0.2) also.outside(k, 1) += 5.0;
+  }
+  const BlockMaxima maxima = block_maxima({&quiet, &also}, kLeastSpeed, 50.0);
+  const auto largest = [](const std::vector<double>& of) { return *std::max_element(of.begin(), of.end()); };
+  EXPECT_GT(largest(maxima.rest_change[1]), 3.0);
+  EXPECT_LT(largest(maxima.motion_change[0]), 2.0);
 }
 
 TEST(ThresholdBlocks, OfALogAreMeasuredByTheScalesOfTheOthers) {
@@ -109,12 +124,17 @@ TEST(ThresholdBlocks, OfALogAreMeasuredByTheScalesOfTheOthers) {
 }
 
 TEST(PushDelay, IsThatOfARampBehindALowPass) {
-  // Without an offset that follows: R (t − (1 − e^{−Kt}) / K) = threshold.
-  const double K = 50.0, t = push_delay(K, 5.0, 1.0, 0.0);
+  Thresholds filters;
+  filters.bandwidth = 50.0;
+  const double K = filters.bandwidth, A = filters.adaptation;
+  // By the residual: R (t − (1 − e^{−Kt}) / K) = threshold.
+  const double t = push_delay(filters, 1.0, kInfinity);
   EXPECT_NEAR(kPushRate * (t - (1 - std::exp(-K * t)) / K), 1.0, 0.02);
-  EXPECT_TRUE(
-      std::isnan(push_delay(K, 5.0, 7.0, kInfinity)));  // the offset lags by kPushRate / 5 = 6 N·m only
-  EXPECT_FALSE(std::isnan(push_delay(K, 5.0, 7.0, kInfinity, 10.0 * kPushRate)));
+  // By its change: R ((1 − e^{−At}) / A − (1 − e^{−Kt}) / K) K / (K − A), which reaches R / A.
+  const double s = push_delay(filters, kInfinity, 1.0);
+  EXPECT_NEAR(kPushRate * ((1 - std::exp(-A * s)) / A - (1 - std::exp(-K * s)) / K) * K / (K - A), 1.0, 0.02);
+  EXPECT_TRUE(std::isnan(push_delay(filters, kInfinity, 1.1 * kPushRate / A)));
+  EXPECT_DOUBLE_EQ(push_delay(filters, 1.0, 1.0), std::min(s, t));
 }
 
 }  // namespace

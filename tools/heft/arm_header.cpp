@@ -107,7 +107,8 @@ std::string effects_text(const model::Robot& robot) {
 /// Thresholds of contacts, for heft::ContactMonitor.
 std::string thresholds_text(const monitor::Thresholds& thresholds) {
   std::string text = fmt::format(
-      "  /// Thresholds of contacts, for heft::ContactMonitor: moving, turning, rest, offset limit, rest speed, top speed.\n"
+      "  /// Thresholds of contacts, for heft::ContactMonitor: moving, turning, rest, the same of the change,\n"
+      "  /// rest speed, top speed.\n"
       "  static constexpr heft::ContactThresholds<double, {}> kThresholds{{\n"
       "      .bandwidth = {},\n      .adaptation = {},\n      .turning_time = {},\n      .load_rate = {},\n"
       "      .largest_step = {},\n      .joints = {{{{\n",

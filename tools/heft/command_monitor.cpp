@@ -151,7 +151,7 @@ Action set_up_monitor(CommandLine line) {
     refuse_output_without(options->learn, options->output, "the thresholds that --learn gives");
   });
   line.footer(
-      "A joint has a threshold for rest, one for turning round and one for motion. Learn them from logs that the model was\n"
+      "A joint has thresholds for rest, for turning round and for motion. Learn them from logs that the model was\n"
       "not fitted to, several recordings of all motions that the robot does. What is found is what a controller finds that runs "
       "heft::ContactMonitor\n"
       "with the header of heft export. With one log --json gives one object, with several a list.\n"

@@ -38,35 +38,36 @@ struct Options {
   double false_alarms_per_hour{1.0};
   /// Nothing touched the arm in the log that is monitored: contacts found are false alarms.
   bool known_free{false};
-  bool traces{false};  ///< keep deviation and threshold over time, for plots
+  bool traces{false};  ///< keep residual, change and thresholds over time, for plots
   /// What is known against the torque of the logs (heft/plausibility); goes into the judgement.
   host::Judgement torque{};
   std::function<void(const std::string& what, double done)> progress{};  ///< done within 0..1; may be empty
 };
 
-/// A number of a joint's threshold as files and JSON name it.
+/// A number of a joint's threshold as files and JSON name it; all are above 0.
 struct ThresholdField {
   const char* name;
   double JointThreshold<double>::*value;
-  bool above_zero;  ///< the others are 0 or more
 };
 
 /// All of them, in the order in which `heft export` writes them.
-inline constexpr std::array<ThresholdField, 6> kThresholdFields{
-    {{"moving", &JointThreshold<double>::moving, true},
-     {"turning", &JointThreshold<double>::turning, true},
-     {"rest", &JointThreshold<double>::rest, true},
-     {"offset_limit", &JointThreshold<double>::offset_limit, false},
-     {"rest_speed", &JointThreshold<double>::rest_speed, true},
-     {"top_speed", &JointThreshold<double>::top_speed, true}}};
+inline constexpr std::array<ThresholdField, 8> kThresholdFields{
+    {{"moving", &JointThreshold<double>::moving},
+     {"turning", &JointThreshold<double>::turning},
+     {"rest", &JointThreshold<double>::rest},
+     {"moving_change", &JointThreshold<double>::moving_change},
+     {"turning_change", &JointThreshold<double>::turning_change},
+     {"rest_change", &JointThreshold<double>::rest_change},
+     {"rest_speed", &JointThreshold<double>::rest_speed},
+     {"top_speed", &JointThreshold<double>::top_speed}}};
 
 /// Thresholds of an arm, one joint an entry, and what they rest on.
 struct Thresholds {
   double bandwidth{25.0};    ///< as in ContactThresholds [1/s]
-  double adaptation{5.0};    ///< [1/s]
+  double adaptation{10.0};   ///< [1/s]
   double turning_time{0.2};  ///< [s]
   double load_rate{1e6};     ///< [N·m/s, N/s]
-  double largest_step{1.2};  ///< [thresholds]
+  double largest_step{2.5};  ///< [thresholds of the change]
   std::vector<JointThreshold<double>> joints;
   std::string torque_at{"motor"};  ///< where the torque was measured: "motor" or "joint"
   double asked_rate{1.0};          ///< false alarms that were allowed [1/h]
@@ -83,9 +84,9 @@ struct Thresholds {
 };
 
 /// Learns thresholds from the training logs of the set, in which nothing touched the arm.
-/// Each joint has a threshold for rest, one for turning round and one for motion: a scale of its deviation there, times one
-/// multiple for the arm that follows from the tail of the maxima in blocks of one second, each log measured by the scales
-/// of the others (src/monitor/thresholds.md).
+/// Residual and change of each joint have a threshold for rest, one for turning round and one for motion: a scale of what free
+/// motion shows there, times a multiple that follows from the tail of the maxima in blocks of one second, each log measured
+/// by the scales of the others (src/monitor/thresholds.md).
 /// @param file   whose parameters the robot has; logs that it was fitted to show a smaller residual than others, which
 ///               doubles the thresholds and makes the result doubtful
 /// @param robot  with the file's parameters
@@ -109,10 +110,10 @@ struct Contact {
       load{};  ///< of a load change: mass added [kg], first moment in the last link frame [kg·m]
 };
 
-/// Deviation and threshold over time, samples × n [N·m, N].
+/// Residual, its change and their thresholds over time, samples × n [N·m, N].
 struct DeviationTrace {
   Eigen::VectorXd time;
-  Eigen::MatrixXd deviation, threshold;
+  Eigen::MatrixXd residual, level_threshold, change, change_threshold;
 };
 
 /// What touched the arm in a log.
@@ -122,8 +123,8 @@ struct Contacts {
   double judged_seconds{0.0};              ///< without start and gaps, where filters settle
   std::vector<Contact> contacts;
   Thresholds thresholds;
-  Eigen::VectorXd threshold;  ///< median in this log, n [N·m, N]
-  /// Time after which a push that grows by kPushRate exceeds that threshold, n [s]; NaN: it grows too slowly.
+  Eigen::VectorXd threshold, change_threshold;  ///< of residual and change, medians in this log, n [N·m, N]
+  /// Time after which a push that grows by kPushRate exceeds one of them, n [s]; NaN: it does not within 10 s.
   Eigen::VectorXd delay;
   bool known_free{false};
   /// Of a log known to be free what was counted, with the exact interval of a count; else what the thresholds expect.

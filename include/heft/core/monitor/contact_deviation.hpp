@@ -12,22 +12,19 @@
 
 namespace heft {
 
-/// Deviation of each joint from free motion, and its threshold.
+/// What each joint's residual is, how it changes, and how much of both free motion may show.
 ///
 /// The torque from outside passes a first-order low-pass, r ← r + (1 − e^{−Kh}) clip(d − r): a single sample counts no more
 /// than a multiple of the threshold, so that a glitch of the velocity or of the current passes unnoticed, while a push,
-/// which differs from r by its rate over K, is not held up. What is left of free motion is mostly friction, and depends on
-/// what the joint does:
+/// which differs from r by its rate over K, is not held up. Of r two things are compared with thresholds:
 ///
-/// - at rest its motor may give any torque within friction's limit, and its controller walks through that range while other
-///   joints move: the deviation is what exceeds the offsets of free motion. Once the whole arm stands, nothing makes it
-///   walk, and the torque that it stands with is followed at a tenth of the rate A within that limit;
-/// - in motion friction differs from the model's by an offset, one for each direction. It is followed at the rate A within
-///   the limit; while a direction is new, the limit times e^{−A t}, t the time spent in it, is added to the threshold;
-/// - while the joint turns, friction changes sign or level, and the threshold is a larger one.
+/// - r itself, against which friction and the model's error stand in full, since they last: it finds what grows slowly;
+/// - its change c = r − m, with m following r at the rate A: friction and the model's error vary with the poses, within
+///   seconds, a push within tenths of a second. It finds a push in the noise that the low-pass leaves.
 ///
-/// Motion harsher than that which the thresholds were learnt from widens them: in proportion to the rate of the arm's load
-/// and to the joint's speed.
+/// Both depend on what the joint does: at rest its motor may give any torque within friction's limit, while it turns
+/// friction changes sign or level, in motion it is known best. Motion harsher than that which the thresholds were learnt from
+/// widens them: in proportion to the rate of the arm's load and to the joint's speed.
 template <typename Scalar, int N>
 class ContactDeviation {
  public:
@@ -35,22 +32,24 @@ class ContactDeviation {
   using Thresholds = ContactThresholds<Scalar, N>;
 
   struct Record {
-    Vector residual = Vector::Zero();   ///< r, torque from outside along positive q [N·m, N]
-    Vector deviation = Vector::Zero();  ///< r less the offset of friction
-    Vector threshold = Vector::Zero();  ///< for |deviation|
-    Vector offset = Vector::Zero();     ///< [N·m, N]
-    Vector allowance = Vector::Zero();  ///< part of the threshold for an offset that is not known yet
+    Vector residual = Vector::Zero();          ///< r, torque from outside along positive q [N·m, N]
+    Vector level_threshold = Vector::Zero();   ///< for |r|
+    Vector change = Vector::Zero();            ///< c [N·m, N]
+    Vector change_threshold = Vector::Zero();  ///< for |c|
     std::array<MotionPhase, static_cast<std::size_t>(N)> phase{};
   };
+
+  /// Filters have forgotten the start to 1 % after that time [1 / adaptation].
+  static constexpr Scalar kSettling{5};
 
   /// Takes new thresholds, which are valid, and forgets the past.
   void configure(const Thresholds& thresholds) noexcept {
     thresholds_ = thresholds;
     reset();
   }
-  /// Forgets the past, offsets included.
+  /// Forgets the past.
   void reset() noexcept { *this = ContactDeviation(thresholds_); }
-  /// Forgets the filters, not the offsets: after a gap.
+  /// Forgets the filters, not what the joints do: after a gap.
   void restart() noexcept {
     samples_ = 0;
     rate_ = Scalar(0);
@@ -61,12 +60,16 @@ class ContactDeviation {
   /// @param explained  torque that the model explains, likewise
   /// @param qd         velocities, n [rad/s, m/s]
   /// @param period     > 0 [s]
-  /// @param hold       true: offsets do not follow, since something touches the arm; afterwards they are not known
-  void update(const Vector& outside, const Vector& explained, const Vector& qd, Scalar period, bool hold,
+  /// @param hold       something touches the arm: the mean of a joint whose change is above that many thresholds, or whose
+  ///                   residual is above its own, stays where it was before; 0: nothing does, and all follow
+  void update(const Vector& outside, const Vector& explained, const Vector& qd, Scalar period, Scalar hold,
               Record& record) noexcept {
     set_period(period);
     const Scalar widening = rate_ > thresholds_.load_rate ? rate_ / thresholds_.load_rate : Scalar(1);
-    const Scalar share = samples_ > 0 ? pass_ : Scalar(1);
+    const bool starts = samples_ == 0, held = hold > Scalar(0);
+    const Scalar share = starts ? Scalar(1) : pass_;
+    // The controllers of an arm that stands have unwound: its torques creep only, and a slow push shows.
+    const Scalar follow = still_ < kStillTime ? follow_ : kStanding * follow_;
     Scalar rate(0);
     bool moves = false;
     for (int j = 0; j < N; ++j) {
@@ -74,45 +77,49 @@ class ContactDeviation {
       const JointThreshold<Scalar>& limits = thresholds_.joints[i];
       Joint& joint = joints_[i];
       Scalar step = outside[j] - joint.residual;
-      if (samples_ > 0) step = limited(step, joint.largest_step);
+      if (!starts) step = limited(step, joint.largest_step);
       joint.residual += share * step;
       const Scalar change = share * (explained[j] - joint.explained);
       joint.explained += change;
-      if (samples_ > 0) rate += size(change) * frequency_;
-      record.phase[i] = phase_of(qd[j], period, limits, joint);
-      moves = moves || joint.way != kStill;
+      rate += size(change);
+      if (starts) joint.mean = joint.residual;
+      const Scalar speed = size(qd[j]);
+      const Scalar wide = speed > limits.top_speed ? widening * (speed / limits.top_speed) : widening;
+      const MotionPhase phase = phase_of(qd[j], speed, period, limits, joint);
+      moves = moves || phase != MotionPhase::kRest;
+      Scalar level = wide, limit = wide;
+      if (phase == MotionPhase::kMoving) {
+        level *= limits.moving;
+        limit *= limits.moving_change;
+        // What friction was while the joint turned says nothing of its motion.
+        const bool anew = joint.phase != phase;
+        if (anew && (!held || size(joint.residual) < kSmall * level)) joint.mean = joint.residual;
+      } else if (phase == MotionPhase::kTurning) {
+        level *= limits.turning;
+        limit *= limits.turning_change;
+      } else {
+        level *= limits.rest;
+        limit *= limits.rest_change;
+      }
+      joint.phase = phase;
+      const Scalar apart = joint.residual - joint.mean;
+      if (!held || (size(apart) < hold * limit && size(joint.residual) < level)) joint.mean += follow * apart;
+      joint.largest_step = thresholds_.largest_step * limit;
+      record.phase[i] = phase;
       record.residual[j] = joint.residual;
-      record.threshold[j] = widening * threshold_of(record.phase[i], size(qd[j]), limits);
-      Direction& now = joint.directions[joint.way];
-      if (joint.way == kStill && still_ < kStillTime) {
-        now = {limited(joint.residual, limits.offset_limit), Scalar(0), false};
-      }
-      if (joint.way != kStill && hold != now.held) {
-        // What a push has left in the offset before it was found is not friction.
-        if (now.held) now.ignorance = Scalar(1);
-        now.held = hold;
-      }
-      record.offset[j] = now.offset;
-      record.deviation[j] = joint.residual - now.offset;
-      record.allowance[j] = limits.offset_limit * now.ignorance;
-      record.threshold[j] += record.allowance[j];
-      if (!hold) {
-        const Scalar follow = joint.way == kStill ? kStanding * follow_ : follow_;
-        now.offset = limited(now.offset + follow * record.deviation[j], limits.offset_limit);
-        now.ignorance -= follow_ * now.ignorance;
-      }
-      joint.largest_step = thresholds_.largest_step * record.threshold[j];
+      record.level_threshold[j] = level;
+      record.change[j] = apart;
+      record.change_threshold[j] = limit;
     }
-    rate_ += rate_pass_ * (rate - rate_);
+    if (!starts) rate_ += rate_pass_ * (rate * frequency_ - rate_);
     still_ = moves ? Scalar(0) : still_ < kStillTime ? still_ + period : still_;
-    if (samples_ < 1) ++samples_;
+    samples_ = 1;
   }
 
-  /// Takes a joint's residual for friction from now on, as far as free motion allows.
+  /// Takes a joint's residual for what free motion shows from now on.
   void accept(int joint) noexcept {
     Joint& now = joints_[static_cast<std::size_t>(joint)];
-    const Scalar limit = thresholds_.joints[static_cast<std::size_t>(joint)].offset_limit;
-    now.directions[now.way].offset = limited(now.residual, limit);
+    now.mean = now.residual;
   }
 
   const Thresholds& thresholds() const noexcept { return thresholds_; }
@@ -124,25 +131,20 @@ class ContactDeviation {
   /// Of the mean rate of the load [1/s]: a tenth of a second, over which inertia and timing show.
   static constexpr Scalar kRateBandwidth{10};
   /// A joint slower than that many rest speeds turns: friction of a creeping joint is not that of a moving one.
-  static constexpr Scalar kSlow{4};
+  static constexpr Scalar kSlow{8};
 
-  /// The arm stands when no joint has moved for that long [s]: until then controllers unwind.
-  static constexpr Scalar kStillTime{static_cast<Scalar>(0.6)};
-  /// Part of the rate A at which the torque of a standing arm is followed: it creeps only.
-  static constexpr Scalar kStanding{static_cast<Scalar>(0.1)};
+  /// Part of the threshold of the residual below which no push is left in it.
+  static constexpr Scalar kSmall{static_cast<Scalar>(0.33)};
+  /// The arm stands when no joint has moved for that long [s], and part of the rate A at which the mean follows then.
+  static constexpr Scalar kStillTime{static_cast<Scalar>(0.6)}, kStanding{static_cast<Scalar>(0.05)};
 
-  /// Of a joint in one direction of motion, or at rest.
-  struct Direction {
-    Scalar offset{0};
-    Scalar ignorance{1};
-    bool held{false};
-  };
   struct Joint {
     Scalar residual{0}, explained{0};
+    Scalar mean{0};          ///< m [N·m, N]
     Scalar largest_step{0};  ///< of the residual's input [N·m, N]
     Scalar age{0};  ///< time since the joint started, stopped or turned round, up to the turning time [s]
-    std::array<Direction, 3> directions{};
     std::uint8_t way{kStill};
+    MotionPhase phase{MotionPhase::kRest};
   };
 
   ContactDeviation(const Thresholds& thresholds) noexcept : thresholds_(thresholds) {}
@@ -169,9 +171,9 @@ class ContactDeviation {
     return size(speed) < static_cast<Scalar>(0.3) * rest ? kStill : before;
   }
 
-  MotionPhase phase_of(Scalar speed, Scalar period, const JointThreshold<Scalar>& limits,
+  MotionPhase phase_of(Scalar velocity, Scalar speed, Scalar period, const JointThreshold<Scalar>& limits,
                        Joint& joint) const noexcept {
-    const std::uint8_t way = way_of(speed, limits.rest_speed, joint.way);
+    const std::uint8_t way = way_of(velocity, limits.rest_speed, joint.way);
     if (way != joint.way) {
       joint.age = Scalar(0);
     } else if (joint.age < thresholds_.turning_time) {
@@ -179,15 +181,8 @@ class ContactDeviation {
     }
     joint.way = way;
     if (way == kStill) return MotionPhase::kRest;
-    const bool settled = joint.age >= thresholds_.turning_time && size(speed) >= kSlow * limits.rest_speed;
+    const bool settled = joint.age >= thresholds_.turning_time && speed >= kSlow * limits.rest_speed;
     return settled ? MotionPhase::kMoving : MotionPhase::kTurning;
-  }
-
-  static Scalar threshold_of(MotionPhase phase, Scalar speed, const JointThreshold<Scalar>& limits) noexcept {
-    const Scalar threshold = phase == MotionPhase::kMoving    ? limits.moving
-                             : phase == MotionPhase::kTurning ? limits.turning
-                                                              : limits.rest;
-    return speed > limits.top_speed ? threshold * (speed / limits.top_speed) : threshold;
   }
 
  public:

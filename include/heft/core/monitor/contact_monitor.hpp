@@ -39,9 +39,10 @@ constexpr const char* to_string(ContactEvent event) noexcept {
 
 /// Watches an arm for contacts.
 ///
-/// The torque from outside (MomentumObserver) also holds what the model misses, most of it friction. ContactDeviation takes
-/// off what friction may be and filters the rest; it is compared with a threshold for what the joint does: rest, turn or
-/// move (ContactThresholds). While a contact lasts, no offset of friction follows.
+/// The torque from outside (MomentumObserver) also holds what the model misses, most of it friction. ContactDeviation filters
+/// it; the residual and its change are compared with thresholds for what the joint does: rest, turn or move
+/// (ContactThresholds). Whichever is larger against its threshold finds a contact, and the contact ends when that one is quiet
+/// again.
 ///
 /// A deviation that lasts and follows the poses as the weight of a body on the flange does is no contact but a change of
 /// load: its weight belongs to the model from then on.
@@ -70,8 +71,8 @@ class ContactMonitor {
     Scalar confirmation{0};  ///< a deviation above its threshold counts after that time [s]; 0 to 10
     /// A contact ends when all deviations have stayed below kQuiet of their thresholds for that time [s]; 0 to 10.
     Scalar release{static_cast<Scalar>(0.1)};
-    /// A contact also ends when its deviation has stood still for that long [s], 0.1 to 1000, within the offsets of free
-    /// motion: after a push the friction of a joint at rest holds another torque than before.
+    /// A contact also ends when its deviation has stood still for that long [s], 0.1 to 1000, within what free motion may
+    /// show: after a push the friction of a joint at rest holds another torque than before.
     Scalar stand_still{3};
     /// A load change is decided no earlier after the beginning [s]; 0.1 to 1000.
     Scalar persistence{static_cast<Scalar>(1.5)};
@@ -83,6 +84,9 @@ class ContactMonitor {
   };
 
   struct Record : Deviation::Record {
+    /// What was compared with what: residual or change, whichever is larger against its threshold; during a contact
+    /// whichever found it [N·m, N].
+    Vector deviation = Vector::Zero(), threshold = Vector::Zero();
     bool judged{false};   ///< false while the filters settle: at the start and after gaps
     bool contact{false};  ///< something touches the arm
     std::array<bool, static_cast<std::size_t>(N)> above{};  ///< joints whose threshold is exceeded
@@ -115,7 +119,7 @@ class ContactMonitor {
     return Status::kOk;
   }
 
-  /// Forgets the past, offsets and loads included.
+  /// Forgets the past, loads included.
   void reset() noexcept {
     observer_.reset();
     deviation_.reset();
@@ -182,11 +186,13 @@ class ContactMonitor {
 
  private:
   struct State {
-    Vector followed = Vector::Zero();  ///< residual during a contact, followed as an offset would
+    Vector followed = Vector::Zero();  ///< mean of the residual during a contact
     LoadChangeTest<Scalar, N> body;
     Scalar settled{0};  ///< time since the start or the last gap [s]
     Scalar above{0}, below{0}, still{0};
+    Scalar lasted{0};  ///< time since a change began the contact [s]
     bool contact{false};
+    bool by_change{false};  ///< whether the change found the contact, not the residual itself
   };
 
   /// @param status   of the observer's update
@@ -201,7 +207,7 @@ class ContactMonitor {
       record = Record{};
       return;
     }
-    follow(qd, period, record);
+    deviation_.update(observer_.residual(), observer_.explained(), qd, period, patience(), record);
     decide(columns, period, record);
     if (record.event != ContactEvent::kNone && config_.callback != nullptr) {
       config_.callback(record, config_.context);
@@ -215,46 +221,36 @@ class ContactMonitor {
     return false;
   }
 
-  /// Deviation and threshold of this sample; offsets go on unless something touches.
-  void follow(const Vector& qd, Scalar period, Record& record) noexcept {
-    deviation_.update(observer_.residual(), observer_.explained(), qd, period, state_.contact, record);
-  }
-
   void decide(const LoadColumns<Scalar, N>* columns, Scalar period, Record& record) noexcept {
-    const bool settling = state_.settled < kSettling / config_.thresholds.adaptation;
+    const bool settling = state_.settled < Deviation::kSettling / config_.thresholds.adaptation;
     if (settling) state_.settled += period;
     record.contact = state_.contact;
     record.judged = !settling;
-    record.above.fill(false);
-    record.joint = -1;
-    record.direction = 0;
     record.event = ContactEvent::kNone;
     record.load.fill(Scalar(0));
-    if (settling) return;
-    Scalar largest(0);
-    bool above = false, quiet = true;
-    for (int j = 0; j < N; ++j) {
-      const Scalar size = record.deviation[j] < Scalar(0) ? -record.deviation[j] : record.deviation[j];
-      const Scalar share = size / record.threshold[j];
-      record.above[static_cast<std::size_t>(j)] = share > Scalar(1);
-      above = above || share > Scalar(1);
-      quiet = quiet && share < kQuiet;
-      if (record.joint < 0 || share > largest) {
-        largest = share;
-        record.joint = j;
-        record.direction = record.deviation[j] < Scalar(0) ? -1 : 1;
-      }
+    const Scalar largest = compare(record);
+    record.above.fill(false);
+    if (settling) {
+      record.joint = -1;
+      record.direction = 0;
+      return;
     }
+    const bool above = largest > Scalar(1);
+    if (above) mark(record);
     if (!state_.contact) {
       state_.above = above ? state_.above + period : Scalar(0);
       if (!above || state_.above < config_.confirmation) return;
       state_.contact = true;
+      state_.by_change = changes(record);
       state_.below = Scalar(0);
       state_.still = Scalar(0);
+      state_.lasted = Scalar(0);
       state_.followed = record.residual;
       state_.body.reset();
       record.event = ContactEvent::kContact;
     } else {
+      state_.lasted += period;
+      const bool quiet = is_quiet(largest, record);
       state_.below = quiet ? state_.below + period : Scalar(0);
       if (quiet && state_.below >= config_.release) {
         end(ContactEvent::kReleased, record);
@@ -268,7 +264,61 @@ class ContactMonitor {
     record.contact = state_.contact;
   }
 
-  /// Whether every residual has stood still, within the offsets of free motion.
+  /// Multiple of its threshold below which a change is quiet, while the contact lasts that it began; else 0. What the
+  /// residual was before says less the longer it is ago.
+  Scalar patience() const noexcept {
+    return state_.contact && state_.by_change ? kQuiet * (Scalar(1) + kFading * state_.lasted) : Scalar(0);
+  }
+
+  /// Residual and change of each joint against their thresholds.
+  /// @return the largest of them in thresholds
+  Scalar compare(Record& record) const noexcept {
+    const bool held = state_.contact && state_.by_change;
+    Scalar largest(0);
+    record.joint = 0;
+    for (int j = 0; j < N; ++j) {
+      const Scalar change = size(record.change[j]) / record.change_threshold[j];
+      const Scalar level = size(record.residual[j]) / record.level_threshold[j];
+      const bool by_change = held || change > level;
+      const Scalar share = by_change ? change : level;
+      record.deviation[j] = by_change ? record.change[j] : record.residual[j];
+      record.threshold[j] = by_change ? record.change_threshold[j] : record.level_threshold[j];
+      if (share > largest) {
+        largest = share;
+        record.joint = j;
+      }
+    }
+    record.direction = record.deviation[record.joint] < Scalar(0) ? -1 : 1;
+    return largest;
+  }
+
+  /// Which joints are above their thresholds.
+  void mark(Record& record) const noexcept {
+    for (int j = 0; j < N; ++j)
+      record.above[static_cast<std::size_t>(j)] = size(record.deviation[j]) > record.threshold[j];
+  }
+
+  /// Whether the change of any joint is above its threshold.
+  bool changes(const Record& record) const noexcept {
+    for (int j = 0; j < N; ++j) {
+      if (size(record.change[j]) > record.change_threshold[j]) return true;
+    }
+    return false;
+  }
+
+  /// Whether nothing touches the arm any more, given the largest of compare().
+  bool is_quiet(Scalar largest, const Record& record) const noexcept {
+    if (!state_.by_change) return largest < kQuiet;
+    if (!(largest < patience())) return false;
+    for (int j = 0; j < N; ++j) {
+      if (!(size(record.residual[j]) < record.level_threshold[j])) return false;
+    }
+    return true;
+  }
+
+  static Scalar size(Scalar value) noexcept { return value < Scalar(0) ? -value : value; }
+
+  /// Whether every residual has stood still, within what free motion may show.
   bool stands_still(Scalar period, const Record& record) noexcept {
     const Scalar follow = Scalar(1) - forgetting_(config_.thresholds.adaptation * period);
     bool still = true;
@@ -276,7 +326,7 @@ class ContactMonitor {
       Scalar& followed = state_.followed[j];
       const Scalar apart = record.residual[j] - followed;
       const Scalar half = static_cast<Scalar>(0.5) * record.threshold[j];
-      const Scalar limit = config_.thresholds.joints[static_cast<std::size_t>(j)].offset_limit;
+      const Scalar limit = record.level_threshold[j];
       still = still && apart < half && apart > -half && followed < limit && followed > -limit;
       followed += follow * apart;
     }
@@ -303,16 +353,16 @@ class ContactMonitor {
     record.event = event;
   }
 
-  /// Filters and offsets have forgotten the start to 5 % [1 / adaptation].
-  static constexpr Scalar kSettling{3};
   /// Part of its threshold below which a deviation is no contact any more: free motion reaches half of it every few seconds.
   static constexpr Scalar kQuiet{static_cast<Scalar>(0.7)};
+  /// Thresholds a second by which the residual of free motion moves away from what it was.
+  static constexpr Scalar kFading{1};
   /// Bandwidth at which the observer passes the torque from outside on as it is [1/s]; ContactDeviation filters it.
   static constexpr Scalar kUnfiltered{1e5};
 
   Observer observer_;
   Deviation deviation_;
-  KeptDecay<Scalar> forgetting_;  ///< of offsets, over a period
+  KeptDecay<Scalar> forgetting_;  ///< of the mean of the residual, over a period
   Config config_{};
   State state_{};
   std::array<Scalar, 4> load_{};
