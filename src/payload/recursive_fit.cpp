@@ -121,6 +121,7 @@ class Sample {
   virtual ~Sample() = default;
   virtual Taken take(const data::Log& log, Eigen::Index k) = 0;
   virtual double velocity(int i) const = 0;
+  virtual double sign(int i) const = 0;
   virtual double tau(int i) const = 0;
   virtual Eigen::VectorXd row(int i) const = 0;  ///< of the regressor, 14n
 };
@@ -144,6 +145,7 @@ class SizedSample final : public Sample {
       : signals_(dynamics, cutoff, sample_rate) {}
   Taken take(const data::Log& log, Eigen::Index k) override { return signals_.take(log, k); }
   double velocity(int i) const override { return signals_.velocity(i); }
+  double sign(int i) const override { return signals_.sign(i); }
   double tau(int i) const override { return signals_.tau()[i]; }
   Eigen::VectorXd row(int i) const override { return signals_.regressor().row(i).transpose(); }
 
@@ -191,6 +193,34 @@ std::unique_ptr<Recursion> make_recursion(const model::Robot& robot) {
                                  });
 }
 
+/// What a fit leaves of one log, samples × n.
+struct LogResidual {
+  Eigen::MatrixXd torque;          ///< NaN where the joint does not move [N·m, N]
+  Eigen::MatrixXd sign, velocity;  ///< filtered, see CausalSignals
+
+  LogResidual(Eigen::Index samples, int joints)
+      : torque(Eigen::MatrixXd::Constant(samples, joints, std::numeric_limits<double>::quiet_NaN())),
+        sign(Eigen::MatrixXd::Zero(samples, joints)),
+        velocity(sign) {}
+
+  /// The residual of a joint less what a change of its Coulomb and viscous friction explains.
+  Eigen::VectorXd beyond_friction(Eigen::Index joint) const {
+    const Eigen::VectorXd e = torque.col(joint);
+    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(2, 2);
+    Eigen::VectorXd change = Eigen::VectorXd::Zero(2);
+    for (Eigen::Index k = 0; k < e.size(); ++k) {
+      if (!std::isfinite(e[k])) continue;
+      const Eigen::Vector2d w(sign(k, joint), velocity(k, joint));
+      information += w * w.transpose();
+      change += w * e[k];
+    }
+    if (!solve_positive(information, change)) return e;
+    return e - change[0] * sign.col(joint) - change[1] * velocity.col(joint);
+  }
+};
+
+void raise(double& to, double value) { to = std::max(to, value); }
+
 class Fit {
  public:
   Fit(const model::Robot& robot, const std::vector<data::Log>& logs, const RecursiveFitOptions& options)
@@ -228,14 +258,14 @@ class Fit {
     measure_residual(fit);
 
     // 2. The fit, rows weighted by what the first one left.
-    const double together = fit.residual.correlated_samples(mean_period());
+    const double together = whole_.correlated_samples(mean_period());
     noise = fit.residual.std;
     recurse(variance, noise, together, 0.4);
     measure_residual(fit);
 
     // 3. Covariance, from blocks in time.
     statistics::BlockJackknife jackknife(prior_, variance);
-    const double block = fit.residual.block_length(duration());
+    const double block = whole_.block_length(duration());
     for_each_sample(
         [&](std::size_t log, Eigen::Index k, const Sample& sample) {
           const int b = first_block_of(log, block) +
@@ -249,14 +279,14 @@ class Fit {
     const statistics::BlockJackknife::Result spread = jackknife.solve();
 
     fit.model = fitted_model();
-    Eigen::VectorXd deviation = (fit.residual.edge_factor(block) * spread.covariance.diagonal()).cwiseSqrt();
+    Eigen::VectorXd deviation = (whole_.edge_factor(block) * spread.covariance.diagonal()).cwiseSqrt();
     for (int i = 0; i < 14 * n_; ++i) {
       if (!(recursion_->variance(i) < kDetermined * variance[i]) || spread.blocks < 2) {
         deviation[i] = std::numeric_limits<double>::quiet_NaN();
       }
     }
     fit.model.standard_deviations = deviation;
-    if (spread.blocks >= 2) fit.model.covariance = spread.covariance * fit.residual.edge_factor(block);
+    if (spread.blocks >= 2) fit.model.covariance = spread.covariance * whole_.edge_factor(block);
     for (const data::Log& log : logs_) fit.model.provenance.logs.push_back(log.path);
 
     // Directions in which the data have shrunk the prior: eigenvalues of P₀^½ A P₀^½ above the threshold.
@@ -315,20 +345,23 @@ class Fit {
   }
 
   /// Residual of the present estimate over all samples: scatter, correlation time, rows, time in motion.
+  ///
+  /// Friction differs from one log to the next, which counts as correlated for as long as a log lasts: so it does for this fit, which
+  /// has one friction for all (whole_). The estimate of a load solves for that change itself and has to reckon with what remains
+  /// (fit.residual). Of a single log the fit has taken it out.
   void measure_residual(RecursiveFit& fit) {
     const Eigen::VectorXd x = recursion_->solution();
-    std::vector<Eigen::MatrixXd> residual;
-    for (const data::Log& log : logs_) {
-      residual.push_back(
-          Eigen::MatrixXd::Constant(log.num_samples(), n_, std::numeric_limits<double>::quiet_NaN()));
-    }
+    std::vector<LogResidual> residual;
+    for (const data::Log& log : logs_) residual.emplace_back(log.num_samples(), n_);
     fit.rows = Eigen::VectorXi::Zero(n_);
     fit.moving = Eigen::VectorXd::Zero(n_);
     for_each_sample(
         [&](std::size_t l, Eigen::Index k, const Sample& sample) {
           for (int i = 0; i < n_; ++i) {
             if (!moves(sample, i)) continue;
-            residual[l](k, i) = sample.tau(i) - sample.row(i).dot(x);
+            residual[l].torque(k, i) = sample.tau(i) - sample.row(i).dot(x);
+            residual[l].sign(k, i) = sample.sign(i);
+            residual[l].velocity(k, i) = sample.velocity(i);
             ++fit.rows[i];
             if (k > 0) fit.moving[i] += logs_[l].time[k] - logs_[l].time[k - 1];
           }
@@ -338,13 +371,14 @@ class Fit {
     fit.left_out = left_out_;
     fit.residual.std.resize(n_);
     fit.residual.correlation_time.setZero(n_);
+    whole_ = fit.residual;
     for (int i = 0; i < n_; ++i) {
       double squares = 0.0;
-      for (std::size_t l = 0; l < logs_.size(); ++l) {
-        for (const double e : residual[l].col(i)) squares += std::isfinite(e) ? e * e : 0.0;
-        fit.residual.correlation_time[i] =
-            std::max(fit.residual.correlation_time[i],
-                     statistics::correlation_time(residual[l].col(i), mean_period()));
+      for (const LogResidual& of_log : residual) {
+        for (const double e : of_log.torque.col(i)) squares += std::isfinite(e) ? e * e : 0.0;
+        raise(whole_.correlation_time[i], statistics::correlation_time(of_log.torque.col(i), mean_period()));
+        raise(fit.residual.correlation_time[i],
+              statistics::correlation_time(of_log.beyond_friction(i), mean_period()));
       }
       // A joint that never moved has no scatter of its own; what it may have must not be zero.
       const double largest = logs_.front().tau.col(i).cwiseAbs().maxCoeff();
@@ -352,6 +386,8 @@ class Fit {
       fit.residual.std[i] =
           fit.rows[i] > 0 ? std::max(floor, std::sqrt(squares / fit.rows[i])) : 0.05 * largest + floor;
     }
+    if (logs_.size() == 1 || options_.torque_at_joint)
+      fit.residual.correlation_time = whole_.correlation_time;
   }
 
   /// The model with the parameters found. Behind the gears, where the drives' columns were held at zero, they are zero.
@@ -419,6 +455,7 @@ class Fit {
   RecursiveFitOptions options_;
   std::unique_ptr<Recursion> recursion_;
   Eigen::VectorXd prior_;
+  statistics::ResidualStatistics whole_;
   double cutoff_{0.0};
   int left_out_{0};
 };

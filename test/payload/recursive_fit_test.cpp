@@ -125,6 +125,29 @@ TEST(RecursiveFit, MeasuresTheScatterItLeaves) {
   EXPECT_NEAR(sorted[3], 0.6, 0.15);
 }
 
+// The estimate of a load solves for that change itself: it must not be counted again as a residual that stays.
+TEST(RecursiveFit, FrictionThatDiffersFromLogToLogIsNoCorrelationInTime) {
+  const auto arm = [](double friction) {
+    model::Robot robot = test::planar_two_link();
+    for (model::RobotJoint& joint : robot.joints) {
+      joint.actuation.coulomb_friction = 2.0 * friction;
+      joint.actuation.viscous_friction = friction;
+    }
+    return robot;
+  };
+  const auto correlation_time = [&](double friction_of_second) {
+    test::SyntheticSettings settings;
+    settings.noise = 0.03;
+    const data::Log first = test::synthetic_log(arm(1.0), settings);
+    settings.motion_seed = settings.noise_seed = 2;
+    const data::Log second = test::synthetic_log(arm(friction_of_second), settings);
+    return fit_recursively(arm(1.0), {first, second}).residual.correlation_time;
+  };
+  const Eigen::VectorXd same = correlation_time(1.0), other = correlation_time(0.8);
+  // Counted in full it would be 0.45 s more in the second joint.
+  for (Eigen::Index i = 0; i < 2; ++i) EXPECT_NEAR(other[i], same[i], 0.15);
+}
+
 TEST(RecursiveFit, SeveralLogsTellMoreThanOne) {
   const model::Robot truth = test::six_joint_arm();
   test::SyntheticSettings settings;
