@@ -73,11 +73,11 @@ Result directional_sample() {
       throw Error("operation count: directional least squares refused its settings");
     }
     for (std::size_t k = 0; k < kCounted; ++k) {
-      // Rows of any motion: the cost does not depend on them.
-      const Sample& s = samples()[k];
+      // Each row of a motion of its own: rows in the span of the others would cost less.
       typename Estimator::Sample rows{};
       typename Estimator::Values torque{};
       for (std::size_t i = 0; i < kN; ++i) {
+        const Sample& s = samples()[(k + 37 * i) % kCounted];
         for (std::size_t p = 0; p < 12; ++p)
           rows[i][p] = Scalar(p < 6 ? s.measured[p] * s.q[i] : s.qd[p - 6] + s.q[i]);
         torque[i] = Scalar(s.tau[i]);

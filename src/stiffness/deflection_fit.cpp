@@ -103,8 +103,9 @@ int iterate_with_deflection(const model::Kinematics& kinematics, const std::vect
 
 /// What the width of an interval rests on.
 struct Noise {
-  double variance{1.0};     ///< of a weighted residual; NaN where no reading is to spare
-  double factor{1.959964};  ///< half the 95 % interval over the standard deviation; of a normal distribution
+  double variance{1.0};  ///< of a weighted residual; NaN where no reading is to spare
+  /// Half the 95 % interval over the standard deviation; of a normal distribution.
+  double factor{statistics::kNormal95};
 };
 
 /// 1 where standard deviations are stated, else what is left. Residuals larger than stated (three standard deviations of
