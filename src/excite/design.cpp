@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "design_impl.hpp"
+#include "heft/data/motion_rows.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
@@ -25,7 +26,7 @@ using Eigen::VectorXd;
 using regression::BaseParameters;
 using regression::find_base_parameters;
 
-// Bounds on the work of a design, beside the rows of the log that its score represents (kMostRows).
+// Bounds on the work of a design, beside the rows of the log that its score represents (data::kMostMotionRows).
 constexpr double kMostSamples = 20'000;  // of the search
 constexpr double kMostChecks = 1e5;      // instants in the final check of one motion
 constexpr int kMostHarmonics = 40;
@@ -83,11 +84,12 @@ void check(const model::Robot& robot, const MotionLimits& limits, const Excitati
   if (options.harmonics > kMostHarmonics) {
     refuse(fmt::format("harmonics: found {}, expected at most {}", options.harmonics, kMostHarmonics));
   }
-  if (!(options.duration * options.sample_rate <= kMostRows)) {
+  if (!(options.duration * options.sample_rate <= data::kMostMotionRows)) {
     refuse(fmt::format(
         "duration {:g} s at {:g} Hz: found {:.3g} rows, expected at most {:g}; take a shorter motion or a "
         "lower rate",
-        options.duration, options.sample_rate, options.duration * options.sample_rate, kMostRows));
+        options.duration, options.sample_rate, options.duration * options.sample_rate,
+        data::kMostMotionRows));
   }
   const double periods = options.period > 0.0 ? options.duration / options.period : 1.0;
   const bool whole = std::abs(periods - std::round(periods)) < 1e-9;

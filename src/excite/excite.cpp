@@ -9,6 +9,7 @@
 #include "finish_motion.hpp"
 #include "heft/data/differentiate.hpp"
 #include "heft/data/log.hpp"
+#include "heft/data/motion_rows.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/host/parallel.hpp"
@@ -73,11 +74,7 @@ void finish_motion(Motion& motion, const std::vector<Piece>& core, const std::op
   if (from) add(safe_way(motion.robot, motion.limits, "way to the motion", *from, first), "approach");
   add(core, "motion");
   if (from) add(safe_way(motion.robot, motion.limits, "way back", last, *from), "return");
-  if (!(motion.path.duration() * rate <= kMostRows)) {
-    throw ModelError(
-        fmt::format("{:g} s at {:g} Hz: found {:.3g} rows, expected at most {:g}; take a lower rate",
-                    motion.path.duration(), rate, motion.path.duration() * rate, kMostRows));
-  }
+  data::refuse_many_rows(motion.path.duration(), rate);
   motion.log = log_of(motion.robot, motion.path, rate);
   const LimitCheck check(motion.robot, motion.limits);
   motion.limits = check.limits;

@@ -12,9 +12,6 @@
 
 namespace heft::excite {
 
-/// Rows of the log that a motion becomes, at most.
-inline constexpr double kMostRows = 2e6;
-
 inline const model::RobotJoint& joint_of(const model::Robot& robot, Eigen::Index j) {
   return robot.joints[static_cast<std::size_t>(j)];
 }

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "heft/data/motion_rows.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/following.hpp"
@@ -22,7 +23,6 @@ using Eigen::VectorXd;
 constexpr double kActive = 0.995;
 /// From the reference [rad, m]: what else is near the path may be hit; of a rigid arm with sharp friction a tenth is seen.
 constexpr double kFarOff = 0.02;
-constexpr double kMostRows = 2e6;
 /// Of the controller in the rehearsal [s].
 constexpr double kSampleTime = 1e-3;
 /// Plans beyond the first, each with the margins that the rehearsal before showed to be needed.
@@ -157,12 +157,8 @@ class PathReference final : public sim::Reference {
 
 data::Log log_of(const Retiming& found, double rate) {
   // The last row is the first instant of the grid at which the arm is at rest.
+  data::refuse_many_rows(found.duration(), rate);
   const auto rows = static_cast<Index>(std::ceil(found.duration() * rate - 1e-9)) + 1;
-  if (!(found.duration() * rate <= kMostRows)) {
-    throw ModelError(
-        fmt::format("{:g} s at {:g} Hz: found {:.3g} rows, expected at most {:g}; take a lower rate",
-                    found.duration(), rate, found.duration() * rate, kMostRows));
-  }
   const model::Dynamics dynamics(found.robot);
   data::Log log;
   log.time.resize(rows);
