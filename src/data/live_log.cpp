@@ -7,24 +7,50 @@
 
 #include <fmt/format.h>
 
+#include "heft/core/run_clock.hpp"
 #include "heft/host/error.hpp"
 #include "heft/statistics/median.hpp"
 #include "log_file.hpp"
 
 namespace heft::data {
 
-double live_period(const std::vector<LiveRow>& first) {
+const std::vector<LiveRow>& LiveClock::push(const LiveRow& row) {
+  anew_ = !started_ || !(row.time > last_ && row.time - last_ <= kLongestStep);
+  step_ = anew_ ? 0.0 : row.time - last_;
+  if (anew_) {
+    first_.clear();
+    period_ = 0.0;
+  }
+  started_ = true;
+  last_ = row.time;
+  if (period_ > 0.0) {
+    out_.assign(1, row);
+    return out_;
+  }
+  out_.clear();
+  first_.push_back(row);
+  return first_.size() < kFirstRows ? out_ : hand_out_first();
+}
+
+const std::vector<LiveRow>& LiveClock::end() {
+  out_.clear();
+  return first_.size() > 1 ? hand_out_first() : out_;
+}
+
+const std::vector<LiveRow>& LiveClock::hand_out_first() {
   constexpr double kLongest = 1.0;  // [s]
   std::vector<double> periods;
-  for (std::size_t k = 1; k < first.size(); ++k) periods.push_back(first[k].time - first[k - 1].time);
+  for (std::size_t k = 1; k < first_.size(); ++k) periods.push_back(first_[k].time - first_[k - 1].time);
   const double period = statistics::median(std::move(periods));
   if (!(period <= kLongest)) {
     throw DataError(fmt::format(
-        "column 'time': found a row every {:.4g} s, expected one every {:g} s at least; time in milliseconds is to "
+        "{}column 'time': found a row every {:.4g} s, expected one every {:g} s at least; time in milliseconds is to "
         "be divided by 1000",
-        period, kLongest));
+        name_.empty() ? "" : name_ + ": ", period, kLongest));
   }
-  return period;
+  period_ = period;
+  out_ = std::exchange(first_, {});
+  return out_;
 }
 
 struct LiveLog::Impl {
@@ -38,6 +64,7 @@ struct LiveLog::Impl {
     wanted.insert(wanted.end(), qd.begin(), qd.end());
     wanted.insert(wanted.end(), tau.begin(), tau.end());
     file.want_only(wanted);
+    if (const std::string unused = file.unused_torque_constants(); !unused.empty()) tell(unused);
   }
 
   std::vector<std::size_t> columns_of(std::string_view prefix) const {

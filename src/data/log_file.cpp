@@ -192,7 +192,7 @@ void LogFile::read_header() {
 
   const std::vector<std::string_view> names = split(line);
   if (names.size() == 1 && line.find_first_of(";\t") != std::string_view::npos) {
-    fail(1, "the header has no comma but '{}'; expected fields separated by commas; convert the file",
+    fail(1, "the header has no comma but {}; expected fields separated by commas; convert the file",
          line.find(';') != std::string_view::npos ? "semicolons" : "tabs");
   }
   double number = 0.0;
@@ -288,6 +288,14 @@ bool LogFile::has_channel(Eigen::MatrixXd Log::*matrix) const {
     if (kChannels[k].matrix == matrix) return complete_[k];
   }
   return false;
+}
+
+std::string LogFile::unused_torque_constants() const {
+  return needs_.torque_constant.empty() || use_current_
+             ? ""
+             : fmt::format(
+                   "{}: the torque is that of columns tau1..; torque constants are for logs without them",
+                   path_);
 }
 
 double LogFile::torque_constant(int joint) const {

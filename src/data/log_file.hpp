@@ -52,6 +52,8 @@ class LogFile {
   bool has_channel(Eigen::MatrixXd Log::*matrix) const;
   /// Torque is to be made of `i` by the torque constants.
   bool torque_from_current() const { return use_current_; }
+  /// That torque constants were given in vain, since the log has torque; "" otherwise.
+  std::string unused_torque_constants() const;
   /// [N·m/A] of a joint, counted from 0.
   double torque_constant(int joint) const;
 

@@ -49,9 +49,9 @@ ChannelColumns columns_of(const LogFile& file, const std::string& prefix, bool t
 }
 
 /// Calls `use(time, q, qd, qdd, tau)` for the rows of a file, block by block.
-/// @return whether the torque is made from currents
+/// @return LogFile::unused_torque_constants()
 template <typename Use>
-bool for_each_block(const std::string& path, const LogRequirements& needs, const Use& use) {
+std::string for_each_block(const std::string& path, const LogRequirements& needs, const Use& use) {
   LogFile file(path, needs);
   const bool current = file.torque_from_current();
   const std::array<ChannelColumns, 4> channels{
@@ -82,7 +82,7 @@ bool for_each_block(const std::string& path, const LogRequirements& needs, const
   }
   if (rows > 0) hand_over();
   file.check_length();
-  return current;
+  return file.unused_torque_constants();
 }
 
 /// Looks at every row of a log once: unit slips, and what another log could share with it.
@@ -123,15 +123,11 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
     const Log& log = *source.memory;
     inspection.add(log.time, log.q, log.qd, log.qdd, log.tau);
   } else {
-    const bool from_current =
+    const std::string unused =
         for_each_block(source.path, source.needs,
                        [&](const auto& time, const auto& q, const auto& qd, const auto& qdd,
                            const auto& tau) { inspection.add(time, q, qd, qdd, tau); });
-    if (!source.needs.torque_constant.empty() && !from_current) {
-      notes.push_back(
-          fmt::format("{}: the torque is that of columns tau1..; torque constants are for logs without them",
-                      source.path));
-    }
+    if (!unused.empty()) notes.push_back(unused);
   }
   inspection.finish(limits, source, notes);
   return source;

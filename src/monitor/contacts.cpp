@@ -103,7 +103,7 @@ Contacts monitor_log(const model::ModelFile& file, const model::Robot& robot, co
   Contacts result;
   const model::FitRecord* fit = file.fit ? &*file.fit : nullptr;
   const model::Robot measured =
-      model::as_measured(robot, thresholds.torque_at == "joint", fit, &result.notes);
+      model::as_measured(robot, thresholds.at() == data::TorqueAt::kJoint, fit, &result.notes);
   const data::Log log = data::read(source, &result.notes);
   const Signals signals = signals_of(measured, log);
   const Run run = run_core(measured, signals, thresholds);
@@ -147,6 +147,12 @@ std::vector<Contacts> monitor(const model::ModelFile& file, const model::Robot& 
                               const data::LogSet& logs, const Thresholds& thresholds,
                               const Options& options) {
   check_joints(thresholds, robot);
+  if (logs.torque_at() != thresholds.at()) {
+    throw ModelError(fmt::format(
+        "thresholds of contacts: found thresholds of torque at the {}; expected the {}, where the logs have theirs; learn them from "
+        "such logs, or say where the torque was measured (--torque-at)",
+        data::to_string(thresholds.at()), data::to_string(logs.torque_at())));
+  }
   std::vector<std::string> notes;
   data::refuse_seen(logs, file.provenance.logs, &notes);
   data::refuse_seen(logs, thresholds.logs, &notes, "the thresholds were learnt from");

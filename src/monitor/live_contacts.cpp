@@ -1,8 +1,9 @@
 #include <optional>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "causal_sample.hpp"
-#include "heft/host/numbers.hpp"
 #include "heft/model/at_sensor.hpp"
 #include "heft/monitor/monitor.hpp"
 
@@ -20,18 +21,17 @@ struct LiveContacts::Impl {
   };
 
   Impl(const model::ModelFile& file, const model::Robot& given, const Thresholds& limits)
-      : robot(
-            model::as_measured(given, limits.torque_at == "joint", file.fit ? &*file.fit : nullptr, &notes)),
+      : robot(model::as_measured(given, limits.at() == data::TorqueAt::kJoint,
+                                 file.fit ? &*file.fit : nullptr, &notes)),
         thresholds(limits) {
     check_joints(thresholds, robot);
     notes.insert(notes.end(), limits.judgement.reasons.begin(), limits.judgement.reasons.end());
   }
 
-  /// Goes through the rows that waited for the sample period.
-  void start(std::vector<LiveContact>& events) {
-    core.emplace(robot, thresholds, data::live_period(first), first.front().time);
-    for (const data::LiveRow& row : first) take(row, events);
-    first.clear();
+  void go_through(const std::vector<data::LiveRow>& rows, std::vector<LiveContact>& events) {
+    if (rows.empty()) return;
+    if (!core) core.emplace(robot, thresholds, clock.period(), rows.front().time);
+    for (const data::LiveRow& row : rows) take(row, events);
   }
 
   void take(const data::LiveRow& row, std::vector<LiveContact>& events) {
@@ -81,11 +81,10 @@ struct LiveContacts::Impl {
   std::vector<std::string> notes;
   model::Robot robot;
   Thresholds thresholds;
-  std::vector<data::LiveRow> first;  ///< rows that wait for the sample period
+  data::LiveClock clock;
   std::optional<Core> core;
   std::optional<OpenContact> open;
   double threshold{0.0};
-  double last{-kInfinity};  ///< time of the last row [s]
   LiveSummary summary;
 };
 
@@ -96,27 +95,27 @@ LiveContacts::~LiveContacts() = default;
 
 std::vector<LiveContact> LiveContacts::push(const data::LiveRow& row) {
   std::vector<LiveContact> events;
-  if (!(row.time > impl_->last)) {
+  const std::vector<data::LiveRow>& rows = impl_->clock.push(row);
+  if (impl_->clock.anew()) {
     if (impl_->open) impl_->close(impl_->open->contact(), events);
     impl_->core.reset();
-    impl_->first.clear();
   }
-  impl_->last = row.time;
-  if (impl_->core) {
-    impl_->take(row, events);
-  } else {
-    impl_->first.push_back(row);
-    if (impl_->first.size() == kFirstRows) impl_->start(events);
-  }
+  impl_->go_through(rows, events);
   return events;
 }
 
 LiveSummary LiveContacts::end(long refused) {
   std::vector<LiveContact> events;
-  if (impl_->first.size() > 1) impl_->start(events);
+  impl_->go_through(impl_->clock.end(), events);
   if (impl_->open) impl_->close(impl_->open->contact(), events);
   LiveSummary summary = impl_->summary;
   summary.refused += refused;
+  if (!(summary.judged_seconds > 0.0)) {
+    summary.unanswered = fmt::format(
+        "nothing could be judged: {} samples taken, {} refused; filters take some tenths of a second of rows to settle; give more "
+        "rows, as the log of a recording has them",
+        summary.samples, summary.refused);
+  }
   return summary;
 }
 

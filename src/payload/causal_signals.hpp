@@ -26,16 +26,12 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/validate/predict.hpp"
+#include "row_limits.hpp"
 
 namespace heft::payload {
 
 /// Width of the sign where the velocity is the difference of two positions, noisier than one that was measured [rad/s].
 inline constexpr double kDifferencedSignWidth = 0.01;
-
-/// Widest plausible sample: beyond these multiples of the URDF's limits it is taken as a fault of the
-/// measurement.
-inline constexpr double kImplausibleTorque = 5.0;
-inline constexpr double kImplausibleVelocity = 5.0;
 
 /// Pole of the fast filter over that of the slow one.
 inline constexpr double kFastPole = 5.0;
@@ -67,13 +63,9 @@ class CausalSignals {
   /// @param sample_rate  [Hz]
   CausalSignals(const model::Dynamics& dynamics, double cutoff, double sample_rate)
       : dynamics_(dynamics),
+        limits_(dynamics.robot()),
         beyond_(dynamics.robot()),
         columns_(std::make_unique<StateVariableFilter<double, N * 14 * N>>()) {
-    const model::Robot& robot = dynamics.robot();
-    for (int i = 0; i < N; ++i) {
-      torque_limit_[i] = kImplausibleTorque * robot.joints[static_cast<std::size_t>(i)].effort_limit;
-      velocity_limit_[i] = kImplausibleVelocity * robot.joints[static_cast<std::size_t>(i)].velocity_limit;
-    }
     const double fast = fast_pole(cutoff, sample_rate);
     configured_ = motion_.configure(fast) == Status::kOk && torque_.configure(fast) == Status::kOk &&
                   sign_.configure(fast) == Status::kOk && columns_->configure(cutoff) == Status::kOk &&
@@ -86,17 +78,14 @@ class CausalSignals {
     const Vector tau = log.tau.row(k).transpose();
     const double time = log.time[k];
     const double period = time - time_;
+    const Vector step = started_ ? Vector(q - position_) : Vector(Vector::Zero());
+    const bool measured = log.qd.cols() == N;
+    const Vector qd = measured ? Vector(log.qd.row(k).transpose()) : Vector(Vector::Zero());
+    if (limits_.implausible_joint(q, qd, tau, step, started_ ? period : 0.0) >= 0) return Taken::kRefused;
     Vector sign;
     for (int i = 0; i < N; ++i) {
-      if (!std::isfinite(q[i]) || !std::isfinite(tau[i]) || std::abs(tau[i]) > torque_limit_[i])
-        return Taken::kRefused;
-      const double step = started_ ? (q[i] - position_[i]) / period : 0.0;
-      const bool measured = log.qd.cols() == N;
-      const double qd = measured ? log.qd(k, i) : step;
-      if (!std::isfinite(qd) || std::abs(step) > velocity_limit_[i] || std::abs(qd) > velocity_limit_[i]) {
-        return Taken::kRefused;
-      }
-      sign[i] = velocity_sign(qd, measured ? validate::kSignWidth : kDifferencedSignWidth);
+      sign[i] = measured ? velocity_sign(qd[i], validate::kSignWidth)
+                         : velocity_sign(started_ ? step[i] / period : 0.0, kDifferencedSignWidth);
     }
     if (!configured_ || motion_.update(q, period) != Status::kOk ||
         torque_.update(tau, period) != Status::kOk || sign_.update(sign, period) != Status::kOk) {
@@ -141,11 +130,12 @@ class CausalSignals {
 
  private:
   const model::Dynamics& dynamics_;
+  RowLimits limits_;
   BeyondRegressor beyond_;
   StateVariableFilter<double, N> motion_, torque_, sign_, slow_torque_;
   std::unique_ptr<StateVariableFilter<double, N * 14 * N>> columns_;
   Regressor regressor_;
-  Vector torque_limit_, velocity_limit_, position_ = Vector::Zero();
+  Vector position_ = Vector::Zero();
   double time_{0.0}, slow_time_{0.0};
   bool started_{false};
   bool configured_{false};

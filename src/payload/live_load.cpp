@@ -6,9 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "heft/core/run_clock.hpp"
 #include "heft/host/error.hpp"
-#include "heft/host/numbers.hpp"
 #include "heft/payload/payload.hpp"
 #include "load_follower.hpp"
 #include "load_geometry.hpp"
@@ -27,17 +25,6 @@ struct LiveLoad::Impl {
     double weight = 0.0;
     for (const model::RobotJoint& joint : arm.joints) weight += joint.link[kMass];
     light = kLight * std::abs(weight);
-  }
-
-  /// Goes through the rows that waited for the sample period. Filters settle: nothing can come of them but a refusal.
-  std::optional<LiveEvent> start() {
-    follower.emplace(arm, options, data::live_period(first));
-    std::optional<LiveEvent> event;
-    for (const data::LiveRow& row : std::exchange(first, {})) {
-      std::optional<LiveEvent> of_row = take(row);
-      if (!event) event = std::move(of_row);
-    }
-    return event;
   }
 
   std::optional<LiveEvent> take(const data::LiveRow& row) {
@@ -124,16 +111,28 @@ struct LiveLoad::Impl {
 
   model::Robot arm;
   PayloadRunOptions options;
-  double light{0.0};                 ///< [kg]
-  std::vector<data::LiveRow> first;  ///< rows that wait for the sample period
+  double light{0.0};  ///< [kg]
+  data::LiveClock clock;
   std::optional<LoadFollower> follower;
   std::optional<LoadValue> stated, latest;
-  bool changing{false};     ///< another load than `stated`, not known yet
-  bool refusing{false};     ///< the row before was refused
-  double since{0.0};        ///< data count from here on [s]
-  double last{-kInfinity};  ///< time of the last row [s]
+  bool changing{false};  ///< another load than `stated`, not known yet
+  bool refusing{false};  ///< the row before was refused
+  double since{0.0};     ///< data count from here on [s]
   LiveSummary summary;
 };
+
+namespace {
+
+/// @throws DataError for a low-pass that rows at this rate cannot have [Hz]
+void refuse_cutoff(double cutoff, double rate) {
+  if (cutoff < 0.5 * rate) return;
+  throw DataError(fmt::format(
+      "cut-off {:.6g} Hz; the stream has {:.4g} samples a second; expected more than 0 and less than {:.4g} Hz; choose a lower "
+      "cut-off",
+      cutoff, rate, 0.5 * rate));
+}
+
+}  // namespace
 
 LiveLoad::LiveLoad(const UnloadedArm& arm, const Options& options)
     : impl_(std::make_unique<Impl>(arm, options)) {}
@@ -141,17 +140,23 @@ LiveLoad::~LiveLoad() = default;
 
 std::optional<LiveEvent> LiveLoad::push(const data::LiveRow& row) {
   Impl& my = *impl_;
-  // Forward, too: a recorder that boots at zero is set to the time of day.
-  if (!(row.time > my.last && row.time - my.last <= kLongestStep)) {
+  const std::vector<data::LiveRow>& rows = my.clock.push(row);
+  if (my.clock.anew()) {
     my.follower.reset();
-    my.first.clear();
+    my.since = row.time;
   }
-  if (!my.follower && my.first.empty()) my.since = row.time;
-  else my.summary.seconds += row.time - my.last;
-  my.last = row.time;
-  if (my.follower) return my.take(row);
-  my.first.push_back(row);
-  return my.first.size() == kFirstRows ? my.start() : std::nullopt;
+  my.summary.seconds += my.clock.step();
+  if (!rows.empty() && !my.follower) {
+    refuse_cutoff(my.options.cutoff, 1.0 / my.clock.period());
+    my.follower.emplace(my.arm, my.options, my.clock.period());
+  }
+  // While filters settle nothing can come of a row but a refusal.
+  std::optional<LiveEvent> first;
+  for (const data::LiveRow& each : rows) {
+    std::optional<LiveEvent> of_row = my.take(each);
+    if (!first) first = std::move(of_row);
+  }
+  return first;
 }
 
 LiveSummary LiveLoad::end(long refused) {
@@ -162,9 +167,16 @@ LiveSummary LiveLoad::end(long refused) {
   summary.changing = my.changing;
   if (!my.stated && summary.unanswered.empty()) {
     const std::string so_far =
-        my.follower ? fmt::format("{:.3g} kg ± {:.2g} kg (95 %) so far", my.follower->load().mass.value,
-                                  my.follower->load().mass.half_width())
-                    : fmt::format("{} rows are too few", summary.samples + summary.refused + my.first.size());
+        my.follower
+            ? fmt::format("{:.3g} kg ± {:.2g} kg (95 %) so far", my.follower->load().mass.value,
+                          my.follower->load().mass.half_width())
+            : fmt::format("{} rows are too few", summary.samples + summary.refused + my.clock.waiting());
+    if (summary.refused > summary.samples) {
+      summary.unanswered = fmt::format(
+          "most rows were left out: {} of {}; no load can be determined from the others; repair what is said of them above",
+          summary.refused, summary.refused + summary.samples + static_cast<long>(my.clock.waiting()));
+      return summary;
+    }
     summary.unanswered = fmt::format(
         "the motion did not determine the load: {}; move several joints, the wrist among them, both ways and with large angles",
         so_far);

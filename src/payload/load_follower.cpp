@@ -144,6 +144,7 @@ class SizedFollower final : public LoadFollower::Sized {
 LoadFollower::LoadFollower(const model::Robot& arm, const PayloadRunOptions& options, double period)
     : options_(options),
       dynamics_(arm),
+      limits_(arm),
       to_flange_(to_flange(arm)),
       noise_(noise_of(arm, options)),
       period_(period),
@@ -158,22 +159,6 @@ LoadFollower::LoadFollower(const model::Robot& arm, const PayloadRunOptions& opt
                                       options_.model_covariance, options_.drive_scale);
 }
 LoadFollower::~LoadFollower() = default;
-
-bool LoadFollower::plausible(const data::LiveRow& row, double step, int& joint) const {
-  for (Index i = 0; i < row.q.size(); ++i) {
-    const model::RobotJoint& limits = dynamics_.robot().joints[static_cast<std::size_t>(i)];
-    const double fastest = kImplausibleVelocity * limits.velocity_limit;
-    const bool measured = row.qd.size() == row.q.size();
-    if (std::abs(row.tau[i]) <= kImplausibleTorque * limits.effort_limit &&
-        (!measured || std::abs(row.qd[i]) <= fastest) &&
-        (!started_ || std::abs(row.q[i] - last_.q[i]) <= fastest * step)) {
-      continue;
-    }
-    joint = static_cast<int>(i);
-    return false;
-  }
-  return true;
-}
 
 VectorXd LoadFollower::scaled(const VectorXd& q, const VectorXd& qd, const VectorXd& tau) const {
   if (options_.drive_scale.empty()) return tau;
@@ -190,13 +175,12 @@ VectorXd LoadFollower::scaled(const VectorXd& q, const VectorXd& qd, const Vecto
 LoadFollower::Taken LoadFollower::take(const data::LiveRow& row) {
   Taken taken;
   const double step = started_ ? row.time - last_.time : period_;
-  if (!plausible(row, step, taken.joint)) {
-    taken.refused = true;
-    return taken;
-  }
+  const VectorXd moved = started_ ? VectorXd(row.q - last_.q) : VectorXd(VectorXd::Zero(row.q.size()));
+  taken.joint = limits_.implausible_joint(row.q, row.qd, row.tau, moved, started_ ? step : 0.0);
+  taken.refused = taken.joint >= 0;
+  if (taken.refused) return taken;
   VectorXd qd = row.qd;
-  if (qd.size() != row.q.size())
-    qd = started_ ? VectorXd((row.q - last_.q) / step) : VectorXd(VectorXd::Zero(row.q.size()));
+  if (qd.size() != row.q.size()) qd = moved / step;
   VectorXd q = row.q;
   late_.take(row.time, q, qd);
   // The observer takes a torque as that of the time since the row before, at motion half-way; a row's torque is of the row. Half-way points

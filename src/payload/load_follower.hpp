@@ -16,6 +16,7 @@
 #include "heft/model/robot.hpp"
 #include "heft/payload/payload.hpp"
 #include "payload_run.hpp"
+#include "row_limits.hpp"
 
 namespace heft::payload {
 
@@ -52,7 +53,6 @@ class LoadFollower {
   class Sized;
 
  private:
-  bool plausible(const data::LiveRow& row, double step, int& joint) const;
   /// Torque in true units.
   Eigen::VectorXd scaled(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                          const Eigen::VectorXd& tau) const;
@@ -60,6 +60,7 @@ class LoadFollower {
 
   PayloadRunOptions options_;
   model::Dynamics dynamics_;
+  RowLimits limits_;
   Eigen::Matrix<double, 10, 10> to_flange_;
   Eigen::VectorXd noise_, together_;  ///< of ArmError, one a joint
   double period_, rate_;              ///< [s]; updates of the estimate [Hz]

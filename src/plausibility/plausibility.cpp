@@ -269,7 +269,8 @@ class Judge {
     double best_gain = -kTurnShare * comparison_.misfit();
     const std::vector<model::Robot> others = options_.other_robots();
     for (const model::Robot& other : others) {
-      if (other.num_joints() != n()) continue;
+      // The same arm by its description is no other one.
+      if (other.num_joints() != n() || other.name == robot_.name) continue;
       const Comparison::Other found = comparison_.under(other);
       const double theirs = median_slope(found.slopes);
       const bool fits = theirs > kLight && theirs < kHeavy &&

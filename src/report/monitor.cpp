@@ -228,6 +228,9 @@ std::string brief(const monitor::LiveContact& event) {
 }
 
 std::string brief(const monitor::LiveSummary& summary) {
+  if (!summary.unanswered.empty())
+    return fmt::format("Nothing could be judged in {}; {} samples taken, {} refused.",
+                       seconds_words(summary.seconds), summary.samples, summary.refused);
   return fmt::format("{}, in {} of {} that could be judged; {} samples taken, {} refused.",
                      count_words(summary.contacts), seconds_words(summary.judged_seconds),
                      seconds_words(summary.seconds), summary.samples, summary.refused);

@@ -1,6 +1,7 @@
 /// Paths: splines through waypoints and through what a log holds.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -107,10 +108,18 @@ void refuse_outside(const model::Robot& robot, const Path& path) {
       for (Index j = 0; j < q.size(); ++j) {
         const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
         if (q[j] >= joint.lower - kRangeTolerance && q[j] <= joint.upper + kRangeTolerance) continue;
+        // More than a turn, and inside the limits as an angle in degrees.
+        const double in_degrees = q[j] * std::numbers::pi / 180.0;
+        const bool degrees = joint.joint.type == JointType::kRevolute &&
+                             std::abs(q[j]) > 2.0 * std::numbers::pi && in_degrees >= joint.lower &&
+                             in_degrees <= joint.upper;
         throw DataError(fmt::format(
             "{}: joint {} ({}): the path through the points reaches {:.4g} between points {} and {}; expected {:.4g} to "
-            "{:.4g} [rad, m]; move these points, add one between them, or take straight lines with rounded corners (--rounding)",
-            path.source, j + 1, joint.name, q[j], k + 1, k + 2, joint.lower, joint.upper));
+            "{:.4g} [rad, m]; {}",
+            path.source, j + 1, joint.name, q[j], k + 1, k + 2, joint.lower, joint.upper,
+            degrees
+                ? "positions in degrees are to be multiplied by pi/180"
+                : "move these points, add one between them, or take straight lines with rounded corners (--rounding)"));
       }
     }
   }

@@ -87,5 +87,36 @@ TEST(LiveLog, RefusesAHeaderThatIsNotThatOfALog) {
   EXPECT_THROW(read("", torque()), DataError);
 }
 
+std::vector<double> times_of(const std::vector<LiveRow>& rows) {
+  std::vector<double> times;
+  for (const LiveRow& row : rows) times.push_back(row.time);
+  return times;
+}
+
+TEST(LiveClock, HandsOutTheFirstRowsTogetherAndThenEachAtOnce) {
+  LiveClock clock;
+  for (const double time : {0.0, 0.01, 0.02, 0.03, 0.04}) EXPECT_TRUE(clock.push({time, {}, {}, {}}).empty());
+  EXPECT_EQ(clock.waiting(), 5U);
+  EXPECT_THAT(times_of(clock.push({0.09, {}, {}, {}})), ElementsAre(0.0, 0.01, 0.02, 0.03, 0.04, 0.09));
+  EXPECT_NEAR(clock.period(), 0.01, 1e-12);
+  EXPECT_NEAR(clock.step(), 0.05, 1e-12);
+  EXPECT_THAT(times_of(clock.push({0.1, {}, {}, {}})), ElementsAre(0.1));
+  EXPECT_FALSE(clock.anew());
+}
+
+TEST(LiveClock, StartsAnewWhereItWasSetBackOrFarForward) {
+  for (const double set : {-5.0, 1.7e9}) {
+    LiveClock clock;
+    for (int k = 0; k < 8; ++k) clock.push({0.01 * k, {}, {}, {}});
+    EXPECT_TRUE(clock.push({set, {}, {}, {}}).empty());
+    EXPECT_TRUE(clock.anew());
+    EXPECT_EQ(clock.step(), 0.0);
+    EXPECT_TRUE(clock.push({set + 0.02, {}, {}, {}}).empty());
+    EXPECT_FALSE(clock.anew());
+    EXPECT_THAT(times_of(clock.end()), ElementsAre(set, set + 0.02));
+    EXPECT_NEAR(clock.period(), 0.02, 1e-6);
+  }
+}
+
 }  // namespace
 }  // namespace heft::data

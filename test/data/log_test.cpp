@@ -334,8 +334,8 @@ TEST(Log, RefusesColumnsThatAreThereTwice) {
 }
 
 TEST(Log, RefusesWhatIsNotCommaSeparated) {
-  EXPECT_THAT(refusal("time;q1\n0;1\n"), HasSubstr("log.csv:1: the header has no comma but 'semicolons'"));
-  EXPECT_THAT(refusal("time\tq1\n0\t1\n"), HasSubstr("'tabs'; expected fields separated by commas"));
+  EXPECT_THAT(refusal("time;q1\n0;1\n"), HasSubstr("log.csv:1: the header has no comma but semicolons"));
+  EXPECT_THAT(refusal("time\tq1\n0\t1\n"), HasSubstr("but tabs; expected fields separated by commas"));
 }
 
 TEST(Log, RefusesALogWithoutHeader) {

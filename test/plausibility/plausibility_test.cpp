@@ -2,8 +2,10 @@
 // named.
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <string>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -216,6 +218,88 @@ TEST(Plausibility, TakesALoadedArmForSound) {
   InertialParameters<double>& link = loaded.joints.back().link;
   link[kMass] += 5.0, link[kMcz] += 0.5, link[kIxx] += 0.05, link[kIyy] += 0.05;
   EXPECT_THAT(check_torque(ur10e, log_of(loaded, 10)).findings, testing::IsEmpty());
+}
+
+/// Rows of a log into the check of a stream.
+struct Stream {
+  std::optional<TorqueCheck> found;
+  double at{0.0};  ///< time of the row that brought it, or of the last one [s]
+};
+Stream push(LiveCheck& check, const data::Log& log) {
+  Stream stream;
+  for (Eigen::Index k = 0; k < log.num_samples() && !stream.found; ++k) {
+    stream.at = log.time[k];
+    stream.found = check.push({log.time[k], log.q.row(k), {}, log.tau.row(k)});
+  }
+  return stream;
+}
+
+TEST(LivePlausibility, SuspectsNothingInASoundStream) {
+  for (const char* name : {"ur10e", "panda", "scara"}) {
+    LiveCheck check(robot(name), "-");
+    EXPECT_FALSE(push(check, log_of(robot(name), 1)).found) << name;
+    const std::optional<TorqueCheck> whole = check.end();
+    ASSERT_TRUE(whole.has_value()) << name;
+    EXPECT_THAT(whole->findings, testing::IsEmpty()) << name;
+    EXPECT_FALSE(check.end().has_value()) << "said once";
+  }
+}
+
+TEST(LivePlausibility, SaysOfTheFirstSecondsWhatTheCheckOfALogSays) {
+  data::Log sign = log_of(robot("ur10e"), 1), order = sign;
+  sign.tau.col(1) *= -1.0;
+  order.tau.col(1).swap(order.tau.col(2));
+  for (const auto& [log, text] : {std::pair{sign, "tau2 fits with the opposite sign"},
+                                  std::pair{order, "tau2 and tau3 look interchanged"}}) {
+    LiveCheck check(robot("ur10e"), "-");
+    const Stream stream = push(check, log);
+    ASSERT_TRUE(stream.found.has_value()) << text;
+    EXPECT_LT(stream.at, 10.0) << text;
+    EXPECT_TRUE(stream.found->refused());
+    EXPECT_THAT(stream.found->findings.front().message, HasSubstr(text));
+    EXPECT_EQ(stream.found->log, "-");
+  }
+}
+
+TEST(LivePlausibility, OfALogThatEndsBeforeIsThatOfTheLog) {
+  data::Log log = log_of(robot("ur10e"), 1);
+  log.tau.col(1) *= -1.0;
+  const Eigen::Index rows = (log.time.array() < 3.9).count();
+  LiveCheck check(robot("ur10e"), "-");
+  for (Eigen::Index k = 0; k < rows; ++k)
+    EXPECT_FALSE(check.push({log.time[k], log.q.row(k), {}, log.tau.row(k)}).has_value());
+  const std::optional<TorqueCheck> found = check.end();
+  ASSERT_TRUE(found.has_value());
+  EXPECT_TRUE(found->refused());
+}
+
+TEST(LivePlausibility, AnArmThatStandsUsesUpNoTime) {
+  data::Log log = log_of(robot("ur10e"), 1);
+  log.tau.col(1) *= -1.0;
+  LiveCheck check(robot("ur10e"), "-");
+  // Two minutes at the first pose, and the clock is set before it moves.
+  for (double t = -120.0; t < 0.0; t += 0.01)
+    EXPECT_FALSE(check.push({t, log.q.row(0), {}, log.tau.row(0)}).has_value());
+  log.time.array() -= 500.0;
+  const Stream stream = push(check, log);
+  ASSERT_TRUE(stream.found.has_value());
+  EXPECT_LT(stream.at, -490.0);
+  EXPECT_THAT(stream.found->findings.front().message, HasSubstr("tau2 fits with the opposite sign"));
+}
+
+TEST(LivePlausibility, RefusesSlipsOfUnits) {
+  data::Log degrees = log_of(robot("ur10e"), 1), milliseconds = degrees;
+  degrees.q *= 180.0 / std::numbers::pi;
+  milliseconds.time *= 1000.0;
+  for (const auto& [log, text] : {std::pair{degrees, "degrees"}, std::pair{milliseconds, "milliseconds"}}) {
+    LiveCheck check(robot("ur10e"), "-");
+    try {
+      push(check, log);
+      FAIL() << "took " << text;
+    } catch (const DataError& error) {
+      EXPECT_THAT(error.what(), testing::AllOf(testing::StartsWith("-: column '"), HasSubstr(text)));
+    }
+  }
 }
 
 }  // namespace

@@ -402,6 +402,9 @@ TEST(Retime, NamesTheJointAndThePlaceThatCannotBeHeld) {
 TEST(Retime, RefusesPathsThatAreNone) {
   const model::Robot robot = turntable(1.0, 10.0);
   EXPECT_THAT(refusal<DataError>([&] { through(robot, points({{0.1}})); }), HasSubstr("1 waypoint"));
+  data::Log degrees = pick_and_place();
+  degrees.q *= 180.0 / 3.14159265358979;
+  EXPECT_THAT(refusal<DataError>([&] { through(ur5e(), degrees); }), HasSubstr("multiplied by pi/180"));
   EXPECT_THAT(refusal<DataError>([&] {
                 through(robot, points({{0.1}, {0.2}, {0.2}}));
               }),

@@ -1,7 +1,9 @@
 // Logs whose numbers contradict the robot, as people bring them: each row alters a sound log, runs the command, and reads
 // what it says. Nothing may be written.
+#include <algorithm>
 #include <filesystem>
 #include <functional>
+#include <iterator>
 #include <numbers>
 #include <random>
 #include <string>
@@ -11,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/data/log.hpp"
+#include "heft/host/file.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/fourier_log.hpp"
 #include "support/run_heft.hpp"
@@ -150,6 +153,41 @@ TEST(Contradictions, OfTheUnloadedArmAreNeverGoodEither) {
                                    folder.path(""));
   EXPECT_THAT(outcome.out, testing::HasSubstr("\"verdict\": \"bad\""));
   EXPECT_THAT(outcome.out, testing::HasSubstr("log.csv: tau2 fits with the opposite sign"));
+}
+
+// A stream is refused by the same check, as soon as its first seconds show it, and not at its end with a load that cannot be.
+TEST(Contradictions, OfAStreamAreRefusedAsThoseOfALog) {
+  const TemporaryFolder folder;
+  data::write_log(folder.path("sound.csv"), sound_log(2));
+  data::write_log(folder.path("other.csv"), sound_log(3));
+  ASSERT_EQ(run_heft({"payload", "--urdf", "ur10e", "--baseline", "sound.csv", "--log", "other.csv", "-o",
+                      "bare.json"},
+                     folder.path(""))
+                .exit_code,
+            0);
+  for (const char* name : {"OppositeSign", "InterchangedTorques", "Degrees", "Amperes", "TorqueOfTheMotor"}) {
+    const auto* row = std::find_if(std::begin(kRows), std::end(kRows),
+                                   [&](const Contradiction& c) { return std::string(c.name) == name; });
+    ASSERT_NE(row, std::end(kRows)) << name;
+    data::Log log = sound_log(1);
+    row->alter(log);
+    data::write_log(folder.path("log.csv"), log);
+    const Outcome outcome = piped_heft("payload - --urdf ur10e --model bare.json",
+                                       host::read_file(folder.path("log.csv"), "log"), folder.path(""));
+    EXPECT_EQ(outcome.exit_code, 3) << name << outcome.err;
+    for (const std::string text : row->texts) {
+      if (text.find("log.csv") != std::string::npos) continue;
+      EXPECT_THAT(outcome.err, testing::HasSubstr(text)) << name;
+    }
+    EXPECT_THAT(outcome.out, testing::Not(testing::HasSubstr("samples taken"))) << name;
+  }
+  data::Log flipped = sound_log(1);
+  flip_second(flipped);
+  data::write_log(folder.path("log.csv"), flipped);
+  const Outcome accepted = piped_heft("payload - --urdf ur10e --model bare.json --accept-torque",
+                                      host::read_file(folder.path("log.csv"), "log"), folder.path(""));
+  EXPECT_EQ(accepted.exit_code, 4) << accepted.err;
+  EXPECT_THAT(accepted.err, testing::HasSubstr("warning: -: tau2 fits with the opposite sign"));
 }
 
 TEST(Contradictions, ASoundLogIsTaken) {

@@ -136,6 +136,30 @@ TEST_F(MonitorCommand, AStreamOutlivesRowsThatCannotBeUsed) {
   EXPECT_EQ(b.at("refused").get<int>() - a.at("refused").get<int>(), 5);
 }
 
+TEST_F(MonitorCommand, AStreamWhoseTorqueContradictsTheRobotIsRefusedAsALogIs) {
+  std::string text;
+  for (std::string row : lines_of(read("touched.csv"))) {
+    std::size_t field = 0;
+    for (int comma = 0; comma < 7; ++comma) field = row.find(',', field) + 1;  // tau3
+    if (!text.empty()) row.insert(field, "-");
+    const std::size_t twice = row.find("--", field);
+    if (twice == field) row.erase(field, 2);
+    text += row + "\n";
+  }
+  host::write_file_atomically(folder_->path("flipped.csv"), text);
+  const char* said = "the torque contradicts the robot: tau3 fits with the opposite sign";
+  const Outcome live = piped("monitor - --model watched.json", text),
+                log = run({"monitor", "--model", "watched.json", "--log", "flipped.csv"});
+  EXPECT_EQ(live.exit_code, 3) << live.out;
+  EXPECT_EQ(log.exit_code, 3) << log.out;
+  EXPECT_THAT(live.err, HasSubstr(std::string("-: ") + said));
+  EXPECT_THAT(log.err, HasSubstr(std::string("flipped.csv: ") + said));
+  EXPECT_THAT(live.out, testing::Not(HasSubstr("samples taken")));
+  const Outcome accepted = piped("monitor - --model watched.json --accept-torque", text);
+  EXPECT_EQ(accepted.exit_code, 0) << accepted.err;
+  EXPECT_THAT(accepted.err, HasSubstr("warning: -: tau3 fits with the opposite sign"));
+}
+
 TEST_F(MonitorCommand, AStreamThatIsNoLogEndsAtItsHeader) {
   const Outcome live = piped("monitor - --model watched.json", "hello\n1\n");
   EXPECT_EQ(live.exit_code, 3);
@@ -143,7 +167,30 @@ TEST_F(MonitorCommand, AStreamThatIsNoLogEndsAtItsHeader) {
   EXPECT_EQ(piped("monitor - --model watched.json --log touched.csv", "").exit_code, 2);
   EXPECT_EQ(piped("monitor - --model watched.json --json out.json", "").exit_code, 2);
   EXPECT_EQ(piped("monitor - --model watched.json --report out.html", "").exit_code, 2);
-  EXPECT_EQ(piped("monitor touched.csv --model watched.json", "").exit_code, 2);
+  const Outcome misplaced = piped("monitor touched.csv --model watched.json", "");
+  EXPECT_EQ(misplaced.exit_code, 2);
+  EXPECT_THAT(misplaced.err, HasSubstr("--log touched.csv"));
+}
+
+// "Nothing touched the arm" is an answer, and rows that were not judged give none.
+TEST_F(MonitorCommand, AStreamInWhichNothingCouldBeJudgedIsNoGoodNews) {
+  const std::vector<std::string> rows = lines_of(read("touched.csv"));
+  std::string first = rows[0] + "\n", backwards = first;
+  for (std::size_t k = 1; k < 4; ++k) first += rows[k] + "\n";
+  for (std::size_t k = rows.size() - 1; k > 0; --k) backwards += rows[k] + "\n";
+  for (const std::string& text : {rows[0] + "\n", first, backwards}) {
+    const Outcome live = piped("monitor - --model watched.json", text);
+    EXPECT_EQ(live.exit_code, 4) << live.out;
+    EXPECT_THAT(live.err, HasSubstr("-: nothing could be judged: "));
+    EXPECT_THAT(live.out, testing::Not(HasSubstr("Nothing touched")));
+  }
+}
+
+TEST_F(MonitorCommand, ThresholdsOfTheMotorsTorqueAreNoneOfASensors) {
+  const Outcome done = run({"monitor", "--model", "watched.json", "--log", "touched.csv", "--torque-at",
+                            "joint", "--accept-torque"});
+  EXPECT_EQ(done.exit_code, 3) << done.out;
+  EXPECT_THAT(done.err, HasSubstr("found thresholds of torque at the motor; expected the joint"));
 }
 
 TEST_F(MonitorCommand, RefusesLogsThatItKnowsAlready) {

@@ -128,6 +128,14 @@ TEST_F(PayloadStream, EndsWithAReasonWhereItIsNoneOrShowsNothing) {
   expect(piped("payload - --urdf scara", ""), 2, "--baseline NOLOAD.csv");
   expect(piped("payload --urdf scara --model bare.json", ""), 2, "'-' for rows on standard input");
   expect(piped(std::string(kStream) + " --rows 9", log), 3, "expected 1 to 4");
+  expect(piped(std::string(kStream) + " --band 400", log), 3, "choose a lower cut-off");
+  expect(piped("payload carrying.csv --urdf scara --model bare.json", log), 2, "--log carrying.csv");
+  std::string backwards = log.substr(0, log.find('\n') + 1);
+  const std::vector<std::string> rows = lines_of(log);
+  for (std::size_t k = rows.size() - 1; k > 0; --k) backwards += rows[k] + "\n";
+  expect(piped(kStream, backwards), 4, "most rows were left out");
+  EXPECT_THAT(piped(std::string(kStream) + " --torque-constant 2", log).err,
+              HasSubstr("torque constants are for logs without them"));
 }
 
 // 2.805 kg, with the torque constants taken off as the logs without load show them.

@@ -48,7 +48,7 @@ data::LogSet open(const Options& options, const LoadedRobot& loaded, const model
   files.train = options.learn;
   files.split = 0.0;
   const std::optional<monitor::Thresholds> known = monitor::thresholds_of(file);
-  const bool at_joint = options.learn.empty() && known ? known->torque_at == "joint"
+  const bool at_joint = options.learn.empty() && known ? known->at() == TorqueAt::kJoint
                                                        : loaded.fit && loaded.fit->torque_at == "joint";
   if (!options.torque_at_given && at_joint) files.torque_at = TorqueAt::kJoint;
   return open_logs(loaded.robot, files);
@@ -58,9 +58,10 @@ data::LogSet open(const Options& options, const LoadedRobot& loaded, const model
 void run_live(const Options& options) {
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   const model::ModelFile file = model::read_model(options.robot.model);
-  monitor::LiveContacts contacts(file, loaded.robot, known_thresholds(file));
+  const monitor::Thresholds thresholds = known_thresholds(file);
+  monitor::LiveContacts contacts(file, loaded.robot, thresholds);
   for (const std::string& line : contacts.notes()) note(line);
-  data::LiveLog rows(options.stream, live_needs(options.log, loaded.robot), note);
+  LiveRows rows(options.stream, options.log, loaded.robot, thresholds.at());
   LiveOutput output(options.result);
   for (data::LiveRow row; output.is_read() && rows.next(row);) {
     for (const monitor::LiveContact& event : contacts.push(row))
@@ -68,6 +69,7 @@ void run_live(const Options& options) {
   }
   const monitor::LiveSummary summary = contacts.end(rows.refused());
   output.print(report::brief(summary), report::json(summary));
+  if (!summary.unanswered.empty()) throw NotIdentifiableError(options.stream + ": " + summary.unanswered);
 }
 
 void run(const Options& options) {
@@ -128,9 +130,8 @@ Action set_up_monitor(CommandLine line) {
   line.parse_complete_callback([options, line] {
     options->torque_at_given = line.count("--torque-at") > 0;
     if (!options->stream.empty()) {
-      refuse_with_stream(
-          line, options->result,
-          {"--log", "--learn", "--free", "--output", "--torque-at", "--rate", "--band", "--accept-torque"});
+      refuse_with_stream(line, options->stream, options->result,
+                         {"--log", "--learn", "--free", "--output", "--torque-at", "--rate", "--band"});
     }
     if (line.count("--rate") > 0 && options->learn.empty()) {
       throw UsageError(

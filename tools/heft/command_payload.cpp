@@ -80,7 +80,7 @@ void run_live(const Options& options) {
   for (const std::string& line : arm.notes) note(line);
   note(report::brief(arm));
   payload::LiveLoad live(arm, how);
-  data::LiveLog rows(options.stream, live_needs(options.log, robot), note);
+  LiveRows rows(options.stream, options.log, robot, logs.torque_at());
   LiveOutput output(options.result);
   for (data::LiveRow row; output.is_read() && rows.next(row);) {
     if (const std::optional<payload::LiveEvent> event = live.push(row))
@@ -146,7 +146,7 @@ Action set_up_payload(CommandLine line) {
   add_result_options(line, options->result);
   line.parse_complete_callback([options, line] {
     if (!options->stream.empty()) {
-      refuse_with_stream(line, options->result, {"--log", "--output", "--true-mass"});
+      refuse_with_stream(line, options->stream, options->result, {"--log", "--output", "--true-mass"});
     } else if (options->log.logs.empty()) {
       throw UsageError("give a log with the load with --log LOG.csv, or '-' for rows on standard input");
     }

@@ -1,6 +1,7 @@
 #include "live_stream.hpp"
 
 #include <cstdio>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -12,12 +13,14 @@ void add_stream_argument(CommandLine line, std::string& stream) {
   line.add_option(
           "stream", stream,
           "'-': a log on standard input, row by row as it arrives; prints a line when something changes")
-      .type_name("-")
-      .one_of({"-"});
+      .type_name("-");
 }
 
-void refuse_with_stream(CommandLine line, const ResultOptions& result,
+void refuse_with_stream(CommandLine line, const std::string& stream, const ResultOptions& result,
                         std::initializer_list<const char*> others) {
+  if (stream != "-")
+    throw UsageError(
+        fmt::format("found '{0}'; expected a log with --log {0}, or '-' for rows on standard input", stream));
   for (const char* name : others) {
     if (line.count(name) > 0)
       throw UsageError(
@@ -28,6 +31,9 @@ void refuse_with_stream(CommandLine line, const ResultOptions& result,
     throw UsageError("--json of a stream is a line for each event on standard output; give --json -");
 }
 
+namespace {
+
+/// Torque, of this robot.
 data::LogRequirements live_needs(const LogOptions& options, const model::Robot& robot) {
   data::LogRequirements needs;
   needs.num_joints = robot.num_joints();
@@ -35,6 +41,21 @@ data::LogRequirements live_needs(const LogOptions& options, const model::Robot& 
   needs.torque = true;
   needs.torque_constant = files_of(options, robot).torque_constant;
   return needs;
+}
+
+}  // namespace
+
+LiveRows::LiveRows(const std::string& stream, const LogOptions& options, const model::Robot& robot,
+                   TorqueAt at)
+    : options_(options),
+      log_(stream, live_needs(options, robot), note),
+      check_(robot, stream, torque_options(at)) {}
+
+bool LiveRows::next(data::LiveRow& row) {
+  const bool more = log_.next(row);
+  const std::optional<plausibility::TorqueCheck> found = more ? check_.push(row) : check_.end();
+  if (found) static_cast<void>(judgement_of(*found, options_));
+  return more;
 }
 
 void LiveOutput::print(const std::string& text, const std::string& json) {

@@ -157,6 +157,8 @@ std::vector<model::Robot> known_robots() {
   return robots;
 }
 
+}  // namespace
+
 host::Judgement judgement_of(const plausibility::TorqueCheck& check, const LogOptions& options) {
   if (!options.accept_torque) plausibility::refuse_contradictions(check);
   host::Judgement judgement = check.judgement();
@@ -165,8 +167,6 @@ host::Judgement judgement_of(const plausibility::TorqueCheck& check, const LogOp
 }
 
 plausibility::Options torque_options(TorqueAt at) { return {at == TorqueAt::kMotor, known_robots}; }
-
-}  // namespace
 
 host::Judgement judge_torque(const data::MotionStream& log, const model::Robot& robot,
                              const LogOptions& options, TorqueAt at) {

@@ -19,6 +19,7 @@
 #include "heft/model/point_load.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/page/page.hpp"
+#include "heft/plausibility/plausibility.hpp"
 
 namespace heft::tools {
 
@@ -82,6 +83,12 @@ host::Judgement judge_torque(const data::MotionStream& log, const model::Robot& 
                              const LogOptions& options, TorqueAt at);
 host::Judgement judge_torque(const data::Log& log, const model::Robot& robot, const LogOptions& options,
                              TorqueAt at);
+
+/// What judge_torque makes of a check.
+/// @throws DataError as judge_torque
+host::Judgement judgement_of(const plausibility::TorqueCheck& check, const LogOptions& options);
+/// How judge_torque compares.
+plausibility::Options torque_options(TorqueAt at);
 
 /// The same of every log that was given.
 host::Judgement judge_torque(const data::LogSet& logs, const model::Robot& robot, const LogOptions& options);

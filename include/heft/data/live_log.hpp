@@ -2,9 +2,11 @@
 /// A log that is still being written: rows from a pipe as they arrive.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -21,9 +23,46 @@ struct LiveRow {
   Eigen::VectorXd tau;  ///< torques, n [N·m, N]; size 0 where they were not asked for
 };
 
-/// Sample period of a stream: the median over its first rows, two at least [s].
-/// @throws DataError above 1 s: no filter follows an arm at that rate, and time in milliseconds looks like it
-double live_period(const std::vector<LiveRow>& first);
+/// When the rows of a stream come. The first of them give the sample period, which filters have to know before they take one; a row
+/// that does not follow the one before starts anew: the recorder's clock was set.
+///
+/// @code
+/// const std::vector<LiveRow>& rows = clock.push(row);
+/// if (clock.anew()) filter.reset();
+/// for (const LiveRow& each : rows) take(each, clock.period());
+/// @endcode
+class LiveClock {
+ public:
+  static constexpr std::size_t kFirstRows = 6;
+
+  /// @param name  of the stream, for messages; may be empty
+  explicit LiveClock(std::string name = "") : name_(std::move(name)) {}
+
+  /// Takes a row.
+  /// @return the rows to go through now: none until the sample period is known, then those that waited, then this one alone
+  /// @throws DataError for a sample period above 1 s: no filter follows an arm at that rate, and time in milliseconds looks like it
+  const std::vector<LiveRow>& push(const LiveRow& row);
+  /// The stream ends. @return rows that still waited: none, or two at least
+  const std::vector<LiveRow>& end();
+
+  /// The last row was a first one: the stream began with it, or goes on by another clock (time that does not increase, or leaps by
+  /// kLongestStep: a recorder that boots at zero is set to the time of day).
+  bool anew() const { return anew_; }
+  /// From the row before to the last one; 0 where that was a first one [s].
+  double step() const { return step_; }
+  /// Median over the first rows [s]. @pre rows were handed out since anew()
+  double period() const { return period_; }
+  /// Rows that wait for the sample period.
+  std::size_t waiting() const { return first_.size(); }
+
+ private:
+  const std::vector<LiveRow>& hand_out_first();
+
+  std::string name_;
+  std::vector<LiveRow> first_, out_;
+  double last_{0.0}, step_{0.0}, period_{0.0};
+  bool started_{false}, anew_{false};
+};
 
 /// Reads rows as they arrive, each as soon as its line is complete. A row that cannot be used (fields missing, not a
 /// number, time that goes back) is refused with a note that names its line, and reading goes on behind it: one row must

@@ -79,6 +79,7 @@ struct Thresholds {
   std::vector<std::string> notes;  ///< what a user should know besides
 
   bool usable() const { return judgement.usable(); }
+  data::TorqueAt at() const { return torque_at == "joint" ? data::TorqueAt::kJoint : data::TorqueAt::kMotor; }
   /// The model with these thresholds in its field "contact_thresholds", which monitor and `heft export` read.
   model::ModelFile model_file(model::ModelFile model) const;
 };
@@ -157,10 +158,12 @@ struct LiveSummary {
   long samples{0};                           ///< taken
   long refused{0};                           ///< refused, by the filters or by whoever read the rows
   std::vector<Contact> contacts;             ///< one that lasted to the end ends there
+  /// Why nothing could be judged, as a sentence without a full stop; empty: something was.
+  std::string unanswered;
 };
 
 /// Finds contacts while rows arrive, with the code that monitor() runs over a log: what begins or ends with a row is known
-/// before the next one. The first kFirstRows give the sample period and are gone through together, while nothing could
+/// before the next one. The first data::LiveClock::kFirstRows give the sample period and are gone through together, while nothing could
 /// be judged yet.
 ///
 /// @code
@@ -171,8 +174,6 @@ struct LiveSummary {
 /// @endcode
 class LiveContacts {
  public:
-  static constexpr std::size_t kFirstRows = 6;
-
   /// @param file   whose parameters the robot has
   /// @throws ModelError when the thresholds are those of another robot
   LiveContacts(const model::ModelFile& file, const model::Robot& robot, const Thresholds& thresholds);

@@ -275,7 +275,7 @@ struct LiveSummary {
 /// Follows the load while rows arrive, with heft::LoadObserver as a controller runs it; the friction of every joint may have
 /// changed. A load is stated once the half-width of its 95 % interval is below 15 % of the mass, or 1 % of the arm's mass; the
 /// interval holds the model's error, the zero check and the torque scale, as that of estimate() does. What a row brings about is
-/// known before the next one. The first kFirstRows give the sample period and are gone through together, while nothing could be
+/// known before the next one. The first data::LiveClock::kFirstRows give the sample period and are gone through together, while nothing could be
 /// known yet.
 ///
 /// @code
@@ -286,7 +286,6 @@ struct LiveSummary {
 /// @endcode
 class LiveLoad {
  public:
-  static constexpr std::size_t kFirstRows = 6;
   /// Half-width of a mass that is stated, in parts of the mass [1]: enough to tell loads apart, and reached in seconds.
   static constexpr double kClear = 0.15;
   /// The same in parts of the arm's mass [1]: below this a load hardly matters to the arm.

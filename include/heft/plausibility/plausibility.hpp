@@ -3,9 +3,12 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "heft/data/live_log.hpp"
 #include "heft/data/log.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/verdict.hpp"
@@ -40,8 +43,8 @@ struct Finding {
 /// A joint's measured torque against the torque expected from the robot's masses.
 struct JointExpectation {
   double slope{0.0};  ///< measured over expected gravity and inertia torque, friction and offset fitted too
-  double slope_std{0.0};   ///< standard deviation of `slope`, with the uncertainty of the robot's masses
-  double torque_rms{0.0};  ///< measured [N·m, N]
+  double slope_std{0.0};     ///< standard deviation of `slope`, with the uncertainty of the robot's masses
+  double torque_rms{0.0};    ///< measured [N·m, N]
   double expected_rms{0.0};  ///< gravity and inertia torque [N·m, N]
   bool moving{false};
 };
@@ -78,6 +81,36 @@ struct Options {
 TorqueCheck check_torque(const model::Robot& robot, const data::MotionStream& log,
                          const Options& options = {});
 TorqueCheck check_torque(const model::Robot& robot, const data::Log& log, const Options& options = {});
+
+/// The same check, and that for unit slips (data::LogCheck), while rows arrive: after 4 s of motion, 8, 16, 32 and 64 s, or at the end,
+/// on all rows since the first. It runs beside the caller, who is not held up: what a check finds comes with the first row 1 s later.
+///
+/// An arm at rest shows nothing: its rows count for no time and are not kept. What rests on the size of a single joint's torque is no
+/// clear finding before 8 s: an arm that has hardly moved yet holds its weight by friction.
+///
+/// @code
+/// plausibility::LiveCheck check(robot, "-");
+/// for (data::LiveRow row; rows.next(row);)
+///   if (const auto found = check.push(row)) plausibility::refuse_contradictions(*found);
+/// @endcode
+class LiveCheck {
+ public:
+  /// @param name  of the stream, for messages
+  LiveCheck(const model::Robot& robot, std::string name, const Options& options = {});
+  ~LiveCheck();
+
+  /// Takes a row, with torque.
+  /// @return once: with the first clear finding, or when all checks are done
+  /// @throws DataError for a unit slip; as data::LiveClock::push
+  std::optional<TorqueCheck> push(const data::LiveRow& row);
+  /// The stream ends. @return what push() would have, if it has not yet
+  /// @throws DataError for a unit slip
+  std::optional<TorqueCheck> end();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 /// @throws DataError that lists the clear findings, if there are any
 void refuse_contradictions(const TorqueCheck& check);
