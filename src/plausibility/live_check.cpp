@@ -29,7 +29,7 @@ constexpr double kMostRate = 500.0;
 /// The clock was set: time goes on behind a gap [s].
 constexpr double kBreak = 1.0;
 /// Fewer are no motion to judge by.
-constexpr std::size_t kFewestRows = 50;
+constexpr std::size_t kLeastRows = 50;
 
 data::Log log_of(const std::vector<data::LiveRow>& rows, const std::string& name) {
   data::Log log;
@@ -142,7 +142,7 @@ std::optional<TorqueCheck> LiveCheck::push(const data::LiveRow& row) {
   static_cast<void>(my.clock.push(row));
   my.keep(row);
   if (my.running.valid()) return my.time >= my.due ? my.finish() : std::nullopt;
-  if (my.moved >= my.next && my.rows.size() >= kFewestRows) my.start();
+  if (my.moved >= my.next && my.rows.size() >= kLeastRows) my.start();
   return std::nullopt;
 }
 
@@ -152,7 +152,7 @@ std::optional<TorqueCheck> LiveCheck::end() {
   if (my.running.valid()) {
     if (std::optional<TorqueCheck> found = my.finish()) return found;
   }
-  if (my.rows.size() < kFewestRows) return std::nullopt;
+  if (my.rows.size() < kLeastRows) return std::nullopt;
   return my.close(my.check(my.moved));
 }
 
