@@ -6,6 +6,7 @@
 #include <fstream>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -88,7 +89,6 @@ std::vector<Case> cases_of(bool all) {
   });
   return list;
 }
-
 
 Options options_for(const std::string&) {
   Options options;
@@ -363,6 +363,46 @@ void expect_nothing(const std::vector<Case>& cases) {
 TEST(PlausibilityMeasured, SuspectsNoLogThatIsAsItShouldBe) {
   HEFT_NEEDS_MEASURED_DATA(data_folder());
   expect_nothing(cases_of(true));
+}
+
+/// What the check of a stream says of a log whose rows arrive, and with which row.
+struct Heard {
+  bool refused{false};
+  double after{0.0};  ///< since the first row [s]
+};
+Heard hear(const model::Robot& robot, const data::Log& log) {
+  LiveCheck check(robot, "-");
+  Heard heard;
+  std::optional<TorqueCheck> found;
+  for (Index k = 0; k < log.num_samples() && !found; ++k) {
+    data::LiveRow row{log.time[k], log.q.row(k), {}, log.tau.row(k)};
+    if (log.qd.cols() > 0) row.qd = log.qd.row(k);
+    found = check.push(row);
+    heard.after = log.time[k] - log.time[0];
+  }
+  if (!found) found = check.end();
+  heard.refused = found && found->refused();
+  return heard;
+}
+
+TEST(PlausibilityMeasured, RefusesNoStreamThatIsAsItShouldBeInEveryLog) {
+  HEFT_NEEDS_MEASURED_DATA(data_folder());
+  const std::vector<Case> cases = cases_of(true);
+  EXPECT_GT(cases.size(), 10U);
+  for (const Case& c : cases) {
+    const Loaded loaded = load(c);
+    EXPECT_FALSE(hear(loaded.robot, loaded.log).refused) << c.folder << "/" << c.log;
+  }
+}
+
+// Joint 2 of an arm on a table carries most.
+TEST(PlausibilityMeasured, AStreamOfAUr10eWithAWrongSignIsRefusedInTheFirstSecondsOfMotion) {
+  HEFT_NEEDS_MEASURED_DATA(data_folder());
+  Loaded loaded = load({"ur10e-dynamic-calibration", "exc-14h-50s-load2p805kg"});
+  loaded.log.tau.col(1) *= -1.0;
+  const Heard heard = hear(loaded.robot, loaded.log);
+  EXPECT_TRUE(heard.refused);
+  EXPECT_LT(heard.after, 10.0) << "it moves from 3.5 s on";
 }
 
 TEST(PlausibilityMeasured, NamesWhatIsWrong) {
