@@ -1,6 +1,10 @@
 #include "base_model.hpp"
 
+#include <algorithm>
+
+#include "heft/data/motion_stream.hpp"
 #include "heft/host/decompositions.hpp"
+#include "heft/regression/weighted_fit.hpp"
 
 namespace heft::diagnose {
 
@@ -13,13 +17,22 @@ Motion rigid_motion(const MotionTable& table) {
   return {table.q, table.qd, table.qdd, table.q, table.qd, table.qdd, table.direction, table.displacement};
 }
 
-BaseModel::BaseModel(const model::Robot& robot)
-    : columns_(robot,
-               {.rotor_inertia = false, .coulomb = true, .viscous = true, .offset = false, .couplings = {}}),
+regression::ModelStructure searched_structure() {
+  return {.rotor_inertia = false, .coulomb = true, .viscous = true, .offset = false, .couplings = {}};
+}
+
+regression::ModelStructure written_structure(bool joint_sensor) {
+  return {.rotor_inertia = !joint_sensor, .coulomb = true, .viscous = true, .offset = true, .couplings = {}};
+}
+
+BaseModel::BaseModel(const model::Robot& robot, const regression::ModelStructure& structure)
+    : columns_(robot, structure),
       base_(regression::find_base_parameters(columns_)),
       places_(static_cast<std::size_t>(columns_.num_joints())),
       coulomb_(places_.size(), -1),
-      viscous_(places_.size(), -1) {
+      viscous_(places_.size(), -1),
+      rotor_(places_.size(), -1),
+      offset_(places_.size(), -1) {
   for (int c = 0; c < columns(); ++c) {
     const regression::Column& column = columns_[base_.kept[static_cast<std::size_t>(c)]];
     for (int j = 0; j < num_joints(); ++j) {
@@ -28,6 +41,8 @@ BaseModel::BaseModel(const model::Robot& robot)
     }
     if (column.kind == ColumnKind::kCoulomb) coulomb_[static_cast<std::size_t>(column.joint)] = c;
     if (column.kind == ColumnKind::kViscous) viscous_[static_cast<std::size_t>(column.joint)] = c;
+    if (column.kind == ColumnKind::kRotorInertia) rotor_[static_cast<std::size_t>(column.joint)] = c;
+    if (column.kind == ColumnKind::kOffset) offset_[static_cast<std::size_t>(column.joint)] = c;
   }
 }
 
@@ -50,6 +65,7 @@ std::vector<MatrixXd> BaseModel::rows(const Motion& motion) const {
         double value = Y(joint, base_.kept[static_cast<std::size_t>(place)]);
         if (place == coulomb_[j]) value = motion.direction(i, joint);
         if (place == viscous_[j]) value = motion.qd(i, joint);
+        if (place == rotor_[j]) value = motion.qdd(i, joint);  // on the motor's side of an elastic joint
         rows[j](i, static_cast<Index>(c)) = value;
       }
     }
@@ -64,21 +80,39 @@ MatrixXd BaseModel::torque(const std::vector<MatrixXd>& rows, const VectorXd& be
 }
 
 model::Robot BaseModel::robot(const VectorXd& beta) const {
-  // Nearest in the norm of the parameters: x = x0 + Gᵀ (G Gᵀ)⁻¹ (β - G x0).
+  // Nearest in the norm of the parameters: x = x0 + Fᵀ (F Fᵀ)⁻¹ (β - G x0), F the columns of G that may move.
   const MatrixXd& G = base_.regrouping;
+  MatrixXd F = G;
+  for (int p = 0; p < columns_.count(); ++p) {
+    const bool own = std::find(base_.kept.begin(), base_.kept.end(), p) != base_.kept.end();
+    if (columns_[p].kind == ColumnKind::kRotorInertia && !own) F.col(p).setZero();
+  }
   const VectorXd x0 = columns_.values(columns_.robot());
   VectorXd change = beta.head(columns()) - G * x0;
-  solve_positive(G * G.transpose(), change);
-  const VectorXd x = x0 + G.transpose() * change;
+  solve_positive(F * F.transpose(), change);
+  const VectorXd x = x0 + F.transpose() * change;
   model::Robot robot = columns_.robot();
   columns_.apply(x, robot);
   return robot;
 }
 
+VectorXd BaseModel::identified(const std::vector<data::Log>& logs) const {
+  std::vector<data::MotionStream> streams;
+  std::vector<const data::MotionStream*> list;
+  for (const data::Log& log : logs) streams.emplace_back(log);
+  for (const data::MotionStream& stream : streams) list.push_back(&stream);
+  const VectorXd prior = base_.regrouping * columns_.values(columns_.robot());
+  regression::WeightedFit fit{
+      regression::compressed(columns_, base_, list, {}), VectorXd::Ones(num_joints()), {}};
+  regression::weigh_joints(prior, regression::kRidgeFromCondition, true, fit);
+  return fit.solution.beta;
+}
+
 VectorXd BaseModel::prior() const {
   VectorXd beta = base_.regrouping * columns_.values(columns_.robot());
   for (int c = 0; c < columns(); ++c) {
-    if (!is_link(c)) beta[c] = 0.0;
+    const ColumnKind kind = columns_[base_.kept[static_cast<std::size_t>(c)]].kind;
+    if (kind != ColumnKind::kLink && kind != ColumnKind::kRotorInertia) beta[c] = 0.0;
   }
   return beta;
 }

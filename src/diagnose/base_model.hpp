@@ -1,5 +1,5 @@
 /// @file
-/// Rigid bodies, Coulomb and viscous friction: the model that a diagnosis starts from.
+/// Rigid bodies and simple friction: what a diagnosis starts from, and what the model that it writes always has.
 #pragma once
 
 #include <string>
@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "heft/data/log.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/regression/base_parameters.hpp"
 #include "heft/regression/regression_columns.hpp"
@@ -25,16 +26,25 @@ struct Motion {
 /// The motion as logged.
 Motion rigid_motion(const MotionTable& table);
 
+/// Rigid bodies, Coulomb and viscous friction: what a search for effects begins with.
+regression::ModelStructure searched_structure();
+/// What identify fits, and the written model has: rotor inertia and offset as well.
+/// @param joint_sensor  torque was measured behind the gear, where no rotor is felt
+regression::ModelStructure written_structure(bool joint_sensor);
+
 /// Columns of the base model and what their coefficients mean.
 class BaseModel {
  public:
-  explicit BaseModel(const model::Robot& robot);
+  BaseModel(const model::Robot& robot, const regression::ModelStructure& structure);
 
   int columns() const { return static_cast<int>(base_.kept.size()); }  ///< b
   int num_joints() const { return columns_.num_joints(); }
   /// For each joint the base columns that reach its rows.
   const std::vector<std::vector<int>>& places() const { return places_; }
   int coulomb(int joint) const { return coulomb_[static_cast<std::size_t>(joint)]; }
+  /// Column of a joint's rotor inertia and offset; -1: the base has none, or holds it in that of a link.
+  int rotor(int joint) const { return rotor_[static_cast<std::size_t>(joint)]; }
+  int offset(int joint) const { return offset_[static_cast<std::size_t>(joint)]; }
   bool is_link(int column) const;
   /// "Izz1*".
   std::string name(int column) const { return base_.name(columns_, column); }
@@ -43,8 +53,11 @@ class BaseModel {
   /// Torque of these rows, m × n.
   /// @param beta  b or more values; those beyond are not looked at
   Eigen::MatrixXd torque(const std::vector<Eigen::MatrixXd>& rows, const Eigen::VectorXd& beta) const;
-  /// The robot nearest to the given one that has these base parameters.
+  /// The robot nearest to the given one that has these base parameters. A rotor inertia that no motion tells from the
+  /// links' stays the given one.
   model::Robot robot(const Eigen::VectorXd& beta) const;
+  /// The fit of identify to logs, b: its rows, weights and regularisation.
+  Eigen::VectorXd identified(const std::vector<data::Log>& logs) const;
   /// Base parameters of the given robot, b; friction 0.
   Eigen::VectorXd prior() const;
   /// What ten parameters of a link add to the base parameters, b × 10.
@@ -54,7 +67,7 @@ class BaseModel {
   regression::RegressionColumns columns_;
   regression::BaseParameters base_;
   std::vector<std::vector<int>> places_;
-  std::vector<int> coulomb_, viscous_;
+  std::vector<int> coulomb_, viscous_, rotor_, offset_;
 };
 
 }  // namespace heft::diagnose

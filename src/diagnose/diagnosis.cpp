@@ -7,21 +7,49 @@
 #include "search.hpp"
 #include "start.hpp"
 #include "veto.hpp"
+#include "written_model.hpp"
 
 namespace heft::diagnose {
 namespace {
 
 using Eigen::MatrixXd;
 
-/// Scores of predictions before and after on one set of logs, pooled and each.
-struct BeforeAndAfter {
-  std::vector<validate::Score> before, after;
-};
-
-BeforeAndAfter scores_of(const JudgedMotion& motion, const MatrixXd& before, const MatrixXd& after,
-                         double band) {
-  return {motion.scores(before, band), motion.scores(after, band)};
+/// Scores of a robot on logs that are read as for a model that does not say how.
+std::vector<validate::Score> ordinary_scores(const model::Robot& robot, const std::vector<data::Log>& logs,
+                                             double band) {
+  const JudgedMotion motion(robot, logs, {.cutoff = 0.0, .ordinary = true});
+  return motion.scores(motion.predicted(robot), band);
 }
+
+/// Puts the scores of the models beside each other.
+struct Scores {
+  Diagnosis& result;
+  double band;
+
+  /// The model as given and what identify makes of the training logs: both as anyone would judge them.
+  void put_ordinary(const std::vector<data::Log>& train, const std::vector<data::Log>& validate) const {
+    result.train_given = validate::pool(ordinary_scores(result.given, train, band));
+    result.validate_each_given = ordinary_scores(result.given, validate, band);
+    result.validate_given = validate::pool(result.validate_each_given);
+    result.train_identified = validate::pool(ordinary_scores(result.identified, train, band));
+    result.validate_each_identified = ordinary_scores(result.identified, validate, band);
+    result.validate_identified = validate::pool(result.validate_each_identified);
+  }
+  void put_train(const JudgedMotion& motion, const MatrixXd& before, const MatrixXd& after) const {
+    result.train_before = validate::pool(motion.scores(before, band));
+    result.train_after = validate::pool(motion.scores(after, band));
+    result.train = motion.traces(before, after);
+  }
+  void put_validate(const JudgedMotion& motion, const MatrixXd& before, const MatrixXd& after) const {
+    result.validate_each_before = motion.scores(before, band);
+    result.validate_each_after = motion.scores(after, band);
+    result.validate_before = validate::pool(result.validate_each_before);
+    result.validate_after = validate::pool(result.validate_each_after);
+    const MatrixXd nothing = MatrixXd::Zero(after.rows(), after.cols());
+    result.validate_torque = validate::pool(motion.scores(nothing, band));
+    result.validate = motion.traces(before, after);
+  }
+};
 
 std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources) {
   std::vector<data::Log> logs;
@@ -59,28 +87,22 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.check_joints();  // before the search: no effect is sought in a wrong joint
   search.forward();
   search.backward();
-  const auto without_each = reject_overfitted(search, judged_before);
-  result.findings = findings_of(search, without_each);
+  reject_overfitted(search, judged_before);
+  const auto base = std::make_shared<const BaseModel>(start.own, written_structure(options.joint_sensor));
+  const WrittenModel written(search, base);
+  result.findings = findings_of(search, written);
 
-  result.after = search.engine().robot();
-  const MatrixXd train_after = search.engine().predicted();
-  const MatrixXd judged_after = judged.predicted(result.after);
-  const BeforeAndAfter of_train = scores_of(fitted, train_before, train_after, start.band);
-  BeforeAndAfter of_judged = scores_of(judged, judged_before, judged_after, start.band);
-  result.train_before = validate::pool(of_train.before);
-  result.train_after = validate::pool(of_train.after);
-  result.validate_before = validate::pool(of_judged.before);
-  result.validate_after = validate::pool(of_judged.after);
-  result.validate_each_before = std::move(of_judged.before);
-  result.validate_each_after = std::move(of_judged.after);
-  const MatrixXd nothing = MatrixXd::Zero(judged_after.rows(), judged_after.cols());
-  result.validate_torque = validate::pool(judged.scores(nothing, start.band));
-  result.train = fitted.traces(train_before, train_after);
-  result.validate = judged.traces(judged_before, judged_after);
+  result.given = robot;
+  result.identified = base->robot(base->identified(train));
+  result.after = written.engine().robot();
+  const Scores scores{result, start.band};
+  scores.put_ordinary(train, validate);
+  scores.put_train(fitted, train_before, written.engine().predicted());
+  scores.put_validate(judged, judged_before, judged.predicted(result.after));
 
   search.check_joints();
   result.not_explained = search.wrong_joints();
-  result.unexplained = unexplained_of(search);
+  result.unexplained = unexplained_of(search, written.engine());
   result.refusals = search.refusals(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();

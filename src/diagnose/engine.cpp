@@ -40,13 +40,14 @@ Motion delayed(const MotionTable& table, double delay) {
 
 }  // namespace
 
-Engine::Engine(const model::Robot& robot, std::shared_ptr<const MotionTable> table,
+Engine::Engine(std::shared_ptr<const BaseModel> base, std::shared_ptr<const MotionTable> table,
                std::vector<GearCoupling<double>> pairs, double steady)
     : shared_(std::move(table)),
       table_(*shared_),
+      shared_base_(std::move(base)),
+      base_(*shared_base_),
       pairs_(std::move(pairs)),
       keep_(table_.keep),
-      base_(robot),
       motion_(rigid_motion(table_)),
       steady_(steady) {
   build();
@@ -88,7 +89,7 @@ void Engine::build() {
   }
   const bool other_rows = keep_ != keep;
   keep_ = std::move(keep);
-  if (plain_ == nullptr || elastic || other_rows || delay != delay_ || masses_held != plain_holds_masses_) {
+  if (plain_ == nullptr || elastic || other_rows || delay != delay_ || hold() != plain_hold_) {
     motion_ = delayed(table_, delay);
     delay_ = delay;
     plain_ = nullptr;
@@ -124,16 +125,34 @@ void Engine::deflect_links() {
   }
 }
 
-/// The problem of rigid bodies, Coulomb and viscous friction alone.
+/// How firmly each base column is held, b: 0 not at all.
+VectorXd Engine::hold() const {
+  constexpr double kHeld = 1e6;
+  VectorXd hold = VectorXd::Zero(base_.columns());
+  for (int c = 0; c < base_.columns(); ++c) {
+    const bool out = !left_out.empty() && left_out[static_cast<std::size_t>(c)];
+    if (out || (masses_held && base_.is_link(c))) hold[c] = kHeld;
+  }
+  for (const Candidate& e : accepted) {
+    const bool holds_rotor = e.effect.is<ElasticJoint>() && e.columns.count() > 1;
+    const int column = e.effect.is<Spring>() ? base_.offset(e.joint)
+                       : holds_rotor         ? base_.rotor(e.joint)
+                                             : -1;
+    if (column >= 0) hold[column] = kHeld;
+  }
+  return hold;
+}
+
+/// The problem of the base alone.
 void Engine::set_up_base() {
   rows_ = base_.rows(motion_);
-  VectorXd prior = base_.prior(), hold = VectorXd::Zero(prior.size());
-  for (int c = 0; masses_held && c < base_.columns(); ++c) {
-    constexpr double kHeld = 1e6;
-    if (base_.is_link(c)) prior[c] = base_theta_[c], hold[c] = kHeld;
+  VectorXd prior = base_.prior();
+  plain_hold_ = hold();
+  for (int c = 0; c < base_.columns(); ++c) {
+    if (plain_hold_[c] > 0.0) prior[c] = base_.is_link(c) ? base_theta_[c] : 0.0;
   }
-  plain_ = std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior, steady_, table_.tau, hold);
-  plain_holds_masses_ = masses_held;
+  plain_ = std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior, steady_, table_.tau,
+                                     plain_hold_);
   steady_ = plain_->steady();  // chosen once, or fits with and without an effect could not be compared
 }
 

@@ -12,10 +12,9 @@ namespace heft::diagnose {
 /// Base model and accepted effects on training logs.
 class Engine {
  public:
-  /// @param robot   with nothing but rigid bodies, Coulomb and viscous friction
   /// @param pairs   of joints that may share a motor
   /// @param steady  weight of the robot's own values, see Problem; 0: chosen
-  Engine(const model::Robot& robot, std::shared_ptr<const MotionTable> table,
+  Engine(std::shared_ptr<const BaseModel> base, std::shared_ptr<const MotionTable> table,
          std::vector<GearCoupling<double>> pairs, double steady = 0.0);
   Engine(const Engine&) = delete;  // the problem points into it
   Engine& operator=(const Engine&) = delete;
@@ -42,9 +41,13 @@ class Engine {
   bool weights_held{false};
   /// The masses stay those of the fit without effects: no joint pays for an effect of another one.
   bool masses_held{false};
+  /// Base columns that the model is fitted without; empty: none. A column that an effect in place contains (the offset
+  /// in that of a spring, the rotor inertia in that of an elastic joint) is left out anyway.
+  std::vector<bool> left_out;
   /// Joint whose standstill counts even if no friction that remembers is in place; -1: none.
   int standing_counts{-1};
 
+  std::shared_ptr<const BaseModel> shared_base() const { return shared_base_; }
   const Problem& problem() const { return *problem_; }
   const MotionTable& table() const { return table_; }
   /// Rows that count, m × n: those of the table, with the standstill of joints whose friction remembers and without
@@ -73,6 +76,7 @@ class Engine {
   /// Of the columns.
   Eigen::VectorXd fitted(std::size_t index) const;
   void deflect_links();
+  Eigen::VectorXd hold() const;
   void set_up_base();
   Eigen::MatrixXd joint_columns(std::size_t index);
   int add_to_problem(std::size_t index, bool deflect);
@@ -80,15 +84,16 @@ class Engine {
 
   std::shared_ptr<const MotionTable> shared_;
   const MotionTable& table_;
+  std::shared_ptr<const BaseModel> shared_base_;
+  const BaseModel& base_;
   std::vector<GearCoupling<double>> pairs_;
   Eigen::MatrixXd keep_;  ///< see keep()
-  BaseModel base_;
   Motion motion_;
   std::vector<Eigen::MatrixXd> rows_;  ///< of the base model, also those that do not count
   std::unique_ptr<Problem>
-      plain_;  ///< of the base alone, where motion and rows that count are those of `rows_`
-  bool plain_holds_masses_{false};
-  double delay_{0.0};  ///< of `motion_` [s]
+      plain_;                   ///< of the base alone, where motion and rows that count are those of `rows_`
+  Eigen::VectorXd plain_hold_;  ///< what it holds, see hold()
+  double delay_{0.0};           ///< of `motion_` [s]
   std::unique_ptr<Problem> problem_;
   model::Robot rigid_;                       ///< with the fitted base parameters
   Eigen::MatrixXd load_;                     ///< rigid-body torque of the fit, m × n

@@ -56,17 +56,26 @@ void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>&
   }
 }
 
+/// Whether the model that was given has a value for what an effect is.
+bool given_has(const model::Robot& given, const Candidate& e) {
+  if (e.joint < 0) return false;
+  const JointActuation<double>& actuation = given.joints[static_cast<std::size_t>(e.joint)].actuation;
+  return (e.effect.is<Offset>() && actuation.friction_offset != 0.0) ||
+         (e.effect.is<RotorInertia>() && actuation.rotor_inertia != 0.0);
+}
+
 }  // namespace
 
-std::vector<Finding> findings_of(Search& search, const std::vector<std::vector<VectorXd>>& without_each) {
+std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
   const Engine& engine = search.engine();
   const JudgedMotion& judged = *search.start().judged;
-  const model::Robot robot = engine.robot();
+  const model::Robot robot = written.engine().robot();
   const VectorXd after = judged.rms_error(judged.predicted(robot));
   std::vector<Finding> findings;
   for (std::size_t e = 0; e < engine.accepted.size(); ++e) {
     const Candidate& own = engine.accepted[e];
-    const VectorXd before = pooled(without_each[e]);
+    if (given_has(search.start().given, own)) continue;
+    const VectorXd before = judged.rms_error(judged.predicted(written.without(e)->robot()));
     const std::vector<Candidate> candidates = search.evidence(e);
     const int tried = std::max(search.tried(), tried_of(candidates));
     Candidate with_rest = own;  // judged with everything else in place
@@ -85,7 +94,7 @@ std::vector<Finding> findings_of(Search& search, const std::vector<std::vector<V
     f.validate_before = before[main];
     f.validate_after = after[main];
     add_rivals(own, trial.cv_gain, candidates, tried, f);
-    describe(own, engine.coefficients(e), robot, f);
+    describe(own, written.coefficients(e), robot, f);
     findings.push_back(std::move(f));
   }
   std::stable_sort(findings.begin(), findings.end(),
@@ -93,8 +102,7 @@ std::vector<Finding> findings_of(Search& search, const std::vector<std::vector<V
   return findings;
 }
 
-std::vector<Unexplained> unexplained_of(const Search& search) {
-  const Engine& engine = search.engine();
+std::vector<Unexplained> unexplained_of(const Search& search, const Engine& engine) {
   const MotionTable& table = engine.table();
   const MatrixXd residual = engine.problem().residual();
   const VectorXd noise = engine.noise_floor();

@@ -67,8 +67,9 @@ void refuse_too_few_parameters(const model::Robot& bare, const std::vector<data:
   constexpr std::size_t kMostNames = 8;
   const double seconds = extent_of(train).seconds;
   if (seconds >= kShort) return;
-  const JudgedMotion motion(bare, train, 0.0);
-  const Engine engine(bare, motion.shared_table(), {});
+  const JudgedMotion motion(bare, train, {});
+  const Engine engine(std::make_shared<const BaseModel>(bare, searched_structure()), motion.shared_table(),
+                      {});
   const double cutoff = motion.streams().front().summary().cutoff;
   const std::vector<std::string> missing = engine.undetermined(cutoff);
   const auto all = static_cast<std::size_t>(engine.num_base_parameters());

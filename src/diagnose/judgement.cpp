@@ -11,9 +11,6 @@
 namespace heft::diagnose {
 namespace {
 
-/// Rise of an error on a validation log that is reported.
-constexpr double kRises = 1.01;
-
 double evidence_of(const Unexplained& unexplained, const char* name) {
   for (const auto& [key, value] : unexplained.evidence) {
     if (key == name) return value;
@@ -34,17 +31,17 @@ std::vector<int> joints_with_structure(const Diagnosis& diagnosis) {
   return joints;
 }
 
-/// Joints whose error the effects raise on a validation log.
+/// Joints whose error on a validation log is above that of the identified model.
 std::vector<int> joints_made_worse(const Diagnosis& diagnosis) {
   std::vector<int> joints;
   const std::size_t logs =
-      std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+      std::min(diagnosis.validate_each_identified.size(), diagnosis.validate_each_after.size());
   for (std::size_t k = 0; k < logs; ++k) {
-    const Eigen::VectorXd &before = diagnosis.validate_each_before[k].rmse,
+    const Eigen::VectorXd &before = diagnosis.validate_each_identified[k].rmse,
                           &after = diagnosis.validate_each_after[k].rmse;
     for (Eigen::Index j = 0; j < std::min(before.size(), after.size()); ++j) {
       const int joint = static_cast<int>(j) + 1;
-      if (after[j] > kRises * before[j] && std::find(joints.begin(), joints.end(), joint) == joints.end())
+      if (after[j] > kWorse * before[j] && std::find(joints.begin(), joints.end(), joint) == joints.end())
         joints.push_back(joint);
     }
   }
@@ -90,8 +87,9 @@ host::Judgement Diagnosis::judgement() const {
   }
   const std::vector<int> worse = joints_made_worse(diagnosis);
   if (!worse.empty()) {
-    judgement.add(host::Verdict::kDoubtful,
-                  fmt::format("the error of {} rises on a validation log", named(worse)));
+    judgement.add(
+        host::Verdict::kDoubtful,
+        fmt::format("{} predicted worse on a validation log than by the identified model", named(worse)));
   }
   return judgement;
 }

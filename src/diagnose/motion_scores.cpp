@@ -10,15 +10,17 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, double cutoff) {
+std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, const Reading& reading) {
   std::vector<data::MotionStream> streams;
   data::StreamOptions options;
-  options.motion.cutoff = cutoff;
-  options.motion.smooth_position = true;
-  options.prefer_logged = false;
+  options.motion.cutoff = reading.cutoff;
   options.displacement = true;
-  options.cut_standstill =
-      false;  // the table marks standstill, and its rows count for friction that remembers
+  if (!reading.ordinary) {
+    options.motion.smooth_position = true;
+    options.prefer_logged = false;
+    // The table marks standstill, and its rows count for friction that remembers.
+    options.cut_standstill = false;
+  }
   for (const data::Log& log : logs) streams.emplace_back(log, options);
   return streams;
 }
@@ -52,8 +54,11 @@ std::vector<Run> runs_of(const MotionTable& table) {
 
 }  // namespace
 
-JudgedMotion::JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs, double cutoff)
-    : streams_(streams_of(logs, cutoff)), table_(table_of(robot, streams_)) {}
+JudgedMotion::JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs,
+                           const Reading& reading)
+    : streams_(streams_of(logs, reading)),
+      table_(table_of(robot, streams_)),
+      sign_width_(reading.ordinary ? validate::kSignWidth : table_->sign_width.maxCoeff()) {}
 
 MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
   const MotionTable& t = *table_;
@@ -62,7 +67,7 @@ MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
     const auto part = [&, first = begin, rows = count](const MatrixXd& whole) -> MatrixXd {
       return whole.middleRows(first, rows);
     };
-    validate::Predictor predictor(robot, 0.0, {.sign_width = t.sign_width.maxCoeff()});
+    validate::Predictor predictor(robot, 0.0, {.sign_width = sign_width_});
     predicted.middleRows(begin, count) = predictor.rows({t.time.segment(begin, count), part(t.q), part(t.qd),
                                                          part(t.qdd), part(t.tau), part(t.displacement)});
   }

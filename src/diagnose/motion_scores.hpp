@@ -12,15 +12,21 @@
 
 namespace heft::diagnose {
 
+/// How logs are read.
+struct Reading {
+  double cutoff{0.0};  ///< of the low-pass on q [Hz]; 0: chosen by each stream
+  /// As everyone reads them for a model that does not say how: velocities and accelerations as logged where they
+  /// agree with the position, friction's sign as wide as validate has it.
+  bool ordinary{false};
+};
+
 /// Logs as this room reads them.
-/// @param cutoff  of the low-pass on q [Hz]; 0: chosen by each stream
-std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, double cutoff);
+std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, const Reading& reading);
 
 /// Logs, their table and the scores of predictions along it.
 class JudgedMotion {
  public:
-  /// @param cutoff  as in streams_of()
-  JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs, double cutoff);
+  JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs, const Reading& reading);
 
   const std::vector<data::MotionStream>& streams() const { return streams_; }
   const MotionTable& table() const { return *table_; }
@@ -40,6 +46,7 @@ class JudgedMotion {
  private:
   std::vector<data::MotionStream> streams_;
   std::shared_ptr<const MotionTable> table_;
+  double sign_width_;  ///< of friction [rad/s, m/s]
 };
 
 /// Root of the mean square of several rms errors, n.

@@ -225,8 +225,8 @@ std::unique_ptr<Engine> Search::rebuilt_without(std::size_t index) const {
 
 std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
                                         int standing_counts) const {
-  auto other =
-      std::make_unique<Engine>(start_.robot, start_.train->shared_table(), start_.pairs, engine().steady());
+  auto other = std::make_unique<Engine>(engine().shared_base(), start_.train->shared_table(), start_.pairs,
+                                        engine().steady());
   other->weights_held = weights_held;
   other->masses_held = masses_held;
   other->standing_counts = standing_counts;

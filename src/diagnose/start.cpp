@@ -15,8 +15,8 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// Takes out of a robot what a diagnosis looks for.
-/// @return what that was, in words
+/// Takes effects out of a robot.
+/// @return which those were, in words
 std::vector<std::string> strip(model::Robot& robot) {
   std::vector<std::string> taken_out;
   for (const JointEffect<double>& effect : robot.effects) {
@@ -31,12 +31,6 @@ std::vector<std::string> strip(model::Robot& robot) {
     taken_out.push_back(
         fmt::format("coupling of joints {} and {}", coupling.driving + 1, coupling.driven + 1));
   if (robot.torque_delay > 0.0) taken_out.push_back("delay of the torque channel");
-  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    JointActuation<double>& actuation = robot.joints[j].actuation;
-    if (actuation.rotor_inertia != 0.0) taken_out.push_back(fmt::format("rotor inertia in joint {}", j + 1));
-    if (actuation.friction_offset != 0.0) taken_out.push_back(fmt::format("offset in joint {}", j + 1));
-    actuation.rotor_inertia = actuation.friction_offset = 0.0;
-  }
   robot.effects.clear();
   robot.elasticities.clear();
   robot.couplings.clear();
@@ -62,22 +56,24 @@ std::vector<GearCoupling<double>> pairs_of(const model::Robot& robot, const Diag
 }
 
 /// Training logs at one cut-off and the fit to them.
-void fit_at(double cutoff, const std::vector<data::Log>& train, Start& start) {
-  start.train = std::make_unique<JudgedMotion>(start.robot, train, cutoff);
-  start.engine = std::make_unique<Engine>(start.robot, start.train->shared_table(), start.pairs);
+void fit_at(double cutoff, const std::shared_ptr<const BaseModel>& base, const std::vector<data::Log>& train,
+            Start& start) {
+  start.train = std::make_unique<JudgedMotion>(start.robot, train, Reading{cutoff});
+  start.engine = std::make_unique<Engine>(base, start.train->shared_table(), start.pairs);
 }
 
 /// The cut-off that leaves the smallest residual: a low one loses motion, a high one lets encoder noise in.
 void choose_cutoff(const std::vector<data::Log>& train, const DiagnoseOptions& options, Start& start) {
   double from_motion = 0.0, highest = 0.0, bandwidth = 0.0;
-  for (const data::MotionStream& stream : streams_of(train, 0.0)) {
+  for (const data::MotionStream& stream : streams_of(train, {})) {
     if (highest == 0.0) highest = 0.4 * stream.summary().sample_rate;
     from_motion = std::max(from_motion, stream.summary().cutoff);
     bandwidth = std::max(bandwidth, stream.summary().bandwidth);
   }
   start.band = options.band > 0.0 ? options.band : validate::default_band(bandwidth);
   start.cutoff = options.cutoff;
-  if (start.cutoff > 0.0) return fit_at(start.cutoff, train, start);
+  const auto base = std::make_shared<const BaseModel>(start.robot, searched_structure());
+  if (start.cutoff > 0.0) return fit_at(start.cutoff, base, train, start);
   // Motion that is cut off cannot say what the torque does in the band that was asked for.
   const double lowest = options.band < highest ? options.band : 0.0;
   double least = 0.0, tried = -1.0;
@@ -90,7 +86,7 @@ void choose_cutoff(const std::vector<data::Log>& train, const DiagnoseOptions& o
     hz = std::max(hz, lowest);
     if (hz == tried || hz >= highest) continue;
     tried = hz;
-    fit_at(hz > 0.0 ? hz : 5.0, train, at);
+    fit_at(hz > 0.0 ? hz : 5.0, base, train, at);
     double logs = 0.0;
     const VectorXd rms = at.train->rms_error(at.engine->predicted());
     for (Index j = 0; j < rms.size(); ++j) logs += std::log(std::max(1e-12, rms[j]));
@@ -103,7 +99,7 @@ void choose_cutoff(const std::vector<data::Log>& train, const DiagnoseOptions& o
   }
   if (start.cutoff > 0.0) return;
   start.cutoff = from_motion;
-  fit_at(start.cutoff, train, start);
+  fit_at(start.cutoff, base, train, start);
 }
 
 }  // namespace
@@ -111,9 +107,12 @@ void choose_cutoff(const std::vector<data::Log>& train, const DiagnoseOptions& o
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
                const std::vector<data::Log>& validate, const DiagnoseOptions& options) {
   Start start;
-  start.robot = robot;
+  start.given = start.own = robot;
   start.pairs = pairs_of(robot, options);
-  const std::vector<std::string> taken_out = strip(start.robot);
+  const std::vector<std::string> taken_out = strip(start.own);
+  start.robot = start.own;
+  for (model::RobotJoint& joint : start.robot.joints)
+    joint.actuation.rotor_inertia = joint.actuation.friction_offset = 0.0;
   if (!taken_out.empty()) {
     start.notes.push_back(fmt::format(
         "the model's own {}: not kept but searched for again, since effects are found as what rigid "
@@ -122,7 +121,7 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
   }
   refuse_too_few_parameters(start.robot, train);
   choose_cutoff(train, options, start);
-  start.judged = std::make_unique<JudgedMotion>(start.robot, validate, start.cutoff);
+  start.judged = std::make_unique<JudgedMotion>(start.robot, validate, Reading{start.cutoff});
   if (!(start.engine->problem().counted().maxCoeff() > 0.0)) {
     throw NotIdentifiableError(
         "no joint moves in the training logs; expected a motion in which every joint moves; record one, "

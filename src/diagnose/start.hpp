@@ -13,7 +13,9 @@
 namespace heft::diagnose {
 
 struct Start {
-  model::Robot robot;                       ///< rigid bodies, Coulomb and viscous friction
+  model::Robot given;  ///< as it came
+  model::Robot robot;  ///< of it rigid bodies, Coulomb and viscous friction: what a search begins with
+  model::Robot own;    ///< of it what the written model has without an effect
   std::vector<GearCoupling<double>> pairs;  ///< of joints that may share a motor
   double cutoff{0.0};                       ///< of the low-pass on q [Hz]
   double band{0.0};                         ///< of the figures in band [Hz]

@@ -49,21 +49,20 @@ class Veto {
  public:
   explicit Veto(Search& search) : search_(search), judged_(*search.start().judged) {}
 
-  std::vector<std::vector<VectorXd>> run(const MatrixXd& base) {
+  void run(const MatrixXd& base) {
     const std::vector<VectorXd> at_first = judged_.rms_errors(base);
     std::vector<std::vector<VectorXd>> without_each;
     while (!search_.engine().accepted.empty()) {
       const Errors after = errors_of(search_.engine());
       if (!refuse_first(after, without_each)) continue;
       const auto [joint, run, culprit] = joint_made_worse(at_first, after.each, without_each);
-      if (culprit < 0) return without_each;
+      if (culprit < 0) return;
       const auto at = static_cast<std::size_t>(culprit);
       if (!swap_in_held(at)) {
         search_.take_out(
             at, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
       }
     }
-    return {};
   }
 
  private:
@@ -163,8 +162,6 @@ class Veto {
 
 }  // namespace
 
-std::vector<std::vector<VectorXd>> reject_overfitted(Search& search, const MatrixXd& base) {
-  return Veto(search).run(base);
-}
+void reject_overfitted(Search& search, const MatrixXd& base) { Veto(search).run(base); }
 
 }  // namespace heft::diagnose

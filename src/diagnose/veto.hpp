@@ -2,8 +2,6 @@
 /// The validation logs have a veto.
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
 
 #include "search.hpp"
@@ -12,7 +10,6 @@ namespace heft::diagnose {
 
 /// Takes out effects that raise the error on a validation log, or gives them another form that does not.
 /// @param base  prediction of the fit without effects on the validation logs
-/// @return [effect][validation log]: rms errors without it, n
-std::vector<std::vector<Eigen::VectorXd>> reject_overfitted(Search& search, const Eigen::MatrixXd& base);
+void reject_overfitted(Search& search, const Eigen::MatrixXd& base);
 
 }  // namespace heft::diagnose

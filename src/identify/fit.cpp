@@ -19,7 +19,6 @@
 #include "physical.hpp"
 #include "robust.hpp"
 #include "total_least_squares.hpp"
-#include "weighted_solution.hpp"
 
 namespace heft::identify {
 
@@ -39,9 +38,8 @@ namespace {
 
 using Logs = std::vector<const data::MotionStream*>;
 using Rows = regression::ObservationRows;
+using regression::WeightedFit;
 
-/// Blocks at first; merged to several correlation times before the intervals are made [s].
-constexpr double kBlock = 0.5;
 /// Share of outliers that is worth a note; normal noise has 1.1 % of its rows at less than half weight.
 constexpr double kNotedOutliers = 0.03;
 /// A parameter counts as determined when this much of its value comes from the rows ...
@@ -65,17 +63,6 @@ struct Task {
   }
   void for_each_row(const std::function<void(const Rows&)>& rows) const {
     regression::for_each_observation(columns, base.kept, logs, options.observation, rows);
-  }
-};
-
-/// Rows, the weights of their joints and the estimate that these give.
-struct WeightedFit {
-  regression::BlockFactors factors;
-  Eigen::VectorXd weights;  ///< n, 1/σ²
-  Solution solution;
-
-  void solve_for(const Task& task) {
-    solution = solve(factors.weighted(weights), task.prior, task.options.ridge_from_condition);
   }
 };
 
@@ -109,14 +96,6 @@ void refuse_arm_at_rest(const regression::RegressionColumns& columns, const std:
       "back and forth at several speeds (heft excite designs one)");
 }
 
-/// First pass: the triangle of every joint and block.
-regression::BlockFactors compress(const Task& task) {
-  regression::BlockFactors factors(task.num_joints(), task.base.count(), kBlock);
-  task.for_each_row(
-      [&](const Rows& rows) { factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau); });
-  return factors;
-}
-
 /// Counts samples and rows. @throws DataError, NotIdentifiableError when there are too few
 void count_rows(const Task& task, const regression::BlockFactors& factors, Fit& result) {
   const int n = task.num_joints(), b = task.base.count();
@@ -138,31 +117,18 @@ void count_rows(const Task& task, const regression::BlockFactors& factors, Fit& 
   }
 }
 
-/// Weights from the scatter that the fit before leaves, until they converge.
-void weigh_joints(const Task& task, WeightedFit& fit) {
-  constexpr int kRounds = 6;
-  fit.solve_for(task);
-  for (int round = 0; round < kRounds && !task.is(Method::kOls); ++round) {
-    const Eigen::VectorXd before = fit.solution.beta;
-    fit.weights = weights_of(noise_of(fit.factors, fit.solution.beta));
-    fit.solve_for(task);
-    const double moved = fit.solution.scale.cwiseProduct(fit.solution.beta - before).norm();
-    if (moved < 1e-6 * fit.solution.scale.cwiseProduct(fit.solution.beta).norm()) break;
-  }
-}
-
 /// Outliers get less weight; from here on the reweighted rows are the rows.
 void reweight_outliers(const Task& task, WeightedFit& fit, Fit& result) {
   RobustOptions options;
   options.solve = [&](const regression::TriangularFactor& data) {
-    return solve(data, task.prior, task.options.ridge_from_condition).beta;
+    return regression::solve(data, task.prior, task.options.ridge_from_condition).beta;
   };
   RobustFit robust = fit_robust(task.columns, task.base, task.logs, task.options.observation,
-                                fit.solution.beta, noise_of(fit.factors, fit.solution.beta), options,
-                                [&](double done) { task.report(0.4 + 0.2 * done); });
+                                fit.solution.beta, regression::noise_of(fit.factors, fit.solution.beta),
+                                options, [&](double done) { task.report(0.4 + 0.2 * done); });
   fit.factors = std::move(robust.factors);
-  fit.weights = weights_of(robust.noise_std);
-  fit.solve_for(task);
+  fit.weights = regression::weights_of(robust.noise_std);
+  fit.solve_for(task.prior, task.options.ridge_from_condition);
   result.noise_std = robust.noise_std;
   if (!robust.converged) result.notes.push_back("reweighting did not converge; the last iterate is used");
   for (int j = 0; j < task.num_joints(); ++j) {
@@ -215,7 +181,8 @@ void put_estimate(const Task& task, const WeightedFit& fit, const Independence& 
     result.covariance = std::move(spread.covariance);
     result.blocks = spread.groups;
   } else {
-    Spread spread = spread_of(fit.factors, fit.weights, fit.solution, blocks.length, blocks.edge_factor);
+    regression::Spread spread =
+        regression::spread_of(fit.factors, fit.weights, fit.solution, blocks.length, blocks.edge_factor);
     result.covariance = std::move(spread.covariance);
     result.blocks = spread.blocks;
   }
@@ -232,7 +199,7 @@ void use_instruments(const Task& task, const Eigen::VectorXd& start, const Indep
   const InstrumentalFit fit =
       fit_instrumental(task.columns, task.base, task.logs, task.options.observation, start, result.noise_std,
                        options, [&](double done) { task.report(0.7 + 0.25 * done); });
-  const Eigen::VectorXd weights = weights_of(result.noise_std);
+  const Eigen::VectorXd weights = regression::weights_of(result.noise_std);
   result.bias =
       test_bias(fit.sums, weights, start, options.condition_limit, blocks.length, blocks.edge_factor);
   if (!to_fit) return;
@@ -312,8 +279,8 @@ Eigen::VectorXd with_base(const regression::BaseParameters& base, const Eigen::V
 void put_link_parameters(const Task& task, const regression::BlockFactors& factors,
                          const Eigen::VectorXd& size, Fit& result) {
   if (!task.options.link_parameters && !task.is(Method::kPhysical)) return;
-  const PhysicalFit physical =
-      fit_physical(task.columns, task.base, factors.weighted(weights_of(result.noise_std)), task.prior_x);
+  const PhysicalFit physical = fit_physical(
+      task.columns, task.base, factors.weighted(regression::weights_of(result.noise_std)), task.prior_x);
   result.repaired_prior = physical.repaired_prior;
   result.at_boundary = physical.at_boundary;
   result.physical_cost_ratio = physical.unconstrained_squared_error > 0.0
@@ -356,14 +323,17 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
   const Eigen::VectorXd prior_x = columns.values(robot);
   const Task task{options, logs, columns, result.base, prior_x, result.base.regrouping * prior_x};
 
-  WeightedFit weighted{compress(task), Eigen::VectorXd::Ones(task.num_joints()), {}};
+  WeightedFit weighted{regression::compressed(columns, task.base, logs, options.observation),
+                       Eigen::VectorXd::Ones(task.num_joints()),
+                       {}};
   task.report(0.35);
   count_rows(task, weighted.factors, result);
-  weigh_joints(task, weighted);
+  regression::weigh_joints(task.prior, options.ridge_from_condition, !task.is(Method::kOls), weighted);
   task.report(0.4);
   if (task.is(Method::kIrls)) reweight_outliers(task, weighted, result);
   if (task.is(Method::kTls)) allow_for_errors_in_columns(task, weighted, result);
-  if (!task.is(Method::kIrls)) result.noise_std = noise_of(weighted.factors, weighted.solution.beta);
+  if (!task.is(Method::kIrls))
+    result.noise_std = regression::noise_of(weighted.factors, weighted.solution.beta);
 
   const Independence blocks = independent_blocks(task, weighted, result.noise_std);
   task.report(0.7);

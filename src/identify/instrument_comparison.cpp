@@ -6,7 +6,7 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/regression/block_groups.hpp"
-#include "scaled_svd.hpp"
+#include "heft/regression/scaled_svd.hpp"
 
 namespace heft::identify {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 Frame frame_of(const regression::TriangularFactor& data, const Eigen::VectorXd& start,
                double condition_limit) {
   const Eigen::MatrixXd R = data.R();
-  const auto [scale, svd] = scaled_svd(R);
+  const auto [scale, svd] = regression::scaled_svd(R);
   const Eigen::VectorXd& s = svd.values;
   const double limit = condition_limit > 0.0 ? std::min(condition_limit, 1e10) : 1e10;
   const Eigen::Index k = s[0] > 0.0 ? (s.array() * limit >= s[0]).count() : 0;

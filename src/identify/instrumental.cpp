@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
+#include "heft/regression/weighted_fit.hpp"
 #include "heft/statistics/jackknife.hpp"
 #include "instrument_comparison.hpp"
-#include "weighted_solution.hpp"
 
 namespace heft::identify {
 namespace {
@@ -67,7 +67,7 @@ InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
         fmt::format("instruments: a start of {} parameters and {} noise levels; expected {} and {}",
                     start_beta.size(), start_noise.size(), base.count(), columns.num_joints()));
   }
-  const Eigen::VectorXd weights = weights_of(start_noise);
+  const Eigen::VectorXd weights = regression::weights_of(start_noise);
   const bool simulated = options.kind != Instruments::kDelayed;
   const int limit = simulated ? std::max(1, options.max_iterations) : 1;
   const auto fresh = [&] {

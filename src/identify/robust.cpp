@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
-#include "scaled_svd.hpp"
+#include "heft/regression/scaled_svd.hpp"
 
 namespace heft::identify {
 namespace {
@@ -103,7 +103,7 @@ class RowStore {
 /// Least squares in columns of norm 1; directions below rounding stay at `start`.
 Eigen::VectorXd solve_from(const regression::TriangularFactor& data, const Eigen::VectorXd& start) {
   const Eigen::MatrixXd R = data.R();
-  const auto [scale, svd] = scaled_svd(R);
+  const auto [scale, svd] = regression::scaled_svd(R);
   const Eigen::Index rank = (svd.values.array() > 1e-10 * svd.values[0]).count();
   const Eigen::VectorXd along = svd.U.leftCols(rank).transpose() * (data.z() - R * start);
   return start + (svd.V.leftCols(rank) * along.cwiseQuotient(svd.values.head(rank))).cwiseQuotient(scale);

@@ -24,8 +24,13 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   const model::Robot& robot = diagnosis.after;
   std::string text = brief(diagnosis) + "\n" + verdict_text(judgement_of(diagnosis, context));
   int rank = 0;
-  for (const Finding* effect : by_kind(diagnosis)) {
+  std::vector<const Finding*> order = by_kind(diagnosis);
+  std::stable_partition(order.begin(), order.end(), [](const Finding* f) { return !is_identified(*f); });
+  for (const Finding* effect : order) {
     const Finding& finding = *effect;
+    if (is_identified(finding) && (rank == 0 || !is_identified(*order[static_cast<std::size_t>(rank) - 1])))
+      text += "\nIdentified, without a value in the model given\n";
+    if (!is_identified(finding) && rank == 0) text += "\nFound missing\n";
     text += fmt::format("\n{}. {}\n", ++rank, capital(finding_in_place(diagnosis, finding)));
     const auto line = [&](const char* label, const std::string& content) {
       if (!content.empty()) text += fmt::format("   {:<12}{}\n", label, content);
@@ -45,25 +50,25 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
     line("the same as", rivals_in_words(finding.equivalent, false));
     if (!finding.rivals.empty() || !finding.equivalent.empty()) line("shown by", shown_by(finding));
   }
-  const auto scores = [&](const char* title, const validate::Score& before, const validate::Score& after) {
-    if (!has_scores(before, after)) return;
-    text += fmt::format("\n{}\n{}", title, before_after_table(before, after, robot).to_text(2));
+  const auto scores = [&](const char* title, const validate::Score& given, const validate::Score& identified,
+                          const validate::Score& diagnosed) {
+    const page::Table table = models_table(given, identified, diagnosed, robot);
+    if (!table.rows().empty()) text += fmt::format("\n{}\n{}", title, table.to_text(2));
   };
-  scores("Validation, not seen by the fit", diagnosis.validate_before, diagnosis.validate_after);
-  scores("Training", diagnosis.train_before, diagnosis.train_after);
-  if (has_scores(diagnosis.validate_before, diagnosis.validate_after)) {
+  scores("Validation, not seen by the fit", diagnosis.validate_given, diagnosis.validate_identified,
+         diagnosis.validate_after);
+  scores("Training", diagnosis.train_given, diagnosis.train_identified, diagnosis.train_after);
+  if (has_scores(diagnosis.validate_identified, diagnosis.validate_after)) {
     if (diagnosis.validate_torque.rmse_in_band.size() > 0) text += relative_error_in_words(diagnosis) + "\n";
-    text += fmt::format(
-        "{} Before: rigid bodies, Coulomb and viscous friction; after: with the effects. Positions through a "
-        "low-pass of {:.3g} Hz.\n",
-        score_meaning(diagnosis.validate_after), diagnosis.cutoff);
+    text += fmt::format("{} {} Positions through a low-pass of {:.3g} Hz.\n",
+                        score_meaning(diagnosis.validate_after), models_in_words(), diagnosis.cutoff);
   }
   if (diagnosis.validate_each_after.size() > 1) {
     const std::size_t count =
-        std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+        std::min(diagnosis.validate_each_identified.size(), diagnosis.validate_each_after.size());
     for (std::size_t k = 0; k < count; ++k) {
-      scores(diagnosis.validate_each_after[k].log.c_str(), diagnosis.validate_each_before[k],
-             diagnosis.validate_each_after[k]);
+      scores(diagnosis.validate_each_after[k].log.c_str(), diagnosis.validate_each_given[k],
+             diagnosis.validate_each_identified[k], diagnosis.validate_each_after[k]);
     }
   }
   for (const std::string& line : errors_that_rise(diagnosis)) text += "Worse: " + line + "\n";

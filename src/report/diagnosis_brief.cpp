@@ -76,6 +76,27 @@ std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
   return words;
 }
 
+/// "5 effects are missing, the strongest ...; rotor inertia in joint 3, which the given model has no value for, is
+/// identified": what is missing and what anyone would identify.
+std::string kinds_of(const std::vector<Finding>& findings) {
+  constexpr std::size_t kMostNames = 3;
+  std::vector<Finding> missing, known;
+  for (const Finding& finding : findings) (is_identified(finding) ? known : missing).push_back(finding);
+  std::vector<std::string> effects = kinds_in_place(missing);
+  const bool some = effects.size() > kMostNames;
+  if (some) effects.resize(kMostNames);
+  std::string text =
+      missing.empty()
+          ? "No effect is missing beyond what the given model has no value for and identify finds: "
+      : missing.size() == 1
+          ? "One effect is missing: "
+          : fmt::format("{} effects are missing{}", missing.size(), some ? ", the strongest " : ": ");
+  text += list_of(missing.empty() ? kinds_in_place(known) : effects);
+  if (missing.empty() || known.empty()) return text;
+  return text + fmt::format("; beside {} the given model has no value for {}, which identify finds",
+                            missing.size() == 1 ? "it" : "these", list_of(kinds_in_place(known)));
+}
+
 /// Fall of a joint's error on the validation logs, as a share.
 struct Fall {
   int joint;
@@ -87,7 +108,7 @@ constexpr double kMuch = 0.2;
 /// All joints, the largest fall first.
 std::vector<Fall> falls(const Diagnosis& diagnosis) {
   std::vector<Fall> all;
-  const validate::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
+  const validate::Score &before = diagnosis.validate_identified, &after = diagnosis.validate_after;
   if (!has_scores(before, after)) return all;
   for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
     if (before.rmse[j] > 0.0) all.push_back({static_cast<int>(j), 1.0 - after.rmse[j] / before.rmse[j]});
@@ -98,7 +119,8 @@ std::vector<Fall> falls(const Diagnosis& diagnosis) {
 
 /// "joint 2 (0.43 → 0.29 N·m, −33 %)".
 std::string fall_in_words(const Diagnosis& diagnosis, int joint) {
-  const double before = diagnosis.validate_before.rmse[joint], after = diagnosis.validate_after.rmse[joint];
+  const double before = diagnosis.validate_identified.rmse[joint],
+               after = diagnosis.validate_after.rmse[joint];
   return fmt::format("joint {} ({} → {} {}, {})", joint + 1, number(before, 3), number(after, 3),
                      torque_unit(diagnosis.after, joint), change_percent(before, after));
 }
@@ -144,12 +166,9 @@ std::string brief(const Diagnosis& diagnosis) {
           fmt::format(" This motion cannot distinguish it from {}.", list_of(names_of(finding.equivalent)));
     }
   } else {
-    constexpr std::size_t kMostNames = 3, kMostJoints = 2;
-    std::vector<std::string> effects = kinds_in_place(diagnosis.findings), joints;
-    const bool some = effects.size() > kMostNames;
-    if (some) effects.resize(kMostNames);
-    text = fmt::format("{} effects are missing{}{}", diagnosis.findings.size(),
-                       some ? ", the strongest " : ": ", list_of(effects));
+    constexpr std::size_t kMostJoints = 2;
+    std::vector<std::string> joints;
+    text = kinds_of(diagnosis.findings);
     for (const Fall& fall : falls(diagnosis)) {
       if (fall.share > 0.0 && joints.size() < kMostJoints)
         joints.push_back(fall_in_words(diagnosis, fall.joint));

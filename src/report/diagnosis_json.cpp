@@ -20,11 +20,14 @@ nlohmann::ordered_json joint_or_null(int joint) {
   return joint < 0 ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(joint + 1);
 }
 
-nlohmann::ordered_json before_after_json(const validate::Score& before, const validate::Score& after) {
+nlohmann::ordered_json before_after_json(const validate::Score& before, const validate::Score& identified,
+                                         const validate::Score& after) {
   nlohmann::ordered_json json;
   json["rmse_before"] = host::json_array(before.rmse);
+  json["rmse_identified"] = host::json_array(identified.rmse);
   json["rmse_after"] = host::json_array(after.rmse);
   json["rmse_in_band_before"] = host::json_array(before.rmse_in_band);
+  json["rmse_in_band_identified"] = host::json_array(identified.rmse_in_band);
   json["rmse_in_band_after"] = host::json_array(after.rmse_in_band);
   json["r2_before"] = host::json_array(before.r2);
   json["r2_after"] = host::json_array(after.r2);
@@ -110,8 +113,10 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   const double band = diagnosis.validate_after.band;
   json["band_hz"] = band > 0.0 ? nlohmann::ordered_json(band) : nlohmann::ordered_json(nullptr);
   json["cutoff_hz"] = diagnosis.cutoff;
-  json["train"] = before_after_json(diagnosis.train_before, diagnosis.train_after);
-  json["validate"] = before_after_json(diagnosis.validate_before, diagnosis.validate_after);
+  json["train"] =
+      before_after_json(diagnosis.train_before, diagnosis.train_identified, diagnosis.train_after);
+  json["validate"] =
+      before_after_json(diagnosis.validate_before, diagnosis.validate_identified, diagnosis.validate_after);
   if (diagnosis.validate_torque.rmse_in_band.size() > 0) {
     const RelativeErrors relative = relative_errors(diagnosis);
     nlohmann::ordered_json& validate = json["validate"];
@@ -142,9 +147,12 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   }
   json["validate_logs"] = nlohmann::ordered_json::array();
   for (std::size_t k = 0;
-       k < std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size()); ++k) {
+       k < std::min({diagnosis.validate_each_before.size(), diagnosis.validate_each_identified.size(),
+                     diagnosis.validate_each_after.size()});
+       ++k) {
     nlohmann::ordered_json entry{{"log", diagnosis.validate_each_after[k].log}};
-    entry.update(before_after_json(diagnosis.validate_each_before[k], diagnosis.validate_each_after[k]));
+    entry.update(before_after_json(diagnosis.validate_each_before[k], diagnosis.validate_each_identified[k],
+                                   diagnosis.validate_each_after[k]));
     json["validate_logs"].push_back(std::move(entry));
   }
   json["errors_that_rise"] = errors_that_rise(diagnosis);

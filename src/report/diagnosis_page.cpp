@@ -122,7 +122,7 @@ page::PlotSpec spectrum(const Traces& log, int joint, const std::string& unit) {
   return spec;
 }
 
-/// Without an effect before and after are one: one curve, without a legend.
+/// Without an effect what is shown is one model: one curve, without a legend.
 void leave_one_curve(const Diagnosis& diagnosis, page::PlotSpec& spec) {
   if (!diagnosis.findings.empty() || spec.series.size() < 2) return;
   spec.series.erase(spec.series.begin());
@@ -198,7 +198,7 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
                   "of time, over samples "
                   "of about the same velocity, position, frequency.",
                   diagnosis.findings.empty()
-                      ? " of rigid bodies, Coulomb and viscous friction"
+                      ? " of the model without effects"
                       : ". Before: rigid bodies, Coulomb and viscous friction. After: with the effects",
                   1e3 * kWindow));
   for (const diagnose::NotExplained& u : diagnosis.not_explained)
@@ -235,7 +235,7 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
 
 /// Error on the validation logs as a share of each joint's torque.
 void add_bars(page::Page& page, const Diagnosis& diagnosis) {
-  const validate::Score &before = diagnosis.validate_before, &after = diagnosis.validate_after;
+  const validate::Score &before = diagnosis.validate_identified, &after = diagnosis.validate_after;
   if (before.percent_of_max.size() == 0 || before.percent_of_max.size() != after.percent_of_max.size())
     return;
   page::PlotSpec spec;
@@ -245,8 +245,8 @@ void add_bars(page::Page& page, const Diagnosis& diagnosis) {
   for (Index j = 0; j < before.percent_of_max.size(); ++j)
     spec.categories.push_back(fmt::format("joint {}", j + 1));
   const auto heights = [](const Eigen::VectorXd& v) { return std::vector<double>(v.begin(), v.end()); };
-  spec.series = {page::bars("before", heights(before.percent_of_max), kBefore),
-                 page::bars("after", heights(after.percent_of_max), kAfter)};
+  spec.series = {page::bars("identified", heights(before.percent_of_max), kBefore),
+                 page::bars("diagnosed", heights(after.percent_of_max), kAfter)};
   leave_one_curve(diagnosis, spec);
   page.plot(spec);
 }
@@ -257,7 +257,7 @@ std::vector<page::Fact> facts_of(const Diagnosis& diagnosis) {
                    fmt::format("{} candidates tried", diagnosis.candidates)});
   const int best = most_improved_joint(diagnosis);
   if (!diagnosis.findings.empty() && best >= 0) {
-    const double from = diagnosis.validate_before.rmse[best], to = diagnosis.validate_after.rmse[best];
+    const double from = diagnosis.validate_identified.rmse[best], to = diagnosis.validate_after.rmse[best];
     facts.push_back(
         {fmt::format("validation error, joint {}", best + 1), change_percent(from, to),
          fmt::format("{} → {} {}", number(from, 3), number(to, 3), torque_unit(diagnosis.after, best))});
@@ -303,19 +303,22 @@ void add_unexplained(page::Page& page, const Diagnosis& diagnosis) {
 }
 
 void add_errors(page::Page& page, const Diagnosis& diagnosis) {
-  page.heading("Before and after");
+  page.heading("Given, identified, diagnosed");
   if (diagnosis.validate_after.rmse.size() > 0) {
     const model::Robot& robot = diagnosis.after;
-    page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, robot),
-               "Validation, not seen by the fit. " + score_meaning(diagnosis.validate_after));
+    page.table(models_table(diagnosis.validate_given, diagnosis.validate_identified, diagnosis.validate_after,
+                            robot),
+               "Validation, not seen by the fit. " + models_in_words() + " " +
+                   score_meaning(diagnosis.validate_after));
     const std::size_t logs =
-        std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+        std::min(diagnosis.validate_each_identified.size(), diagnosis.validate_each_after.size());
     for (std::size_t k = 0; logs > 1 && k < logs; ++k) {
-      page.table(
-          before_after_table(diagnosis.validate_each_before[k], diagnosis.validate_each_after[k], robot),
-          file_name_of(diagnosis.validate_each_after[k].log));
+      page.table(models_table(diagnosis.validate_each_given[k], diagnosis.validate_each_identified[k],
+                              diagnosis.validate_each_after[k], robot),
+                 file_name_of(diagnosis.validate_each_after[k].log));
     }
-    page.table(before_after_table(diagnosis.train_before, diagnosis.train_after, robot), "Training.");
+    page.table(models_table(diagnosis.train_given, diagnosis.train_identified, diagnosis.train_after, robot),
+               "Training.");
     if (diagnosis.validate_torque.rmse_in_band.size() > 0) page.paragraph(relative_error_in_words(diagnosis));
   }
   for (const std::string& line : errors_that_rise(diagnosis)) page.note("Worse: " + line);

@@ -24,14 +24,15 @@ std::vector<const diagnose::Finding*> by_kind(const diagnose::Diagnosis& diagnos
 std::string evidence_in_words(const diagnose::Finding& finding);
 /// "rms 1.59, noise 1.1; shares: drifts slowly 25 %; swings at 0.20 Hz 6.9 %".
 std::string evidence_in_words(const diagnose::Unexplained& unexplained);
-/// "All joints together, in band: error 6.81 → 4.02 % of the torque; ..."; asks for the torque's own score.
+/// "All joints together, in band: error identified 6.81, diagnosed 4.02 % of the torque; ..."; asks for the torque's own
+/// score.
 std::string relative_error_in_words(const diagnose::Diagnosis& diagnosis);
 /// "viscous_nonlinear, joint 2 (ΔBIC −640); ...".
 std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool with_score);
 
 /// Joint whose error on the validation logs falls most; -1: not known.
 int most_improved_joint(const diagnose::Diagnosis& diagnosis);
-/// Joints whose error rises by more than a hundredth on a validation log, one line each.
+/// Joints whose error on a validation log is more than a hundredth above that of the identified model, one line each.
 std::vector<std::string> errors_that_rise(const diagnose::Diagnosis& diagnosis);
 
 /// "3e-9", "< 1e-300".
@@ -42,9 +43,9 @@ bool has_scores(const validate::Score& before, const validate::Score& after);
 std::vector<diagnose::Refusal> strongest(const diagnose::Diagnosis& diagnosis);
 /// "joint 2, 15 % of the squared residual is no noise".
 std::string unexplained_in_words(const diagnose::Unexplained& unexplained);
-/// Before and after, in band: of all samples, and of the motion alone.
+/// Of the error in band against the torque, of all samples and of the motion alone [%].
 struct RelativeErrors {
-  double before, after, moving_before, moving_after;
+  double before, identified, after, moving_before, moving_identified, moving_after;
 };
 RelativeErrors relative_errors(const diagnose::Diagnosis& diagnosis);
 
@@ -55,9 +56,14 @@ std::string torque_unit(const model::Robot& robot);
 /// "N·m" or "N".
 std::string torque_unit(const model::Robot& robot, int joint);
 
-/// Errors of each joint before and after; empty rows when the scores are.
-page::Table before_after_table(const validate::Score& before, const validate::Score& after,
-                               const model::Robot& robot);
+/// Errors of each joint with the model as given, as identified and as diagnosed, which the changes are between the last
+/// two of; no rows where a score is missing.
+page::Table models_table(const validate::Score& given, const validate::Score& identified,
+                         const validate::Score& diagnosed, const model::Robot& robot);
+/// What the columns of models_table() are, as a sentence.
+std::string models_in_words();
+/// Whether the effect is a value that identify finds as well: rotor inertia, offset.
+bool is_identified(const diagnose::Finding& finding);
 /// Effects as by_kind() has them, with their evidence, and what else was tried: rivals.
 page::Table ranking_table(const diagnose::Diagnosis& diagnosis, const model::Robot& robot);
 /// The refusals that explain most, strongest first.

@@ -21,19 +21,24 @@ std::string percent_cell(double before, double after) {
 
 }  // namespace
 
-page::Table before_after_table(const validate::Score& before, const validate::Score& after,
-                               const model::Robot& robot) {
+page::Table models_table(const validate::Score& given, const validate::Score& identified,
+                         const validate::Score& diagnosed, const model::Robot& robot) {
   const std::string unit = torque_unit(robot);
-  page::Table table({"joint", fmt::format("RMSE before [{}]", unit), "after", "change [%]",
-                     fmt::format("in band before [{}]", unit), "after", "change [%]", "R² before", "after"});
-  if (!has_scores(before, after)) return table;
+  page::Table table({"joint", fmt::format("RMSE given [{}]", unit), "identified", "diagnosed", "change [%]",
+                     fmt::format("in band given [{}]", unit), "identified", "diagnosed", "change [%]",
+                     "R² given", "identified", "diagnosed"});
+  if (!has_scores(given, diagnosed) || !has_scores(identified, diagnosed)) return table;
   const auto r2 = [](double value) { return std::isfinite(value) ? fmt::format("{:.4f}", value) : "–"; };
-  for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
-    table.add_row({fmt::format("{}", j + 1), number(before.rmse[j], 3), number(after.rmse[j], 3),
-                   percent_cell(before.rmse[j], after.rmse[j]), number(before.rmse_in_band[j], 3),
-                   number(after.rmse_in_band[j], 3),
-                   percent_cell(before.rmse_in_band[j], after.rmse_in_band[j]), r2(before.r2[j]),
-                   r2(after.r2[j])});
+  for (Eigen::Index j = 0; j < diagnosed.rmse.size(); ++j) {
+    std::vector<std::string> row{fmt::format("{}", j + 1)};
+    for (const Eigen::VectorXd validate::Score::*error :
+         {&validate::Score::rmse, &validate::Score::rmse_in_band}) {
+      for (const validate::Score* score : {&given, &identified, &diagnosed})
+        row.push_back(number((score->*error)[j], 3));
+      row.push_back(percent_cell((identified.*error)[j], (diagnosed.*error)[j]));
+    }
+    for (const validate::Score* score : {&given, &identified, &diagnosed}) row.push_back(r2(score->r2[j]));
+    table.add_row(std::move(row));
   }
   return table;
 }

@@ -46,11 +46,24 @@ std::string unexplained_in_words(const diagnose::Unexplained& unexplained) {
 }
 
 RelativeErrors relative_errors(const Diagnosis& d) {
-  const validate::Score &before = d.validate_before, &after = d.validate_after, &torque = d.validate_torque;
-  return {relative_error(before.rmse_in_band, torque.rmse_in_band),
-          relative_error(after.rmse_in_band, torque.rmse_in_band),
-          relative_error(before.rmse_in_band_moving, torque.rmse_in_band_moving),
-          relative_error(after.rmse_in_band_moving, torque.rmse_in_band_moving)};
+  const validate::Score& torque = d.validate_torque;
+  const auto all = [&](const validate::Score& score) {
+    return relative_error(score.rmse_in_band, torque.rmse_in_band);
+  };
+  const auto moving = [&](const validate::Score& score) {
+    return relative_error(score.rmse_in_band_moving, torque.rmse_in_band_moving);
+  };
+  return {all(d.validate_before),    all(d.validate_identified),    all(d.validate_after),
+          moving(d.validate_before), moving(d.validate_identified), moving(d.validate_after)};
+}
+
+std::string models_in_words() {
+  return "Given: the model handed in. Identified: what heft identify makes of the training logs. Diagnosed: "
+         "the same together with the effects.";
+}
+
+bool is_identified(const Finding& finding) {
+  return finding.effect.is<Offset>() || finding.effect.is<RotorInertia>();
 }
 
 std::string capital(std::string text) {
@@ -107,10 +120,11 @@ std::string evidence_in_words(const diagnose::Unexplained& unexplained) {
 
 std::string relative_error_in_words(const Diagnosis& diagnosis) {
   const RelativeErrors relative = relative_errors(diagnosis);
-  std::string text = fmt::format("All joints together, in band: error {} → {} % of the torque",
-                                 number(relative.before, 3), number(relative.after, 3));
+  std::string text =
+      fmt::format("All joints together, in band: error identified {}, diagnosed {} % of the torque",
+                  number(relative.identified, 3), number(relative.after, 3));
   if (std::isfinite(relative.moving_after)) {
-    text += fmt::format("; without standstill at the ends {} → {} %", number(relative.moving_before, 3),
+    text += fmt::format("; without standstill at the ends {}, {} %", number(relative.moving_identified, 3),
                         number(relative.moving_after, 3));
   }
   return text + ".";
@@ -145,17 +159,16 @@ std::string torque_unit(const model::Robot& robot) {
 }
 
 std::vector<std::string> errors_that_rise(const Diagnosis& diagnosis) {
-  constexpr double kRise = 1.01;
   std::vector<std::string> lines;
   const std::size_t logs =
-      std::min(diagnosis.validate_each_before.size(), diagnosis.validate_each_after.size());
+      std::min(diagnosis.validate_each_identified.size(), diagnosis.validate_each_after.size());
   for (std::size_t k = 0; k < logs; ++k) {
-    const validate::Score &before = diagnosis.validate_each_before[k],
+    const validate::Score &before = diagnosis.validate_each_identified[k],
                           &after = diagnosis.validate_each_after[k];
     if (!has_scores(before, after)) continue;
     for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
-      if (after.rmse[j] <= kRise * before.rmse[j]) continue;
-      lines.push_back(fmt::format("{}: the error of joint {} rises from {} to {} {} ({})", before.log, j + 1,
+      if (after.rmse[j] <= diagnose::kWorse * before.rmse[j]) continue;
+      lines.push_back(fmt::format("{}: joint {}: identified {}, diagnosed {} {} ({})", before.log, j + 1,
                                   number(before.rmse[j], 3), number(after.rmse[j], 3),
                                   torque_unit(diagnosis.after, static_cast<int>(j)),
                                   change_percent(before.rmse[j], after.rmse[j])));

@@ -98,8 +98,9 @@ page::Page page(const MotorSideReport& report) {
   page.verdict(brief(report), judgement_of(report));
   page.table(joint_table(diagnosis), "Elastic joints among the effects of a diagnosis");
   page.paragraph(brief(diagnosis));
-  page.table(before_after_table(diagnosis.validate_before, diagnosis.validate_after, diagnosis.after),
-             "Errors on the validation logs, all effects found");
+  page.table(models_table(diagnosis.validate_given, diagnosis.validate_identified, diagnosis.validate_after,
+                          diagnosis.after),
+             "Errors on the validation logs. " + models_in_words());
   return page;
 }
 

@@ -31,7 +31,7 @@ const std::map<std::string, Rooms>& table() {
       {"sim", {"core", "data", "host", "model"}},
       {"plausibility", {"data", "host", "model", "statistics"}},
       {"collision", {"host", "model"}},
-      {"regression", {"core", "data", "host", "model"}},
+      {"regression", {"core", "data", "host", "model", "statistics"}},
       {"validate", {"core", "data", "host", "model", "statistics"}},
       {"drive", {"data", "host", "model", "statistics", "validate"}},
       {"payload", {"core", "data", "drive", "host", "model", "statistics", "validate"}},

@@ -46,7 +46,10 @@ Diagnosis empty_diagnosis() {
   diagnosis.train_after = score_of(0.3, 0.6);
   diagnosis.validate_before = score_of(0.43, 0.6);
   diagnosis.validate_after = score_of(0.29, 0.6);
+  diagnosis.train_given = diagnosis.train_identified = diagnosis.train_before;
+  diagnosis.validate_given = diagnosis.validate_identified = diagnosis.validate_before;
   diagnosis.validate_each_before = {diagnosis.validate_before};
+  diagnosis.validate_each_given = diagnosis.validate_each_identified = diagnosis.validate_each_before;
   diagnosis.validate_each_after = {diagnosis.validate_after};
   diagnosis.cutoff = 20.0;
   diagnosis.candidates = 321;
@@ -109,15 +112,33 @@ TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {
     finding.joint = joint;
     return finding;
   };
-  diagnosis.findings = {of(Stribeck{}, 0), of(Offset{}, 1), of(Spring{}, 0), of(Offset{}, 0),
-                        of(Ripple{}, 0)};
+  diagnosis.findings = {of(Stribeck{}, 0), of(Offset{}, 1), of(Spring{}, 0),
+                        of(Offset{}, 0),   of(Ripple{}, 0), of(Hysteresis{}, 0)};
   diagnosis.unexplained = {{0, "this", {}}, {1, "that", {}}, {1, "more", {}}};
   EXPECT_EQ(
       report::brief(diagnosis),
-      "5 effects are missing, the strongest Stribeck friction in joint 1, a torque offset in joints 1 and 2 "
-      "and a spring in joint 1. With all of them the error on the validation log falls most in "
+      "4 effects are missing, the strongest Stribeck friction in joint 1, a spring in joint 1 and torque "
+      "ripple over position in joint 1; beside these the given model has no value for a torque offset in joints 1 and 2, "
+      "which identify finds. With all of them the error on the validation log falls most in "
       "joint 1 (0.430 → 0.290 N·m, −33 %). Beyond that an unexplained residual remains: in joints 1 "
       "and 2.");
+}
+
+TEST(DiagnosisVerdict, DoesNotCallWhatIdentifyFindsMissing) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.findings = {stribeck(), stribeck()};
+  diagnosis.findings[0].effect = Offset{};
+  diagnosis.findings[1].effect = RotorInertia{};
+  EXPECT_THAT(report::brief(diagnosis),
+              StartsWith("No effect is missing beyond what the given model has no value for and identify "
+                         "finds: a torque offset in joint 1 and rotor inertia in joint 1. With all of them"));
+  diagnosis.findings[1] = stribeck();
+  const std::string text = report::full(diagnosis, kContext);
+  const auto missing = text.find("\nFound missing\n\n1. Stribeck friction in joint 1\n"),
+             identified = text.find("\nIdentified, without a value in the model given\n\n2. A torque offset");
+  EXPECT_NE(missing, std::string::npos) << text;
+  EXPECT_NE(identified, std::string::npos) << text;
+  EXPECT_LT(missing, identified);
 }
 
 TEST(DiagnosisVerdict, NamesPreslidingOfTwoDistancesOnce) {
@@ -179,16 +200,16 @@ TEST(DiagnosisWords, TellWhatIsLeftByItsShares) {
 TEST(DiagnosisWords, TellTheErrorAgainstTheTorque) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.validate_torque.rmse_in_band = Eigen::Vector2d(30.0, 40.0);
-  diagnosis.validate_before.rmse_in_band = Eigen::Vector2d(3.0, 4.0);
+  diagnosis.validate_identified.rmse_in_band = Eigen::Vector2d(3.0, 4.0);
   diagnosis.validate_after.rmse_in_band = Eigen::Vector2d(1.5, 2.0);
   EXPECT_EQ(report::relative_error_in_words(diagnosis),
-            "All joints together, in band: error 10.0 → 5.00 % of the torque.");
+            "All joints together, in band: error identified 10.0, diagnosed 5.00 % of the torque.");
   diagnosis.validate_torque.rmse_in_band_moving = Eigen::Vector2d(60.0, 80.0);
-  diagnosis.validate_before.rmse_in_band_moving = Eigen::Vector2d(3.0, 4.0);
+  diagnosis.validate_identified.rmse_in_band_moving = Eigen::Vector2d(3.0, 4.0);
   diagnosis.validate_after.rmse_in_band_moving = Eigen::Vector2d(0.6, 0.8);
   EXPECT_EQ(report::relative_error_in_words(diagnosis),
-            "All joints together, in band: error 10.0 → 5.00 % of the torque; without standstill at the ends "
-            "5.00 → 1.00 %.");
+            "All joints together, in band: error identified 10.0, diagnosed 5.00 % of the torque; without "
+            "standstill at the ends 5.00, 1.00 %.");
 }
 
 TEST(DiagnosisVerdict, DoesNotCallARiseACut) {
@@ -209,7 +230,7 @@ TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
   load.validate_before = 2.0;
   load.validate_after = 1.0;
   diagnosis.findings = {load};
-  diagnosis.validate_before = diagnosis.validate_after;
+  diagnosis.validate_identified = diagnosis.validate_after;
   EXPECT_EQ(
       report::brief(diagnosis),
       "A load of 0.5 kg was picked up 14.2 s into the training log: adding it cuts joint 2's error on the "
@@ -227,8 +248,9 @@ TEST(DiagnosisWords, TellEffectsKindByKindAndJointByJoint) {
   diagnosis.findings = {of(Hysteresis{}, 1), of(Offset{}, 0), of(Hysteresis{}, 0)};
   EXPECT_THAT(
       report::brief(diagnosis),
-      StartsWith("3 effects are missing: presliding (friction hysteresis) in joints 1 and 2 and a torque "
-                 "offset in joint 1."));
+      StartsWith(
+          "2 effects are missing: presliding (friction hysteresis) in joints 1 and 2; beside these the "
+          "given model has no value for a torque offset in joint 1, which identify finds."));
   std::vector<std::string> order;
   for (const Finding* f : report::by_kind(diagnosis))
     order.push_back(std::string(f->effect.id()) + std::to_string(f->joint));
@@ -267,7 +289,7 @@ TEST(DiagnosisJson, HasTheFieldsOfTheContract) {
   EXPECT_EQ(json.at("band_hz"), 8.0);
   for (const char* log : {"train", "validate"}) {
     for (const char* field : {"rmse_before", "rmse_after", "rmse_in_band_before", "rmse_in_band_after",
-                              "r2_before", "r2_after"}) {
+                              "r2_before", "r2_after", "rmse_identified", "rmse_in_band_identified"}) {
       EXPECT_EQ(json.at(log).at(field).size(), 2U) << log << ' ' << field;
     }
   }
@@ -328,18 +350,18 @@ TEST(DiagnosisText, CountsASlidingJointInNewtons) {
 
 TEST(DiagnosisText, NamesTheLogThatGetsWorse) {
   Diagnosis diagnosis = empty_diagnosis();
-  diagnosis.validate_each_before = {score_of(0.4, 0.6), score_of(0.4, 0.6)};
+  diagnosis.validate_each_identified = {score_of(0.4, 0.6), score_of(0.4, 0.6)};
   diagnosis.validate_each_after = {score_of(0.3, 0.603), score_of(0.3, 0.7)};
-  diagnosis.validate_each_after[1].log = diagnosis.validate_each_before[1].log = "monday.csv";
+  diagnosis.validate_each_after[1].log = diagnosis.validate_each_identified[1].log = "monday.csv";
   EXPECT_THAT(report::errors_that_rise(diagnosis),
-              ::testing::ElementsAre("monday.csv: the error of joint 2 rises from 0.600 to 0.700 N (+17 %)"));
+              ::testing::ElementsAre("monday.csv: joint 2: identified 0.600, diagnosed 0.700 N (+17 %)"));
 }
 
 TEST(DiagnosisText, StandsWithoutScoresAndTraces) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};
   for (validate::Score* score : {&diagnosis.train_before, &diagnosis.train_after, &diagnosis.validate_before,
-                                 &diagnosis.validate_after}) {
+                                 &diagnosis.validate_after, &diagnosis.validate_identified}) {
     *score = {};
   }
   diagnosis.validate_each_before = {{}};

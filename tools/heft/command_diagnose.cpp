@@ -118,9 +118,9 @@ Action set_up_diagnose(CommandLine line) {
         "(head -n 1 LOG.csv; tail -n +K LOG.csv) > second.csv");
   });
   line.footer(
-      "Rigid bodies, Coulomb and viscous friction are fitted; the residual is attributed to effects missing\n"
-      "from that model. An effect is accepted when it lowers the error on data not used for its fit by more\n"
-      "than chance and by enough to matter.\n"
+      "What heft identify fits, and the effects that are missing from it. An effect is accepted when it lowers\n"
+      "the error on data not used for its fit by more than chance and by enough to matter. Rotor inertia and\n"
+      "offset are in the model in any case, and named where the given one has no value for them.\n"
       "Example: heft diagnose --urdf ur10e --log a.csv --validate b.csv -o extended.json --report "
       "diagnosis.html");
   return [options] { run(*options); };

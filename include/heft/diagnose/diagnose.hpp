@@ -1,6 +1,6 @@
 /// @file
 /// What a model lacks: rigid bodies and friction are fitted, the residual is attributed to effects, these are added to
-/// the model and judged on logs that the fit has not seen. How it decides: src/diagnose/README.md.
+/// what identify would find and judged on logs that the fit has not seen. How it decides: src/diagnose/README.md.
 #pragma once
 
 #include <functional>
@@ -101,13 +101,24 @@ struct DiagnoseOptions {
 /// of the torque prediction (validate::kGoodPercent).
 inline constexpr double kRelevantStructure = 0.03;
 
+/// An error of this many times that of the identified model is worse [1]: what lies below is the scatter from log to log.
+inline constexpr double kWorse = 1.01;
+
 /// Result of a diagnosis.
 struct Diagnosis {
-  model::Robot before, after;  ///< the fitted models; `after` has the effects
+  model::Robot given;   ///< as handed in
+  model::Robot before;  ///< rigid bodies, Coulomb and viscous friction fitted: what the search begins with
+  /// What identify makes of the training logs: rotor inertia (where the torque was measured before the gear) and offset
+  /// as well.
+  model::Robot identified;
+  model::Robot after;  ///< what `identified` has, fitted again together with the effects
   validate::Score train_before, train_after, validate_before, validate_after;  ///< pooled over logs
+  /// The same of the other two, their motion derived as for a model that does not say how.
+  validate::Score train_given, train_identified, validate_given, validate_identified;
   validate::Score
       validate_torque;  ///< the same of the measured torque itself: errors of a model that predicts nothing
-  std::vector<validate::Score> validate_each_before, validate_each_after;
+  std::vector<validate::Score> validate_each_given, validate_each_before, validate_each_identified,
+      validate_each_after;
   std::vector<Finding> findings;  ///< strongest first
   std::vector<Refusal> refusals;
   std::vector<Unexplained> unexplained;
@@ -122,8 +133,8 @@ struct Diagnosis {
   bool joint_sensor{false};             ///< as in the options
 
   /// Bad: a joint that the arm model does not explain. Doubtful: structure above kRelevantStructure that no known
-  /// effect explains; an error that rises on a validation log by more than a hundredth. And the prediction with all
-  /// effects on each validation log: validate::judge_prediction().
+  /// effect explains; an error on a validation log that is more than a hundredth above that of the identified model.
+  /// And the prediction with all effects on each validation log: validate::judge_prediction().
   host::Judgement judgement() const;
   /// Whether that is not bad.
   bool usable() const { return judgement().usable(); }
@@ -134,11 +145,10 @@ struct Diagnosis {
 /// "joint 2 is not explained by the arm model at all (error 170 N·m, 98 % of its torque)".
 std::string in_words(const NotExplained& joint, const model::Robot& robot);
 
-
 /// What a robot's model lacks.
 ///
-/// @param robot  kinematics; its inertial parameters serve where the logs say nothing. What it holds in addition to rigid
-///               bodies, Coulomb and viscous friction is searched for again, and a note says so.
+/// @param robot  kinematics; its inertial parameters serve where the logs say nothing. Effects that it holds are searched
+///               for again, and a note says so.
 /// @param logs   at least one log to train on and one to judge on, with torque; a LogSet holds no sample in both
 /// @throws DataError when there is no log to judge on
 /// @throws ModelError for a coupling that is not one of two different joints of the robot

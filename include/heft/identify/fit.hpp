@@ -17,6 +17,7 @@
 #include "heft/regression/base_parameters.hpp"
 #include "heft/regression/observations.hpp"
 #include "heft/regression/regression_columns.hpp"
+#include "heft/regression/weighted_fit.hpp"
 
 namespace heft::identify {
 
@@ -46,7 +47,7 @@ struct FitOptions {
   int reference{0};
   /// Condition number of the weighted, column-scaled base regressor from which on a ridge towards the robot's
   /// own parameters steadies the fit; 0: never.
-  double ridge_from_condition{1000.0};
+  double ridge_from_condition{regression::kRidgeFromCondition};
   bool test_bias{true};  ///< run the Durbin-Wu-Hausman test (kWls, kOls): one more pass over the logs
   /// Look for link parameters that reproduce the base parameters; without, `Fit::robot` is the robot as given.
   bool link_parameters{true};

@@ -1,12 +1,17 @@
 /// @file
-/// Weighted least squares with a ridge where the rows need one, and its covariance. Derivation: src/identify/fit.md
+/// Weighted least squares with a ridge where the rows need one, and its covariance: the fit that identify writes, and
+/// that diagnose measures what it finds against. Derivation: src/identify/fit.md
 #pragma once
+
+#include <vector>
 
 #include <Eigen/Core>
 
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/observations.hpp"
 #include "heft/regression/triangular_factor.hpp"
 
-namespace heft::identify {
+namespace heft::regression {
 
 /// A least squares problem in columns of norm 1, steadied by a ridge where asked for.
 struct Solution {
@@ -17,6 +22,10 @@ struct Solution {
   /// How much of each parameter comes from the rows, 0..1: diagonal of V diag(σ²/(σ² + λ)) Vᵀ.
   Eigen::VectorXd resolution;
 };
+
+/// Condition number of the weighted rows, columns scaled to norm 1, from which on a ridge steadies a fit: what is
+/// known worse than that is noise.
+inline constexpr double kRidgeFromCondition = 1000.0;
 
 /// β = argmin ‖R β − z‖² + λ ‖S (β − β₀)‖², S the column norms. λ = 0 unless the condition number passes the
 /// limit; then λ = (σ_max/limit)², with which the steadied problem has about that condition number.
@@ -30,6 +39,28 @@ Eigen::VectorXd noise_of(const regression::BlockFactors& factors, const Eigen::V
 /// n: 1/σ². A residual of nothing but rounding must not make a weight of infinity.
 Eigen::VectorXd weights_of(const Eigen::VectorXd& noise);
 
+/// Rows, the weights of their joints and the estimate that these give.
+struct WeightedFit {
+  BlockFactors factors;
+  Eigen::VectorXd weights;  ///< n, 1/σ²
+  Solution solution;
+
+  /// The estimate of these rows with these weights.
+  void solve_for(const Eigen::VectorXd& prior, double ridge_from) {
+    solution = solve(factors.weighted(weights), prior, ridge_from);
+  }
+};
+
+/// Reads the logs once: the triangle of every joint and half second.
+BlockFactors compressed(const RegressionColumns& columns, const BaseParameters& base,
+                        const std::vector<const data::MotionStream*>& logs,
+                        const ObservationOptions& observation);
+
+/// Solves with weights from the scatter that the fit before leaves, until they converge; cost does not depend on the
+/// length of the logs.
+/// @param weighed     false: every joint's rows count alike
+void weigh_joints(const Eigen::VectorXd& prior, double ridge_from, bool weighed, WeightedFit& fit);
+
 struct Spread {
   Eigen::MatrixXd covariance;  ///< b × b
   int blocks{0};               ///< behind it
@@ -42,4 +73,4 @@ struct Spread {
 Spread spread_of(const regression::BlockFactors& factors, const Eigen::VectorXd& weights,
                  const Solution& solution, double length, double edge_factor);
 
-}  // namespace heft::identify
+}  // namespace heft::regression

@@ -6,7 +6,7 @@
 
 #include "heft/host/decompositions.hpp"
 
-namespace heft::identify {
+namespace heft::regression {
 
 /// R diag(scale)⁻¹ = U diag(values) Vᵀ.
 struct ScaledSvd {
@@ -22,4 +22,4 @@ inline ScaledSvd scaled_svd(const Eigen::MatrixXd& R) {
   return out;
 }
 
-}  // namespace heft::identify
+}  // namespace heft::regression

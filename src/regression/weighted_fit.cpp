@@ -1,4 +1,4 @@
-#include "weighted_solution.hpp"
+#include "heft/regression/weighted_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,12 +7,12 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/regression/block_groups.hpp"
+#include "heft/regression/scaled_svd.hpp"
 #include "heft/statistics/jackknife.hpp"
-#include "scaled_svd.hpp"
 
-namespace heft::identify {
+namespace heft::regression {
 
-Solution solve(const regression::TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from) {
+Solution solve(const TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from) {
   const auto [scale, svd] = scaled_svd(data.R());
   const double largest = svd.values[0];
   const double smallest = svd.values[svd.values.size() - 1];
@@ -35,16 +35,16 @@ Solution solve(const regression::TriangularFactor& data, const Eigen::VectorXd& 
   return s;
 }
 
-Eigen::VectorXd noise_of(const regression::BlockFactors& factors, const Eigen::VectorXd& beta) {
+Eigen::VectorXd noise_of(const BlockFactors& factors, const Eigen::VectorXd& beta) {
   Eigen::VectorXd noise(factors.num_joints());
   double all_rows = 0.0;
-  std::vector<regression::TriangularFactor> joints;
+  std::vector<TriangularFactor> joints;
   for (int j = 0; j < factors.num_joints(); ++j) {
     joints.push_back(factors.joint(j));
     all_rows += static_cast<double>(joints.back().rows());
   }
   for (int j = 0; j < factors.num_joints(); ++j) {
-    const regression::TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
+    const TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
     const auto rows = static_cast<double>(joint.rows());
     const double freedom =
         std::max(1.0, rows * (1.0 - static_cast<double>(beta.size()) / std::max(all_rows, 1.0)));
@@ -58,8 +58,31 @@ Eigen::VectorXd weights_of(const Eigen::VectorXd& noise) {
   return noise.cwiseMax(floor).cwiseAbs2().cwiseInverse();
 }
 
-Spread spread_of(const regression::BlockFactors& factors, const Eigen::VectorXd& weights,
-                 const Solution& solution, double length, double edge_factor) {
+BlockFactors compressed(const RegressionColumns& columns, const BaseParameters& base,
+                        const std::vector<const data::MotionStream*>& logs,
+                        const ObservationOptions& observation) {
+  constexpr double kBlock = 0.5;  // [s]; the covariance merges blocks to several correlation times
+  BlockFactors factors(columns.num_joints(), base.count(), kBlock);
+  for_each_observation(columns, base.kept, logs, observation, [&](const ObservationRows& rows) {
+    factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau);
+  });
+  return factors;
+}
+
+void weigh_joints(const Eigen::VectorXd& prior, double ridge_from, bool weighed, WeightedFit& fit) {
+  constexpr int kRounds = 6;
+  fit.solve_for(prior, ridge_from);
+  for (int round = 0; round < kRounds && weighed; ++round) {
+    const Eigen::VectorXd before = fit.solution.beta;
+    fit.weights = weights_of(noise_of(fit.factors, fit.solution.beta));
+    fit.solve_for(prior, ridge_from);
+    const double moved = fit.solution.scale.cwiseProduct(fit.solution.beta - before).norm();
+    if (moved < 1e-6 * fit.solution.scale.cwiseProduct(fit.solution.beta).norm()) break;
+  }
+}
+
+Spread spread_of(const BlockFactors& factors, const Eigen::VectorXd& weights, const Solution& solution,
+                 double length, double edge_factor) {
   struct Group {
     Eigen::MatrixXd A;
     Eigen::VectorXd g;
@@ -69,11 +92,11 @@ Spread spread_of(const regression::BlockFactors& factors, const Eigen::VectorXd&
   const Eigen::VectorXd inverse = solution.scale.cwiseInverse();
   Eigen::MatrixXd A = solution.ridge * Eigen::MatrixXd::Identity(b, b);
   std::vector<Group> groups;
-  for (const std::vector<int>& members : regression::groups_of(factors, length)) {
+  for (const std::vector<int>& members : groups_of(factors, length)) {
     Group& group = groups.emplace_back(Group{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)});
     for (const int k : members) {
       for (int j = 0; j < factors.num_joints(); ++j) {
-        const regression::TriangularFactor& factor = factors.factor(k, j);
+        const TriangularFactor& factor = factors.factor(k, j);
         if (factor.rows() == 0) continue;
         const Eigen::MatrixXd R = factor.R() * inverse.asDiagonal();
         group.A.noalias() += weights[j] * (R.transpose() * R);
@@ -96,4 +119,4 @@ Spread spread_of(const regression::BlockFactors& factors, const Eigen::VectorXd&
   return out;
 }
 
-}  // namespace heft::identify
+}  // namespace heft::regression
