@@ -97,7 +97,8 @@ void Engine::build() {
   refit(false);
   // Some effects are made of the load torque, or begin with the friction that holds a joint; the fit gives both.
   const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
-    return e.effect.is<LoadFriction>() || e.effect.is<BaseTilt>() || e.has_memory();
+    return e.effect.is<LoadFriction>() || e.effect.is<TorqueScale>() || e.effect.is<BaseTilt>() ||
+           e.has_memory();
   });
   for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
 }

@@ -95,6 +95,10 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.validate_after = after[main];
     add_rivals(own, trial.cv_gain, candidates, tried, f);
     describe(own, written.coefficients(e), robot, f);
+    const std::vector<std::string>& runs = engine.table().runs;
+    for (const int run : own.event_runs) {
+      if (runs.size() > 1) f.event_logs.push_back(runs[static_cast<std::size_t>(run)]);
+    }
     findings.push_back(std::move(f));
   }
   std::stable_sort(findings.begin(), findings.end(),

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <tuple>
 
 #include "candidates.hpp"
@@ -16,6 +17,14 @@ template <typename Effect>
 concept ReplacesCoulomb = requires {
   Effect::kReplacesCoulomb;
 };
+
+template <typename Effect>
+concept MayBeBetweenWhole = requires {
+  Effect::kBetweenWhole;
+};
+
+/// Golden-section steps between two shapes of the grid.
+constexpr int kRefinements = 8;
 
 template <typename Effect>
 MatrixXd columns_of(const Workbench& bench, int joint, double shape, FrictionForm form, double level) {
@@ -190,6 +199,17 @@ class Search {
       if (!range.fixed && !range.whole && gains[top] > 0.0) {
         best = refine(grid[top > 0 ? top - 1 : 0], grid[std::min(top + 1, grid.size() - 1)]);
       }
+      if constexpr (MayBeBetweenWhole<Effect>) {
+        // Fewer periods than that in the travel are no ripple but any curve over position.
+        constexpr double kLeastPeriods = 4.0;
+        const auto q = bench_.table->q.col(joint_);
+        const double periods = best * (q.maxCoeff() - q.minCoeff()) / (2.0 * std::numbers::pi);
+        if (periods > kLeastPeriods && gains[top] > 0.0) {
+          const double between = refine(best - 1.0, best + 1.0);
+          candidate.tried += kRefinements;
+          if (gains_of({between})[0] > (1.0 + Effect::kBetweenWhole) * gains[top]) best = between;
+        }
+      }
       if (!(gains[top] > 0.0)) candidate.refused = "explains nothing with physically possible values";
     }
     candidate.shape = best;
@@ -253,7 +273,7 @@ class Search {
     const auto gain = [&](double x) { return gains_of({std::exp(x)})[0]; };
     double x1 = b - kGolden * (b - a), x2 = a + kGolden * (b - a);
     double f1 = gain(x1), f2 = gain(x2);
-    for (int k = 0; k < 8; ++k) {
+    for (int k = 0; k < kRefinements; ++k) {
       if (f1 > f2) {
         b = x2, x2 = x1, f2 = f1;
         x1 = b - kGolden * (b - a);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -37,6 +38,9 @@ std::string own_objection(const Candidate& c, const MotionTable& table, bool joi
         c.trial.coefficients[0] * 0.5 * (q.maxCoeff() + q.minCoeff()) + c.trial.coefficients[1];
     if (slope < 0.25 * std::abs(middle)) return "is an offset rather than a spring";
   }
+  if (c.effect.is<FrictionCurve>() &&
+      std::accumulate(table.run_seconds.begin(), table.run_seconds.end(), 0.0) < kCurveSeconds)
+    return "needs half a minute of motion";
   if (joint_sensor && c.effect.is<RotorInertia>()) return "a sensor behind the gear does not feel the rotor";
   return {};
 }
@@ -88,7 +92,8 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   if (!c.refused.empty()) return c.refused;
   const auto in_place = std::count_if(round.taken.begin(), round.taken.end(),
                                       [&](const Candidate& e) { return same_place(e, c); });
-  if (in_place > (c.beside ? 1 : 0)) return "is in the model already";
+  // A second memory stands beside the first one, and what other effects hid may show more touches.
+  if (in_place > (c.beside ? 1 : 0) && !c.effect.is<Contact>()) return "is in the model already";
   if (!c.trial.valid) return "this motion cannot distinguish it from the rest of the model";
   if (c.joint >= 0 ? is_wrong(c.joint) : !wrong_joints->empty() && !explains_joints(c))
     return "the arm model does not explain this joint";
@@ -121,8 +126,8 @@ const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const
   const Candidate* simple = best;
   for (const Candidate& c : candidates) {
     if (c.joint != best->joint || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
-    if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < kSimpler * best->trial.cv_gain)
-      continue;
+    const double least = best->effect.is<FrictionCurve>() ? kFormula : kSimpler;
+    if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < least * best->trial.cv_gain) continue;
     if (objection(c, round).empty()) simple = &c;
   }
   return simple;

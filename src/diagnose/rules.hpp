@@ -30,6 +30,10 @@ inline constexpr double kHolds = 0.6;
 inline constexpr double kQuickestWarming = 3.0;
 /// A simpler effect on the same joint with this part of the gain goes before.
 inline constexpr double kSimpler = 0.95;
+/// A formula goes before a free curve with this part of its gain; what it leaves, the curve may explain next.
+inline constexpr double kFormula = 0.7;
+/// Least training motion for a free curve: its values want time at every speed [s].
+inline constexpr double kCurveSeconds = 30.0;
 /// Most that all effects may raise the error of a joint on a validation log.
 inline constexpr double kMayRise = 0.02;
 /// Most that an effect may raise its own joint's error in band there: what is bought with the slow part of the torque

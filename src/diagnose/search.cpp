@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "effects/contact.hpp"
 #include "joint_check.hpp"
 
 namespace heft::diagnose {
@@ -126,7 +127,14 @@ const Candidate* Search::best_of(std::vector<Candidate>& pool, const Rules::Roun
 }
 
 void Search::take(const Candidate& candidate) {
-  model().put(engine().accepted.size(), candidate);
+  std::vector<Candidate>& accepted = model().accepted;
+  const auto touched = std::find_if(accepted.begin(), accepted.end(),
+                                    [](const Candidate& e) { return e.effect.is<Contact>(); });
+  if (candidate.effect.is<Contact>() && touched != accepted.end()) {
+    add_touches(candidate, *touched);
+  } else {
+    model().put(accepted.size(), candidate);
+  }
   model().build();
   if (candidate.effect.is<ElasticJoint>() || candidate.effect.is<Delay>()) model().tune();
   find_memory_again(candidate.joint);

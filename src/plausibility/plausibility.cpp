@@ -264,7 +264,7 @@ class Judge {
   /// Another robot that is known explains the torque, and with masses of the right size.
   bool add_other_robot(const Structure& structure) {
     const double given = median_slope(slopes_);
-    if (!(given < kLight || given > kHeavy) || !options_.other_robots) return false;
+    if (!(given < kLight || given > kHeavy) || !surely_not_one() || !options_.other_robots) return false;
     const model::Robot* best = nullptr;
     double best_gain = -kTurnShare * comparison_.misfit();
     const std::vector<model::Robot> others = options_.other_robots();
@@ -285,6 +285,19 @@ class Judge {
          fmt::format("the torque is {:.2g} times what {} needs, and fits {}; check --urdf and --model", given,
                      robot_.name, best->name)});
     return true;
+  }
+
+  /// Half of the known slopes differ from one beyond doubt. Those of a fitted model, whose single masses mean little,
+  /// are known too roughly for that.
+  bool surely_not_one() const {
+    constexpr double kDeviations = 3.0;
+    int known = 0, off = 0;
+    for (const auto& slope : slopes_) {
+      if (!is_known(slope)) continue;
+      ++known;
+      off += std::abs(slope.first - 1.0) > kDeviations * slope.second ? 1 : 0;
+    }
+    return known > 0 && 2 * off >= known;
   }
 
   int heaviest() const {

@@ -66,6 +66,7 @@ nlohmann::ordered_json parameters_json(const Finding& finding) {
     json["events"] = nlohmann::ordered_json::array();
     for (std::size_t k = 0; k < finding.events.size(); ++k) {
       nlohmann::ordered_json event{{"t0", finding.events[k].first}, {"duration", finding.events[k].second}};
+      if (k < finding.event_logs.size()) event["log"] = finding.event_logs[k];
       if (k < finding.forces.size()) event["force"] = host::json_array(finding.forces[k]);
       json["events"].push_back(std::move(event));
     }

@@ -129,10 +129,15 @@ void leave_one_curve(const Diagnosis& diagnosis, page::PlotSpec& spec) {
   spec.series.front().label.clear();
 }
 
+/// Moments of an event and the log that they are of; no log: the first.
+struct EventMarks {
+  std::vector<page::Mark> marks;
+  std::string log;
+};
+
 /// Residual of a joint before and after: over time, against velocity and position, its spectrum.
 void add_joint(page::Page& page, const Diagnosis& diagnosis, const std::string& title,
-               const std::vector<Traces>& traces, int joint, bool prismatic,
-               const std::vector<page::Mark>& marks) {
+               const std::vector<Traces>& traces, int joint, bool prismatic, const EventMarks& events) {
   std::vector<const Traces*> logs;
   for (const Traces& log : traces) {
     if (usable(log, joint)) logs.push_back(&log);
@@ -141,10 +146,13 @@ void add_joint(page::Page& page, const Diagnosis& diagnosis, const std::string& 
   const std::string unit = prismatic ? "N" : "N·m", length = prismatic ? "m" : "rad";
   const Eigen::VectorXd before = joined(logs, &Traces::before, joint),
                         after = joined(logs, &Traces::after, joint);
-  std::vector<page::PlotSpec> plots{over_time(*logs.front(), joint, unit)};
+  const auto own =
+      std::find_if(logs.begin(), logs.end(), [&](const Traces* log) { return log->log == events.log; });
+  const Traces& over = own != logs.end() ? **own : *logs.front();
+  std::vector<page::PlotSpec> plots{over_time(over, joint, unit)};
   if (logs.size() > 1)
-    plots.front().title += " (" + std::filesystem::path(logs.front()->log).filename().string() + ")";
-  plots.front().marks = marks;
+    plots.front().title += " (" + std::filesystem::path(over.log).filename().string() + ")";
+  plots.front().marks = events.marks;
   plots.push_back(over_bins("Against velocity", fmt::format("velocity [{}/s]", length),
                             joined(logs, &Traces::qd, joint), before, after, unit));
   plots.push_back(over_bins("Against position", fmt::format("position [{}]", length),
@@ -164,16 +172,19 @@ int worst_joint(const Diagnosis& diagnosis) {
   return static_cast<int>(worst);
 }
 
-std::vector<page::Mark> marks_of(const Finding& finding) {
-  std::vector<page::Mark> marks;
+EventMarks marks_of(const Finding& finding) {
+  EventMarks events;
+  std::vector<page::Mark>& marks = events.marks;
+  if (!finding.event_logs.empty()) events.log = finding.event_logs.front();
   for (std::size_t k = 0; k < finding.events.size(); ++k) {
+    if (k < finding.event_logs.size() && finding.event_logs[k] != events.log) continue;
     marks.push_back({page::Mark::Direction::kVertical, finding.events[k].first, k == 0 ? "contact" : ""});
   }
   for (const auto& [name, value] : finding.parameters) {
     if (finding.effect.is<PayloadChange>() && name == "time")
       marks.push_back({page::Mark::Direction::kVertical, value, "load changes"});
   }
-  return marks;
+  return events;
 }
 
 void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
@@ -185,12 +196,11 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
   struct Shown {
     std::string why;
     bool training;
-    std::vector<page::Mark> marks;
+    EventMarks events;
   };
   std::map<int, Shown> shown;  // in the order of the joints
-  const auto show = [&](int joint, const std::string& why, bool training,
-                        const std::vector<page::Mark>& marks) {
-    if (joint >= 0 && joint < robot.num_joints()) shown.try_emplace(joint, Shown{why, training, marks});
+  const auto show = [&](int joint, const std::string& why, bool training, const EventMarks& events) {
+    if (joint >= 0 && joint < robot.num_joints()) shown.try_emplace(joint, Shown{why, training, events});
   };
   page.heading("Residuals");
   page.paragraph(
@@ -220,7 +230,7 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
     add_joint(page, diagnosis,
               fmt::format("Joint {}: {} ({})", joint + 1, what.why,
                           log_name(traces, what.training ? "training" : "validation")),
-              traces, joint, prismatic(joint), what.marks);
+              traces, joint, prismatic(joint), what.events);
   }
   std::vector<page::PlotSpec> others;
   for (int j = 0; j < robot.num_joints(); ++j) {

@@ -1,5 +1,6 @@
 #include "effect_words.hpp"
 
+#include <filesystem>
 #include <vector>
 
 #include <fmt/format.h>
@@ -166,6 +167,8 @@ std::string parameters_in_words(const Finding& finding, const model::Robot& robo
   for (std::size_t k = 0; k < finding.events.size(); ++k) {
     std::string event = fmt::format("at {} s for {} s", short_number(finding.events[k].first, 4),
                                     short_number(finding.events[k].second, 2));
+    if (k < finding.event_logs.size())
+      event += " of " + std::filesystem::path(finding.event_logs[k]).filename().string();
     if (k < finding.forces.size()) {
       const Eigen::Vector3d& f = finding.forces[k];
       event += fmt::format(" ({}, {}, {}) N", short_number(f.x(), 3), short_number(f.y(), 3),

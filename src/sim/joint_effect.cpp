@@ -23,6 +23,10 @@ class CoreEffect : public JointEffect {
     if constexpr (std::is_same_v<Effect, LoadFriction>) return parameters_[0];
     return 0.0;
   }
+  double load_gain() const override {
+    if constexpr (std::is_same_v<Effect, TorqueScale>) return parameters_[0];
+    return 0.0;
+  }
   int num_states() const override { return EffectWithMemory<Effect> ? 1 : 0; }
   void initial_state(const JointPoint&, double* state) const override {
     if constexpr (EffectWithMemory<Effect>) state[0] = 0.0;

@@ -99,10 +99,16 @@ Plant::Plant(const SimulationSettings& settings, const model::Robot& robot)
       loads_[i].state_offset.push_back(num_extra_);
       num_extra_ += effect->num_states();
       loads_[i].load_share += effect->load_share();
+      loads_[i].load_gain += effect->load_gain();
     }
     if (!(loads_[i].load_share >= 0.0 && loads_[i].load_share < 1.0)) {
       refuse(fmt::format("load friction of joint {}", i + 1), fmt::format("{}", loads_[i].load_share),
              "at least 0 and below 1");
+    }
+    // Otherwise the motor would have to turn with its load.
+    if (!(1.0 + loads_[i].load_gain - loads_[i].load_share > 0.0)) {
+      refuse(fmt::format("torque scale of joint {}", i + 1), fmt::format("{}", loads_[i].load_gain),
+             "more than load friction less 1");
     }
   }
   for (std::size_t k = 0; k < elastic_.size(); ++k) {
@@ -110,8 +116,8 @@ Plant::Plant(const SimulationSettings& settings, const model::Robot& robot)
   }
   for (int i = 0; i < n_; ++i) {
     const Load& load = loads_[static_cast<std::size_t>(i)];
-    if (load.load_share > 0.0 && load.elastic < 0)
-      loaded_.push_back({i, dynamics_.rotor_inertia(i), 0.0, 1.0});
+    if ((load.load_share > 0.0 || load.load_gain != 0.0) && load.elastic < 0)
+      loaded_.push_back({i, dynamics_.rotor_inertia(i), 0.0, load.load_gain, 1.0});
   }
   std::vector<double> z(static_cast<std::size_t>(num_extra_) + 1, 0.0);
   Eigen::VectorXd qd = settings.initial_velocity;
@@ -194,8 +200,9 @@ void Plant::accelerations(double t, const double* q, const double* qd, const dou
         sum += load.load.effects[k]->torque(at, z + load.state_offset[k]);
       }
       // Its bodies get the torque of the spring of an elastic joint.
-      if (load.load_share > 0.0 && load.elastic >= 0) {
-        sum += load.load_share * std::abs(spring_torque(load.elastic, q, qd)) * at.direction;
+      if (load.elastic >= 0 && (load.load_share > 0.0 || load.load_gain != 0.0)) {
+        const double passed_on = spring_torque(load.elastic, q, qd);
+        sum += load.load_share * std::abs(passed_on) * at.direction + load.load_gain * passed_on;
       }
     }
     friction_[i] = sum;
@@ -215,7 +222,7 @@ void Plant::solve(double t, const double* q, const double* qd) {
 }
 
 void Plant::solve_with_load_friction(double t, const double* q, const double* qd, const double* torque) {
-  // L + I q̈ + μ|L|s = T with T = τ − all other. With σ the sign of L and d = 1 + μ s σ > 0 this is the
+  // L + I q̈ + μ|L|s + gL = T with T = τ − all other. With σ the sign of L and d = 1 + g + μ s σ > 0 this is the
   // equation of a joint without load friction, L + (I/d) q̈ = T/d. Without a rotor σ is the sign of T.
   const std::vector<double> rest = net_;
   for (LoadedJoint& joint : loaded_) {
@@ -227,7 +234,7 @@ void Plant::solve_with_load_friction(double t, const double* q, const double* qd
   for (int pass = 0; pass < kPasses; ++pass) {
     net_ = rest;
     for (const LoadedJoint& joint : loaded_) {
-      const double d = 1.0 + joint.along * joint.side;
+      const double d = 1.0 + joint.gain + joint.along * joint.side;
       net_[static_cast<std::size_t>(joint.joint)] /= d;
       dynamics_.set_rotor_inertia(joint.joint, joint.rotor / d);
     }
@@ -235,7 +242,7 @@ void Plant::solve_with_load_friction(double t, const double* q, const double* qd
     bool turned = false;
     for (LoadedJoint& joint : loaded_) {
       const auto i = static_cast<std::size_t>(joint.joint);
-      const double d = 1.0 + joint.along * joint.side;
+      const double d = 1.0 + joint.gain + joint.along * joint.side;
       const double load = (rest[i] - joint.rotor * qdd_[i]) / d;
       friction_[i] = torque[i] - load - joint.rotor * qdd_[i];
       // A stuck joint has no such friction.

@@ -77,13 +77,15 @@ class Plant : public System {
     JointLoad load;
     std::vector<int> state_offset;  ///< of each effect's states within z
     double load_share{0.0};         ///< sum over the effects
+    double load_gain{0.0};          ///< the same of the shares with the load's own sign
     int elastic{-1};                ///< place in elastic_ of an elastic joint
   };
-  /// A joint with load friction and without a spring.
+  /// A joint with a torque that grows with its load, and without a spring.
   struct LoadedJoint {
     int joint;
     double rotor;  ///< inertia
     double along;  ///< μ times the direction
+    double gain;   ///< share with the load's own sign
     double side;   ///< sign of the load
   };
 

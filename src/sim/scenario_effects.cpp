@@ -77,6 +77,9 @@ void read_joint_effect(const SettingsReader& reader, int kind, const model::Robo
   if (kind == joint_effect_kind<LoadFriction>() && effect.parameters[0] >= 1.0) {
     reader.refuse("mu", "", "a number of at least 0 and below 1", "lower it");
   }
+  if (kind == joint_effect_kind<TorqueScale>() && effect.parameters[0] <= -1.0) {
+    reader.refuse("s", "", "a number above -1", "raise it");
+  }
   const auto i = static_cast<std::size_t>(effect.joint);
   JointEffects& effects = settings.loads[i].effects;
   if (kind == joint_effect_kind<Offset>() &&
@@ -205,8 +208,10 @@ void read_effects(const SettingsReader& top, const model::Robot& acting, Simulat
         reader.refuse("kind", fmt::format("\"{}\" a second time", id), "it once", "leave one of the two out");
       }
       if (!kKey<Effect>.empty() && top.has(std::string(kKey<Effect>))) {
-        reader.refuse("kind", fmt::format("both the effect \"{}\" and the key \"{}\" of the scenario", id, kKey<Effect>),
-                      "one of the two", "leave one out");
+        reader.refuse(
+            "kind",
+            fmt::format("both the effect \"{}\" and the key \"{}\" of the scenario", id, kKey<Effect>),
+            "one of the two", "leave one out");
       }
       if constexpr (ArmEffect<Effect>) {
         read(type, reader, reading);

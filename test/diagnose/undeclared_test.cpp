@@ -43,6 +43,7 @@ std::vector<KindOnArm> every_kind() {
   std::vector<KindOnArm> cases;
   for (const std::string& kind : test::undeclared_kinds())
     cases.emplace_back(kind, kind == "wrist_coupling" ? "arm6" : "scara4");
+  for (const char* kind : {"torque_scale", "friction_curve"}) cases.emplace_back(kind, "arm6");
   return cases;
 }
 

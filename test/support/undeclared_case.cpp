@@ -538,11 +538,14 @@ double contact_share(const ContactEvent& event, double t) {
   return smooth_step((t - event.start) / kFlank) * smooth_step((event.start + event.duration - t) / kFlank);
 }
 
+/// Values at the knots of a friction that rises to a hump at medium speed, as no formula does.
+constexpr double kCurve[] = {2.0, -2.4, 0.8};
+
 bool belongs_to_joint(const std::string& kind) {
   for (const char* name :
        {"stribeck", "offset", "viscous_nonlinear", "load_friction", "rotor_inertia", "elasticity", "spring",
-        "ripple", "hysteresis", "friction_drift", "outside:time_sine", "outside:neighbour",
-        "outside:random_walk", "outside:backlash_kick"}) {
+        "ripple", "hysteresis", "friction_drift", "torque_scale", "friction_curve", "outside:time_sine",
+        "outside:neighbour", "outside:random_walk", "outside:backlash_kick"}) {
     if (kind == name) return true;
   }
   return false;
@@ -732,6 +735,17 @@ class CaseMaker {
       return on_joint(
           j, [&](Eigen::Index k) { return std::abs(rigid_torque(k, dynamics)[j]) * direction(k, j); });
     }
+    if (kind == "torque_scale") {
+      return on_joint(j, [&](Eigen::Index k) { return rigid_torque(k, dynamics)[j]; });
+    }
+    if (kind == "friction_curve") {
+      return on_joint(j, [&](Eigen::Index k) {
+        const double u = std::abs(m.qd(k, j)) / p("V");
+        double sum = 0.0;
+        for (int i = 0; i < 3; ++i) sum += kCurve[i] * std::max(0.0, 1.0 - std::pow(3.0, i) * u);
+        return sum * direction(k, j);
+      });
+    }
     if (kind == "rotor_inertia") {
       return on_joint(j, [&](Eigen::Index k) { return m.qdd(k, j); });
     }
@@ -841,6 +855,7 @@ class CaseMaker {
     const bool prismatic =
         case_.truth.joints[static_cast<std::size_t>(j)].joint.type == JointType::kPrismatic;
     if (kind == "stribeck") p["vs"] = top * log_uniform(random_, 0.03, 0.15);
+    if (kind == "friction_curve") p["V"] = top * uniform(random_, 0.4, 0.8);
     if (kind == "offset") e.variant = chance(random_, 0.5) ? "bias" : "asymmetric";
     if (kind == "viscous_nonlinear") p["p"] = chance(random_, 0.5) ? 0.6 : 3.0;
     if (kind == "spring") p["q0"] = uniform(random_, low, high);
@@ -910,6 +925,10 @@ class CaseMaker {
     if (kind == "offset") p["tau0"] = size;
     if (kind == "viscous_nonlinear") p["c"] = size;
     if (kind == "load_friction") p["mu"] = std::min(0.4, size);
+    if (kind == "torque_scale") p["s"] = std::min(0.3, size);
+    if (kind == "friction_curve") {
+      for (int i = 0; i < 3; ++i) p[fmt::format("F{}", i + 1)] = size * kCurve[i];
+    }
     if (kind == "rotor_inertia") p["Ia"] = size;
     if (kind == "spring") p["k"] = size;
     if (kind == "ripple") p["A"] = size;

@@ -39,6 +39,7 @@ struct Finding {
   std::vector<std::pair<std::string, std::string>> words;  ///< parameters that are no numbers ("event")
   std::vector<std::pair<double, double>> events;           ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;                     ///< contact: on the robot, world frame [N]
+  std::vector<std::string> event_logs;  ///< contact: training log of each; empty where there is one log
   double p_value{1.0};    ///< robust to correlated residuals, times the number of candidates tried
   double delta_bic{0.0};  ///< with effective samples and the candidates tried; negative: better with it
   /// Fall of the rms error of its main joint on blocks not fitted, as a share; NaN for a contact, which is there once.

@@ -45,6 +45,9 @@ class JointEffect {
   /// load. The load depends on this friction in turn, so the simulator solves for it: torque() leaves it
   /// out in motion, where JointPoint::load is zero, and counts it at rest.
   virtual double load_share() const { return 0.0; }
+  /// Share s of the torque passed on to the bodies that the motor brings up in addition, with that torque's own sign:
+  /// s L; above -1.
+  virtual double load_gain() const { return 0.0; }
 
   virtual int num_states() const { return 0; }
   /// Start values of the states.

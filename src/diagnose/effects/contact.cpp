@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <Eigen/Cholesky>
 
@@ -28,6 +29,10 @@ constexpr double kOneForce = 0.6;
 /// A touch is alone. Where the next stretch comes to a third of it, something else is wrong all along.
 constexpr double kAlone = 3.0;
 constexpr int kMostTouches = 6;
+/// Where runs without a touch show what friction and a rough model leave, a touch need not stand so far above it: beyond
+/// this many times their largest statistic, not by chance, and with this share by one force.
+constexpr double kAboveFreeRuns = 2.0, kUnlikely = 1e-3, kOneForceBesideFreeRuns = 0.45;
+constexpr int kMostTouchesBesideFreeRuns = 20;
 constexpr double kBin = 0.02, kShortest = 0.26, kLongest = 1.2, kMargin = 0.1;  // [s]
 
 /// Rows of a bin that count for a joint. A joint at rest holds with whatever part of its friction it stopped with:
@@ -104,24 +109,54 @@ class BinnedLog {
   std::vector<MatrixXd> jacobians_;  ///< 3 × n, one a bin
 };
 
-/// Touches of one log, the clearest first.
+std::pair<Index, Index> with_margin(const Touch& touch, const ForceSums& sums) {
+  const auto margin = static_cast<Index>(kMargin / sums.seconds);
+  return {std::max<Index>(0, touch.first - margin), touch.first + touch.count + margin};
+}
+
+/// Touches of a log by itself, the clearest first.
 std::vector<Touch> touches_of(const ForceSums& sums) {
   std::vector<Touch> touches;
   std::vector<std::pair<Index, Index>> taken;
-  const auto margin = static_cast<Index>(kMargin / sums.seconds);
   double next = 0.0;
   for (int event = 0; event < kMostTouches; ++event) {
     const Touch best = best_touch(sums, taken);
     if (best.count == 0) break;
     next = best.statistic;
     if (best.statistic < kTouch || best.share < kOneForce) break;
-    taken.emplace_back(std::max<Index>(0, best.first - margin), best.first + best.count + margin);
+    taken.push_back(with_margin(best, sums));
     if (event < kMostTouches - 1) next = 0.0;
     touches.push_back(best);
   }
   while (!touches.empty() && touches.back().statistic < kAlone * next) {
     next = touches.back().statistic;
     touches.pop_back();
+  }
+  return touches;
+}
+
+/// Touches of each log beside the others. Runs of which no stretch is unlikely are free: they set how far above the rest
+/// a touch has to stand. Without such runs, or where most runs would be touched, each log is judged by itself.
+std::vector<std::vector<Touch>> touches_beside_free_runs(const std::vector<ForceSums>& runs) {
+  std::vector<std::vector<Touch>> touches(runs.size());
+  std::size_t free = 0;
+  double largest = 1.0;
+  for (const ForceSums& sums : runs) {
+    const Touch best = best_touch(sums, {});
+    if (best.count > 0 && best.p_value < kUnlikely) continue;
+    ++free;
+    largest = std::max(largest, best.statistic);
+  }
+  for (std::size_t run = 0; run < runs.size(); ++run) {
+    touches[run] = touches_of(runs[run]);
+    if (!touches[run].empty() || 2 * free < runs.size()) continue;
+    std::vector<std::pair<Index, Index>> taken;
+    for (int event = 0; event < kMostTouchesBesideFreeRuns; ++event) {
+      const Touch best = best_touch(runs[run], taken);
+      if (best.count == 0 || best.p_value > kUnlikely || best.statistic < kAboveFreeRuns * largest) break;
+      taken.push_back(with_margin(best, runs[run]));
+      if (best.share >= kOneForceBesideFreeRuns) touches[run].push_back(best);
+    }
   }
   return touches;
 }
@@ -138,6 +173,22 @@ void add_to_trial(const Touch& touch, Trial& trial) {
   trial.p_value = std::min(trial.p_value, touch.p_value);
 }
 
+/// By log, then by time.
+void sort_events(Candidate& contact) {
+  std::vector<std::size_t> order(contact.events.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return std::pair(contact.event_runs[a], contact.events[a].first) <
+           std::pair(contact.event_runs[b], contact.events[b].first);
+  });
+  const Candidate was = contact;
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    contact.events[k] = was.events[order[k]];
+    contact.forces[k] = was.forces[order[k]];
+    contact.event_runs[k] = was.event_runs[order[k]];
+  }
+}
+
 std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(Contact{});
   const MotionTable& table = *bench.table;
@@ -145,12 +196,18 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
   const model::Kinematics kinematics(*bench.robot);
   c.trial.joint_before = c.trial.joint_after = VectorXd::Zero(table.num_joints);
   double scale = 1.0;
+  std::vector<BinnedLog> logs;
+  std::vector<ForceSums> sums;
   for (std::size_t run = 0; run + 1 < table.run_begin.size(); ++run) {
-    const BinnedLog log(bench, residual, kinematics, run);
-    const ForceSums sums = log.sums();
-    for (const Touch& touch : touches_of(sums)) {
+    logs.emplace_back(bench, residual, kinematics, run);
+    sums.push_back(logs.back().sums());
+  }
+  const std::vector<std::vector<Touch>> touches = touches_beside_free_runs(sums);
+  for (std::size_t run = 0; run < logs.size(); ++run) {
+    const BinnedLog& log = logs[run];
+    for (const Touch& touch : touches[run]) {
       c.events.emplace_back(table.time[log.row_of(touch.first)],
-                            static_cast<double>(touch.count) * sums.seconds);
+                            static_cast<double>(touch.count) * sums[run].seconds);
       c.forces.push_back(touch.force);
       c.event_runs.push_back(static_cast<int>(run));
       add_to_trial(touch, c.trial);
@@ -162,6 +219,7 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
     c.refused = "no stretch of time is unlike the rest";
     return {std::move(c)};
   }
+  sort_events(c);
   c.trial.valid = true;
   c.trial.cv_gain = c.trial.gain;  // its rank among the candidates
   c.trial.effective_rows = bench.problem->counted().sum() / scale;
@@ -221,6 +279,13 @@ Touch best_touch(const ForceSums& sums, const std::vector<std::pair<Index, Index
   best.p_value = std::min(
       1.0, tried * statistics::fisher_tail(best.statistic / 3.0, 3.0, kDegreesPerStretch * independent));
   return best;
+}
+
+void add_touches(const Candidate& more, Candidate& contact) {
+  contact.events.insert(contact.events.end(), more.events.begin(), more.events.end());
+  contact.forces.insert(contact.forces.end(), more.forces.begin(), more.forces.end());
+  contact.event_runs.insert(contact.event_runs.end(), more.event_runs.begin(), more.event_runs.end());
+  sort_events(contact);
 }
 
 ArmSearch search_of(Contact) { return {propose, apply, describe}; }

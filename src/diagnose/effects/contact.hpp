@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "../candidates.hpp"
+
 namespace heft::diagnose {
 
 /// Running sums over short bins of a log, so that the force of any stretch of bins costs as much as that of another.
@@ -41,5 +43,8 @@ struct Touch {
 /// statistic / 3 follows F(3, 1.58 B), with B stretches that do not overlap; p is its tail times the stretches tried
 /// (Bonferroni, which overlaps make too large).
 Touch best_touch(const ForceSums& sums, const std::vector<std::pair<Eigen::Index, Eigen::Index>>& taken);
+
+/// Adds the touches of one contact to those of another.
+void add_touches(const Candidate& more, Candidate& contact);
 
 }  // namespace heft::diagnose

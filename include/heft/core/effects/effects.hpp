@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "heft/core/effects/displacement.hpp"
+#include "heft/core/effects/friction_curve.hpp"
 #include "heft/core/effects/friction_drift.hpp"
 #include "heft/core/effects/hysteresis.hpp"
 #include "heft/core/effects/load_friction.hpp"
@@ -16,6 +17,7 @@
 #include "heft/core/effects/rotor_inertia.hpp"
 #include "heft/core/effects/spring.hpp"
 #include "heft/core/effects/stribeck.hpp"
+#include "heft/core/effects/torque_scale.hpp"
 #include "heft/core/effects/viscous_nonlinear.hpp"
 #include "heft/core/numeric_range.hpp"
 
@@ -23,8 +25,8 @@ namespace heft {
 
 /// Every joint effect, simplest first: where a motion cannot distinguish two effects, the earlier one is
 /// named. A new effect is one file and one entry here; search, simulator, model files and export read this list.
-using JointEffectTypes = std::tuple<Offset, RotorInertia, ViscousNonlinear, Stribeck, LoadFriction, Spring,
-                                    Hysteresis, FrictionDrift, Ripple>;
+using JointEffectTypes = std::tuple<Offset, RotorInertia, ViscousNonlinear, Stribeck, LoadFriction,
+                                    TorqueScale, Spring, Hysteresis, FrictionDrift, Ripple, FrictionCurve>;
 
 inline constexpr int kNumJointEffects = static_cast<int>(std::tuple_size_v<JointEffectTypes>);
 

@@ -8,13 +8,16 @@
 
 namespace heft {
 
-/// A sin(n q + φ), n periods a turn (a period every 2π/n metres on a prismatic joint).
+/// A sin(n q + φ), n periods a turn (a period every 2π/n metres on a prismatic joint). A gear's teeth and a motor's poles
+/// repeat n times a turn of the joint, n any number where the ratio is no whole one; a search looks at whole numbers first.
 struct Ripple {
   static constexpr std::string_view kId = "ripple";
   static constexpr std::string_view kEquation = "A sin(n q + phase)";
   static constexpr std::array<EffectParameter, 3> kParameters{
       {{"A", "N·m", "N"}, {"n", "1/turn", "rad/m", EffectRange::kPositive}, {"phase", "rad", "rad"}}};
   static constexpr std::array<ShapeRange, 1> kShapes{{{2.0, 100.0, ShapeScale::kAbsolute, 99, true, false}}};
+  /// From this share more of the gain on, a number between the whole ones is taken.
+  static constexpr double kBetweenWhole = 0.02;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 2> kNotNegative{false, false};
   static constexpr std::string_view kShownBy = "slow constant speed over the whole travel of the joint";
