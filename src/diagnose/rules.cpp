@@ -38,6 +38,8 @@ std::string own_objection(const Candidate& c, const MotionTable& table, bool joi
         c.trial.coefficients[0] * 0.5 * (q.maxCoeff() + q.minCoeff()) + c.trial.coefficients[1];
     if (slope < 0.25 * std::abs(middle)) return "is an offset rather than a spring";
   }
+  if (c.effect.is<TorqueScale>() && std::abs(c.trial.coefficients[0]) > kLargestScale)
+    return "off by so much it is another unit, sign or robot";
   if (c.effect.is<FrictionCurve>() &&
       std::accumulate(table.run_seconds.begin(), table.run_seconds.end(), 0.0) < kCurveSeconds)
     return "needs half a minute of motion";
@@ -95,7 +97,9 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   // A second memory stands beside the first one, and what other effects hid may show more touches.
   if (in_place > (c.beside ? 1 : 0) && !c.effect.is<Contact>()) return "is in the model already";
   if (!c.trial.valid) return "this motion cannot distinguish it from the rest of the model";
-  if (c.joint >= 0 ? is_wrong(c.joint) : !wrong_joints->empty() && !explains_joints(c))
+  // A joint's scale is measured by the masses that it shares with the others: one that is wrong spoils it.
+  const bool by_all = c.joint < 0 || c.effect.is<TorqueScale>();
+  if (by_all ? !wrong_joints->empty() && (c.joint >= 0 || !explains_joints(c)) : is_wrong(c.joint))
     return "the arm model does not explain this joint";
   if (std::string own = own_objection(c, engine->table(), joint_sensor); !own.empty()) return own;
   if (!(c.trial.p_value * round.tried < kLevel)) return "chance explains it";

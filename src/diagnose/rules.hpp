@@ -32,6 +32,8 @@ inline constexpr double kQuickestWarming = 3.0;
 inline constexpr double kSimpler = 0.95;
 /// A formula goes before a free curve with this part of its gain; what it leaves, the curve may explain next.
 inline constexpr double kFormula = 0.7;
+/// Most that a joint's torque scale may be off, as a share: gains of drives and gears are known better.
+inline constexpr double kLargestScale = 0.4;
 /// Least training motion for a free curve: its values want time at every speed [s].
 inline constexpr double kCurveSeconds = 30.0;
 /// Most that all effects may raise the error of a joint on a validation log.
