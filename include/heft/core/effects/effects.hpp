@@ -45,7 +45,9 @@ constexpr int joint_effect_kind() {
 template <typename F>
 constexpr void visit_joint_effect(int kind, F&& f) {
   [&]<std::size_t... I>(std::index_sequence<I...>) {
-    ((static_cast<int>(I) == kind ? (f(std::tuple_element_t<I, JointEffectTypes>{}), void()) : void()), ...);
+    static_cast<void>(
+        ((static_cast<int>(I) == kind ? (f(std::tuple_element_t<I, JointEffectTypes>{}), true) : false) ||
+         ...));
   }
   (std::make_index_sequence<std::tuple_size_v<JointEffectTypes>>{});
 }
