@@ -1,4 +1,4 @@
-#include "log_part.hpp"
+#include "heft/data/log_part.hpp"
 
 #include <algorithm>
 

@@ -42,6 +42,7 @@ class BaseModel {
   /// For each joint the base columns that reach its rows.
   const std::vector<std::vector<int>>& places() const { return places_; }
   int coulomb(int joint) const { return coulomb_[static_cast<std::size_t>(joint)]; }
+  int viscous(int joint) const { return viscous_[static_cast<std::size_t>(joint)]; }
   /// Column of a joint's rotor inertia and offset; -1: the base has none, or holds it in that of a link.
   int rotor(int joint) const { return rotor_[static_cast<std::size_t>(joint)]; }
   int offset(int joint) const { return offset_[static_cast<std::size_t>(joint)]; }

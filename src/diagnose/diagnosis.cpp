@@ -1,9 +1,12 @@
 #include "heft/diagnose/diagnose.hpp"
 
+#include <fmt/format.h>
+
 #include "findings.hpp"
 #include "guards.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/couplings.hpp"
+#include "refit.hpp"
 #include "search.hpp"
 #include "start.hpp"
 #include "veto.hpp"
@@ -14,40 +17,42 @@ namespace {
 
 using Eigen::MatrixXd;
 
-/// Scores of a robot on logs that are read as for a model that does not say how.
-std::vector<validate::Score> ordinary_scores(const model::Robot& robot, const std::vector<data::Log>& logs,
-                                             double band) {
-  const JudgedMotion motion(robot, logs, {.cutoff = 0.0, .ordinary = true});
-  return motion.scores(motion.predicted(robot), band);
-}
+/// A set of logs as the search reads it and as anyone reads it for a model that does not say how.
+struct Motions {
+  const JudgedMotion& own;
+  const JudgedMotion& ordinary;
+};
 
 /// Puts the scores of the models beside each other.
 struct Scores {
   Diagnosis& result;
   double band;
 
-  /// The model as given and what identify makes of the training logs: both as anyone would judge them.
-  void put_ordinary(const std::vector<data::Log>& train, const std::vector<data::Log>& validate) const {
-    result.train_given = validate::pool(ordinary_scores(result.given, train, band));
-    result.validate_each_given = ordinary_scores(result.given, validate, band);
+  std::vector<validate::Score> of(const model::Robot& robot, const JudgedMotion& motion) const {
+    return motion.scores(motion.predicted(robot), band);
+  }
+  /// @param before  prediction along the own motion
+  void put_train(const Motions& motion, const MatrixXd& before, const MatrixXd& after) const {
+    result.train_given = validate::pool(of(result.given, motion.ordinary));
+    result.train_identified = validate::pool(of(result.identified, motion.ordinary));
+    result.train_before = validate::pool(motion.own.scores(before, band));
+    result.train_after = validate::pool(result.ordinary_motion ? of(result.after, motion.ordinary)
+                                                               : motion.own.scores(after, band));
+    result.train = motion.own.traces(before, after);
+  }
+  void put_validate(const Motions& motion, const MatrixXd& before) const {
+    const JudgedMotion& judged = result.ordinary_motion ? motion.ordinary : motion.own;
+    result.validate_each_given = of(result.given, motion.ordinary);
+    result.validate_each_identified = of(result.identified, motion.ordinary);
+    result.validate_each_before = motion.own.scores(before, band);
+    result.validate_each_after = of(result.after, judged);
     result.validate_given = validate::pool(result.validate_each_given);
-    result.train_identified = validate::pool(ordinary_scores(result.identified, train, band));
-    result.validate_each_identified = ordinary_scores(result.identified, validate, band);
     result.validate_identified = validate::pool(result.validate_each_identified);
-  }
-  void put_train(const JudgedMotion& motion, const MatrixXd& before, const MatrixXd& after) const {
-    result.train_before = validate::pool(motion.scores(before, band));
-    result.train_after = validate::pool(motion.scores(after, band));
-    result.train = motion.traces(before, after);
-  }
-  void put_validate(const JudgedMotion& motion, const MatrixXd& before, const MatrixXd& after) const {
-    result.validate_each_before = motion.scores(before, band);
-    result.validate_each_after = motion.scores(after, band);
     result.validate_before = validate::pool(result.validate_each_before);
     result.validate_after = validate::pool(result.validate_each_after);
-    const MatrixXd nothing = MatrixXd::Zero(after.rows(), after.cols());
-    result.validate_torque = validate::pool(motion.scores(nothing, band));
-    result.validate = motion.traces(before, after);
+    const MatrixXd nothing = MatrixXd::Zero(before.rows(), before.cols());
+    result.validate_torque = validate::pool(motion.own.scores(nothing, band));
+    result.validate = motion.own.traces(before, motion.own.predicted(result.after));
   }
 };
 
@@ -88,17 +93,40 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.forward();
   search.backward();
   reject_overfitted(search, judged_before);
-  const auto base = std::make_shared<const BaseModel>(start.own, written_structure(options.joint_sensor));
-  const WrittenModel written(search, base);
+  const Reading as_anyone{.cutoff = 0.0, .ordinary = true};
+  const JudgedMotion ordinary_train(robot, train, as_anyone), ordinary_judged(robot, validate, as_anyone);
+  Identified identified{std::make_shared<const BaseModel>(start.own, written_structure(options.joint_sensor)),
+                        {},
+                        {},
+                        &ordinary_judged};
+  identified.beta = identified.base->identified(train);
+  identified.robot = identified.base->robot(identified.beta);
+  const WrittenModel written(search, identified);
   result.findings = findings_of(search, written);
 
   result.given = robot;
-  result.identified = base->robot(base->identified(train));
-  result.after = written.engine().robot();
+  result.identified = identified.robot;
+  result.after = written.robot();
+  result.ordinary_motion = written.is_ordinary();
   const Scores scores{result, start.band};
-  scores.put_ordinary(train, validate);
-  scores.put_train(fitted, train_before, written.engine().predicted());
-  scores.put_validate(judged, judged_before, judged.predicted(result.after));
+  scores.put_train({fitted, ordinary_train}, train_before, written.engine().predicted());
+  scores.put_validate({judged, ordinary_judged}, judged_before);
+
+  if (options.refit) {
+    const auto again = refit(written, *identified.base, train, validate,
+                             written.is_ordinary() ? as_anyone : Reading{start.cutoff});
+    if (again) {
+      result.refitted = again->robot;
+      result.notes.push_back(fmt::format(
+          "the model written is fitted to the validation logs as well; errors on halves of these that it was not "
+          "fitted to: {:.3f} of those above",
+          again->ratio));
+    } else {
+      result.notes.emplace_back(
+          "the model written is not fitted to the validation logs: that does not lower the errors on halves of "
+          "them that it would not be fitted to");
+    }
+  }
 
   search.check_joints();
   result.not_explained = search.wrong_joints();

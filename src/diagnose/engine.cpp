@@ -126,20 +126,36 @@ void Engine::deflect_links() {
   }
 }
 
+void Engine::anchor(const VectorXd& values, const std::vector<bool>& columns, double weight) {
+  anchor_ = values;
+  anchored_ = columns;
+  anchor_weight_ = weight;
+  plain_ = nullptr;
+}
+
+/// Whether the model does without a base column, or an effect in place contains it.
+bool Engine::is_out(int column) const {
+  if (!left_out.empty() && left_out[static_cast<std::size_t>(column)]) return true;
+  return std::any_of(accepted.begin(), accepted.end(), [&](const Candidate& e) {
+    const bool holds_rotor = e.effect.is<ElasticJoint>() && e.columns.count() > 1;
+    return (e.effect.is<Spring>() && base_.offset(e.joint) == column) ||
+           (holds_rotor && base_.rotor(e.joint) == column);
+  });
+}
+
+/// Where a base column that is held is held.
+double Engine::held_at(int column) const {
+  if (is_out(column)) return 0.0;
+  return anchor_.size() > 0 ? anchor_[column] : base_theta_[column];
+}
+
 /// How firmly each base column is held, b: 0 not at all.
 VectorXd Engine::hold() const {
   constexpr double kHeld = 1e6;
   VectorXd hold = VectorXd::Zero(base_.columns());
   for (int c = 0; c < base_.columns(); ++c) {
-    const bool out = !left_out.empty() && left_out[static_cast<std::size_t>(c)];
-    if (out || (masses_held && base_.is_link(c))) hold[c] = kHeld;
-  }
-  for (const Candidate& e : accepted) {
-    const bool holds_rotor = e.effect.is<ElasticJoint>() && e.columns.count() > 1;
-    const int column = e.effect.is<Spring>() ? base_.offset(e.joint)
-                       : holds_rotor         ? base_.rotor(e.joint)
-                                             : -1;
-    if (column >= 0) hold[column] = kHeld;
+    if (!anchored_.empty() && anchored_[static_cast<std::size_t>(c)]) hold[c] = anchor_weight_;
+    if (is_out(c) || (masses_held && base_.is_link(c))) hold[c] = kHeld;
   }
   return hold;
 }
@@ -150,7 +166,7 @@ void Engine::set_up_base() {
   VectorXd prior = base_.prior();
   plain_hold_ = hold();
   for (int c = 0; c < base_.columns(); ++c) {
-    if (plain_hold_[c] > 0.0) prior[c] = base_.is_link(c) ? base_theta_[c] : 0.0;
+    if (plain_hold_[c] > 0.0) prior[c] = held_at(c);
   }
   plain_ = std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior, steady_, table_.tau,
                                      plain_hold_);

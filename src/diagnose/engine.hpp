@@ -19,6 +19,11 @@ class Engine {
   Engine(const Engine&) = delete;  // the problem points into it
   Engine& operator=(const Engine&) = delete;
 
+  /// Draws base columns to given values from the next build() on.
+  /// @param values   b
+  /// @param columns  b: which of them
+  /// @param weight   part of each column's squared norm that the value weighs; far above 1 holds it there
+  void anchor(const Eigen::VectorXd& values, const std::vector<bool>& columns, double weight);
   /// Fits base and accepted effects again.
   void build();
   /// Puts a candidate in place of an accepted effect, or as one more: index accepted.size(). A second memory brings the
@@ -53,6 +58,8 @@ class Engine {
   /// Rows that count, m × n: those of the table, with the standstill of joints whose friction remembers and without
   /// contacts.
   const Eigen::MatrixXd& keep() const { return keep_; }
+  /// Rigid-body torque of the fit, m × n.
+  const Eigen::MatrixXd& load() const { return load_; }
   int num_base_parameters() const { return base_.columns(); }
   /// Base parameters whose 95 % interval is wider than half of their size, the fitted or the robot's own, by name.
   /// @param cutoff  of the low-pass on q [Hz]: behind it 2 cutoff rows a second are independent
@@ -77,6 +84,8 @@ class Engine {
   Eigen::VectorXd fitted(std::size_t index) const;
   void deflect_links();
   Eigen::VectorXd hold() const;
+  bool is_out(int column) const;
+  double held_at(int column) const;
   void set_up_base();
   Eigen::MatrixXd joint_columns(std::size_t index);
   int add_to_problem(std::size_t index, bool deflect);
@@ -94,6 +103,9 @@ class Engine {
       plain_;                   ///< of the base alone, where motion and rows that count are those of `rows_`
   Eigen::VectorXd plain_hold_;  ///< what it holds, see hold()
   double delay_{0.0};           ///< of `motion_` [s]
+  Eigen::VectorXd anchor_;  ///< values that base columns are held at; empty: those of the fit without effects
+  std::vector<bool> anchored_;  ///< which of them; empty: none
+  double anchor_weight_{0.0};
   std::unique_ptr<Problem> problem_;
   model::Robot rigid_;                       ///< with the fitted base parameters
   Eigen::MatrixXd load_;                     ///< rigid-body torque of the fit, m × n

@@ -56,6 +56,26 @@ void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>&
   }
 }
 
+/// Where a joint's rows that count lie.
+std::optional<SeenRange> seen_of(const Engine& engine, int joint) {
+  if (joint < 0) return {};
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  SeenRange seen{{kInfinite, -kInfinite}, {kInfinite, -kInfinite}, {kInfinite, -kInfinite}};
+  const auto widen = [](double(&range)[2], double value) {
+    range[0] = std::min(range[0], value);
+    range[1] = std::max(range[1], value);
+  };
+  bool any = false;
+  for (Index i = 0; i < engine.table().rows(); ++i) {
+    if (!(engine.keep()(i, joint) > 0.0)) continue;
+    any = true;
+    widen(seen.velocity, engine.table().qd(i, joint));
+    widen(seen.load, engine.load()(i, joint));
+    widen(seen.position, engine.table().q(i, joint));
+  }
+  return any ? std::optional(seen) : std::nullopt;
+}
+
 /// Whether the model that was given has a value for what an effect is.
 bool given_has(const model::Robot& given, const Candidate& e) {
   if (e.joint < 0) return false;
@@ -68,13 +88,13 @@ bool given_has(const model::Robot& given, const Candidate& e) {
 
 std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
   const Engine& engine = search.engine();
-  const JudgedMotion& judged = *search.start().judged;
-  const model::Robot robot = written.engine().robot();
+  const JudgedMotion& judged = written.judged();
+  const model::Robot robot = written.robot();
   const VectorXd after = judged.rms_error(judged.predicted(robot));
   std::vector<Finding> findings;
   for (std::size_t e = 0; e < engine.accepted.size(); ++e) {
     const Candidate& own = engine.accepted[e];
-    if (given_has(search.start().given, own)) continue;
+    if (given_has(search.start().given, own) || !written.has(e)) continue;
     const VectorXd before = judged.rms_error(judged.predicted(written.without(e)->robot()));
     const std::vector<Candidate> candidates = search.evidence(e);
     const int tried = std::max(search.tried(), tried_of(candidates));
@@ -93,6 +113,7 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.main_joint = static_cast<int>(main);
     f.validate_before = before[main];
     f.validate_after = after[main];
+    f.seen = seen_of(written.engine(), own.joint);
     add_rivals(own, trial.cv_gain, candidates, tried, f);
     describe(own, written.coefficients(e), robot, f);
     const std::vector<std::string>& runs = engine.table().runs;

@@ -8,19 +8,24 @@
 namespace heft::diagnose {
 
 model::ModelFile Diagnosis::model_file() const {
-  model::ModelFile file = model::make_model(after);
+  model::ModelFile file = model::make_model(refitted ? *refitted : after);
   model::FitRecord fit;
   fit.method = "diagnose";
   fit.torque_at = joint_sensor ? "joint" : "motor";
   fit.condition_number = std::numeric_limits<double>::quiet_NaN();
-  fit.physically_consistent = model::is_physically_consistent(after);
+  fit.physically_consistent = model::is_physically_consistent(refitted ? *refitted : after);
   validate::put_training(train_after, fit);
   fit.samples = train_after.samples;
-  fit.cutoff_hz = cutoff;
-  fit.sign_width = sign_width;
+  if (!ordinary_motion) {
+    fit.cutoff_hz = cutoff;
+    fit.sign_width = sign_width;
+  }
   file.fit = fit;
   file.provenance.method = "diagnose";
   for (const Traces& log : train) file.provenance.logs.push_back(log.log);
+  for (const Traces& log : validate) {
+    if (refitted) file.provenance.logs.push_back(log.log);
+  }
   return file;
 }
 

@@ -1,7 +1,10 @@
 #include "motion_scores.hpp"
 
 #include <algorithm>
+#include <cmath>
 
+#include "heft/data/differentiate.hpp"
+#include "heft/model/motion_torque.hpp"
 #include "heft/validate/predict.hpp"
 
 namespace heft::diagnose {
@@ -124,6 +127,51 @@ std::vector<VectorXd> JudgedMotion::rms_errors(const MatrixXd& predicted) const 
       count += 1.0;
     }
     errors.push_back((sum / std::max(1.0, count)).cwiseSqrt());
+  }
+  return errors;
+}
+
+std::vector<VectorXd> JudgedMotion::errors_by_kind(const MatrixXd& predicted, double band) const {
+  constexpr double kSlow = 0.3, kFast = 0.6;  // of the joint's largest speed in the log
+  constexpr double kLeast = 1.0;              // [s]
+  constexpr Index kRests = 1, kMovesSlowly = 2, kMovesFast = 3, kInBand = 4;
+  const MotionTable& t = *table_;
+  std::vector<VectorXd> errors;
+  for (const auto [begin, rows] : runs_of(t)) {
+    const Index last = begin + rows - 1;
+    const double rate = static_cast<double>(rows - 1) / (t.time[last] - t.time[begin]);
+    const MatrixXd residual = t.tau.middleRows(begin, rows) - predicted.middleRows(begin, rows);
+    MatrixXd slow = MatrixXd::Zero(rows, t.num_joints);
+    if (band > 0.0 && band < 0.5 * rate) slow = data::low_pass_zero_phase(residual, rate, band);
+    MatrixXd sums = MatrixXd::Zero(t.num_joints, static_cast<Index>(kKinds)), counts = sums;
+    const VectorXd top = t.qd.middleRows(begin, rows).cwiseAbs().colwise().maxCoeff().transpose();
+    const auto count = [&](int joint, Index kind, double error) {
+      sums(joint, kind) += error * error;
+      counts(joint, kind) += 1.0;
+    };
+    for (Index i = 0; i < rows; ++i) {
+      const double time = t.time[begin + i];
+      if (time < validate::kScoreEnd || t.time[last] - time < validate::kScoreEnd) continue;
+      for (int j = 0; j < t.num_joints; ++j) {
+        const double speed = std::abs(t.qd(begin + i, j)), error = residual(i, j);
+        count(j, 0, error);
+        count(j, kInBand, slow(i, j));
+        if (speed < model::kRestSpeed) {
+          count(j, kRests, error);
+        } else if (speed < kSlow * top[j]) {
+          count(j, kMovesSlowly, error);
+        } else if (speed > kFast * top[j]) {
+          count(j, kMovesFast, error);
+        }
+      }
+    }
+    for (Index k = 0; k < static_cast<Index>(kKinds); ++k) {
+      VectorXd error = (sums.col(k).array() / counts.col(0).array().max(1.0)).sqrt();
+      for (int j = 0; k > 0 && j < t.num_joints; ++j) {
+        if (counts(j, k) < kLeast * rate) error[j] = 0.0;
+      }
+      errors.push_back(std::move(error));
+    }
   }
   return errors;
 }

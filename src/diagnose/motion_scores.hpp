@@ -41,6 +41,12 @@ class JudgedMotion {
   /// Rms error of each log, n each, and of all, each counting as much as another; all rows but those at the ends
   /// (validate::kScoreEnd).
   std::vector<Eigen::VectorXd> rms_errors(const Eigen::MatrixXd& predicted) const;
+  /// All rows of a joint; at rest, slow, fast; all rows in band.
+  static constexpr std::size_t kKinds = 5;
+  /// The same rms errors of each log and kind of motion, one kind after the other, n each: root of the sum of squares over
+  /// the rows of the kind by the number of all rows; 0 where a joint moves in that way for less than a second.
+  /// @param band  of the errors in band [Hz]; 0: there are none
+  std::vector<Eigen::VectorXd> errors_by_kind(const Eigen::MatrixXd& predicted, double band) const;
   Eigen::VectorXd rms_error(const Eigen::MatrixXd& predicted) const;
 
  private:

@@ -1,52 +1,253 @@
 #include "written_model.hpp"
 
-#include <utility>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <fmt/format.h>
 
 namespace heft::diagnose {
+namespace {
 
+using Eigen::Index;
 using Eigen::VectorXd;
 
-WrittenModel::WrittenModel(const Search& search, std::shared_ptr<const BaseModel> base)
-    : search_(search), base_(std::move(base)), engine_(built(-1, 0.0)) {}
+/// Weights of identify's values among the versions, the simplest first.
+constexpr double kHeld = 1e6;
+constexpr std::array kWeights{kHeld, 0.1, 0.01, 0.0};
+/// A version that is less simple has to lower the errors to this part of those of the simpler one [1]: the logs that it
+/// is chosen by are few, and of the kind of the training logs.
+constexpr double kMuchBetter = 0.98;
+/// The same of one that derives motion with the cut-off of the search [1]: slower motion may want another one.
+constexpr double kMuchBetterOwn = 0.97;
+/// A joint is worse in one kind of motion above this part of identify's error [1], as a kind has fewer rows than a log, and
+/// if what is added there is more than this part of the squared error of the whole log: less needs no cure. It is forgiven
+/// where the error of the whole log falls below the last of these parts: what is gained is more than what is lost.
+constexpr double kWorseInKind = 1.05, kMattersInKind = 0.02, kMakesUpForIt = 0.95;
+/// An effect costs a joint something above this [1]; what is below is rounding.
+constexpr double kCosts = 1.001;
+
+/// Whether errors are those of all rows of a log, as they are or in band, and not of a kind of motion.
+bool is_whole(std::size_t row) {
+  const std::size_t kind = row % JudgedMotion::kKinds;
+  return kind == 0 || kind + 1 == JudgedMotion::kKinds;
+}
+
+/// @param errors, limits  of a version and of identify's model
+bool is_worse(const std::vector<VectorXd>& errors, const std::vector<VectorXd>& limits, std::size_t row,
+              Index joint) {
+  const double error = errors[row][joint], limit = limits[row][joint];
+  if (!(limit > 0.0)) return false;
+  if (is_whole(row)) return error > kWorse * limit;
+  const std::size_t all = row - row % JudgedMotion::kKinds;
+  const double whole = limits[all][joint];
+  return error > kWorseInKind * limit && error * error - limit * limit > kMattersInKind * whole * whole &&
+         errors[all][joint] > kMakesUpForIt * whole;
+}
+
+}  // namespace
+
+WrittenModel::WrittenModel(Search& search, const Identified& identified)
+    : search_(search), identified_(identified) {
+  limit_ = logs(true).errors_by_kind(logs(true).predicted(identified.robot), search.start().band);
+  const std::vector<bool> all(search.engine().accepted.size(), true);
+  std::vector<Version> versions;
+  for (const double weight : kWeights) {
+    const std::shared_ptr<const Engine> engine = built(all, weight, 0.0);
+    for (const bool ordinary : {true, false}) {
+      Version version{weight, ordinary, all, engine, {}, 0, 1.0, {}};
+      judge(version);
+      while (version.worse > 0 && drop_one(version)) {
+      }
+      versions.push_back(std::move(version));
+    }
+  }
+  std::size_t best = 0;
+  for (const bool ordinary : {true, false}) {
+    for (std::size_t v = 0; v < versions.size(); ++v) {
+      const Version& version = versions[v];
+      if (version.ordinary != ordinary) continue;
+      const double ratio = better_than(version, versions[best]);
+      search.trace(fmt::format(
+          "version of weight {:g}, {} motion: {} worse than identified, {} effects dropped, {:.3f}",
+          version.weight, ordinary ? "ordinary" : "own", version.worse, version.dropped.size(), ratio));
+      // Where nothing else speaks for a version, no joint may pay for it.
+      if (ordinary && version.worse > versions[best].worse) continue;
+      const double enough = ordinary ? kMuchBetter : kMuchBetterOwn;
+      if (ratio * version.cost < enough * versions[best].cost) best = v;
+    }
+  }
+  chosen_ = std::move(versions[best]);
+  for (const auto& [effect, why] : chosen_.dropped) search.reject(effect, why);
+}
+
+const JudgedMotion& WrittenModel::logs(bool ordinary) const {
+  return ordinary ? *identified_.ordinary : *search_.start().judged;
+}
 
 int WrittenModel::own_column(std::size_t effect) const {
   const Candidate& e = search_.engine().accepted[effect];
-  if (e.effect.is<Offset>()) return base_->offset(e.joint);
-  return e.effect.is<RotorInertia>() ? base_->rotor(e.joint) : -1;
+  if (e.effect.is<Offset>()) return identified_.base->offset(e.joint);
+  return e.effect.is<RotorInertia>() ? identified_.base->rotor(e.joint) : -1;
 }
 
-std::unique_ptr<Engine> WrittenModel::built(std::ptrdiff_t without, double steady) const {
+bool WrittenModel::reaches(std::size_t effect, int joint) const {
+  const Candidate& e = search_.engine().accepted[effect];
+  return e.joint < 0 || e.joint == joint || e.effect.joint_effect() < 0;
+}
+
+/// Base columns that are identify's: the masses, and the friction of joints without an effect of their own.
+std::vector<bool> WrittenModel::anchored(const Engine& engine) const {
+  const BaseModel& base = *identified_.base;
+  std::vector<bool> held(static_cast<std::size_t>(base.columns()), true);
+  const auto release = [&](int column) {
+    if (column >= 0) held[static_cast<std::size_t>(column)] = false;
+  };
+  for (const Candidate& e : engine.accepted) {
+    for (int j = 0; j < base.num_joints(); ++j) {
+      const bool paired = e.effect.is<WristCoupling>() && (j == e.pair.driving || j == e.pair.driven);
+      if (e.joint != j && !paired) continue;
+      for (const int column : {base.coulomb(j), base.viscous(j), base.offset(j)}) release(column);
+      if (paired) release(base.rotor(j));
+    }
+  }
+  return held;
+}
+
+std::unique_ptr<Engine> WrittenModel::built(const std::vector<bool>& kept, double weight,
+                                            double steady) const {
   const Engine& found = search_.engine();
   const Start& start = search_.start();
-  auto engine = std::make_unique<Engine>(base_, start.train->shared_table(), start.pairs, steady);
+  auto engine = std::make_unique<Engine>(identified_.base, start.train->shared_table(), start.pairs, steady);
   engine->weights_held = found.weights_held;
   engine->masses_held = found.masses_held;
   for (std::size_t e = 0; e < found.accepted.size(); ++e) {
-    const auto own = static_cast<std::ptrdiff_t>(e);
+    const std::ptrdiff_t first = found.first_memory(e);
     if (const int column = own_column(e); column >= 0) {
-      if (own != without) continue;
-      engine->left_out.assign(static_cast<std::size_t>(base_->columns()), false);
+      if (kept[e]) continue;
+      engine->left_out.resize(static_cast<std::size_t>(identified_.base->columns()), false);
       engine->left_out[static_cast<std::size_t>(column)] = true;
-    } else if (own != without && (without < 0 || found.first_memory(e) != without)) {
+    } else if (kept[e] && (first < 0 || kept[static_cast<std::size_t>(first)])) {
       engine->accepted.push_back(found.accepted[e]);
       Candidate& effect = engine->accepted.back();
-      if (effect.replaces >= 0) effect.replaces = base_->coulomb(effect.joint);
+      if (effect.replaces >= 0) effect.replaces = identified_.base->coulomb(effect.joint);
     }
   }
+  if (weight > 0.0) engine->anchor(identified_.beta, anchored(*engine), weight);
   engine->build();
   return engine;
 }
 
+/// Without an effect the held version is identify's model, in every digit.
+model::Robot WrittenModel::robot_of(const Version& version) const {
+  const bool none = version.weight == kHeld && version.engine->accepted.empty();
+  return none ? identified_.robot : version.engine->robot();
+}
+
+void WrittenModel::judge(Version& version) const {
+  const JudgedMotion& motion = logs(version.ordinary);
+  version.errors = motion.errors_by_kind(motion.predicted(robot_of(version)), search_.start().band);
+  version.worse = 0;
+  version.cost = 1.0;
+  for (std::size_t r = 0; r < limit_.size(); ++r) {
+    for (Index j = 0; j < limit_[r].size(); ++j) {
+      if (!is_worse(version.errors, limit_, r, j)) continue;
+      ++version.worse;
+      if (is_whole(r)) version.cost *= version.errors[r][j] / limit_[r][j];
+    }
+  }
+}
+
+/// Takes out of a version the effect that costs a joint that is worse most, the worst joint first.
+/// @return whether there was one
+bool WrittenModel::drop_one(Version& version) const {
+  struct Place {
+    double ratio;
+    std::size_t row;
+    int joint;
+  };
+  std::vector<Place> places;
+  for (std::size_t r = 0; r < limit_.size(); ++r) {
+    for (Index j = 0; j < limit_[r].size(); ++j) {
+      if (is_worse(version.errors, limit_, r, j))
+        places.push_back({version.errors[r][j] / limit_[r][j], r, static_cast<int>(j)});
+    }
+  }
+  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) { return a.ratio > b.ratio; });
+  for (const auto [ratio, row, joint] : places) {
+    search_.trace(fmt::format("  joint {}, kind {} of log {}: {:.4g}, identified {:.4g}", joint + 1,
+                              row % JudgedMotion::kKinds, row / JudgedMotion::kKinds + 1,
+                              version.errors[row][joint], limit_[row][joint]));
+    Version best;
+    double least = version.errors[row][joint] / kCosts;
+    for (std::size_t e = 0; e < version.kept.size(); ++e) {
+      if (!version.kept[e] || own_column(e) >= 0 || !reaches(e, joint)) continue;
+      Version tried = dropped(version, {e}, joint, row);
+      if (!(tried.errors[row][joint] < least)) continue;
+      least = tried.errors[row][joint];
+      best = std::move(tried);
+    }
+    if (best.engine == nullptr) continue;
+    version = std::move(best);
+    return true;
+  }
+  if (version.weight != kHeld) return false;
+  // No effect alone is to blame: without all of its own a joint is predicted as by identify's model.
+  for (const auto [ratio, row, joint] : places) {
+    std::vector<std::size_t> own;
+    for (std::size_t e = 0; e < version.kept.size(); ++e) {
+      if (version.kept[e] && own_column(e) < 0 && search_.engine().accepted[e].joint == joint)
+        own.push_back(e);
+    }
+    if (own.empty()) continue;
+    version = dropped(version, own, joint, row);
+    return true;
+  }
+  return false;
+}
+
+/// A version without some effects, of which joint and row say why.
+WrittenModel::Version WrittenModel::dropped(const Version& version, const std::vector<std::size_t>& effects,
+                                            int joint, std::size_t row) const {
+  Version other = version;
+  for (const std::size_t e : effects) {
+    other.kept[e] = false;
+    other.dropped.emplace_back(
+        e, fmt::format("predicts joint {} worse than the identified model on {}", joint + 1,
+                       logs(true).table().runs[row / JudgedMotion::kKinds]));
+  }
+  other.engine = built(other.kept, other.weight, other.engine->steady());
+  judge(other);
+  return other;
+}
+
+/// Geometric mean of errors against those of another version, each joint of each log counting as much as another.
+double WrittenModel::better_than(const Version& other, const Version& than) const {
+  double sum = 0.0;
+  int count = 0;
+  for (std::size_t r = 0; r < limit_.size(); ++r) {
+    if (!is_whole(r)) continue;
+    for (Index j = 0; j < limit_[r].size(); ++j) {
+      if (!(other.errors[r][j] > 0.0 && than.errors[r][j] > 0.0)) continue;
+      sum += std::log(other.errors[r][j] / than.errors[r][j]);
+      ++count;
+    }
+  }
+  return count > 0 ? std::exp(sum / count) : 1.0;
+}
+
 std::unique_ptr<Engine> WrittenModel::without(std::size_t effect) const {
-  return built(static_cast<std::ptrdiff_t>(effect), engine_->steady());
+  std::vector<bool> kept = chosen_.kept;
+  kept[effect] = false;
+  return built(kept, chosen_.weight, chosen_.engine->steady());
 }
 
 VectorXd WrittenModel::coefficients(std::size_t effect) const {
   if (const int column = own_column(effect); column >= 0)
-    return engine_->problem().theta().segment(column, 1);
+    return engine().problem().theta().segment(column, 1);
   std::size_t place = 0;
-  for (std::size_t e = 0; e < effect; ++e) place += own_column(e) < 0 ? 1 : 0;
-  return engine_->coefficients(place);
+  for (std::size_t e = 0; e < effect; ++e) place += own_column(e) < 0 && chosen_.kept[e] ? 1 : 0;
+  return engine().coefficients(place);
 }
 
 }  // namespace heft::diagnose

@@ -1,9 +1,11 @@
 /// @file
-/// The model that is written: what identify fits, together with the effects that were found.
+/// The model that is written: what identify fits, together with the effects that were found, and never worse than identify.
 #pragma once
 
 #include <cstddef>
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "engine.hpp"
@@ -11,26 +13,70 @@
 
 namespace heft::diagnose {
 
-/// Rigid bodies, rotor inertia, Coulomb, viscous, offset and the effects of a search, fitted to the training logs. Rotor
-/// inertia and offset are in it whether or not the search has named them.
+/// What identify makes of the training logs.
+struct Identified {
+  std::shared_ptr<const BaseModel> base;
+  Eigen::VectorXd beta;          ///< of `base`
+  model::Robot robot;            ///< with these
+  const JudgedMotion* ordinary;  ///< the validation logs, read as for a model that does not say how
+};
+
+/// Rigid bodies, rotor inertia, Coulomb, viscous, offset and the effects of a search. Rotor inertia and offset are in it
+/// whether or not the search has named them.
+///
+/// It is made in several versions, of which the simplest is taken unless another one is better on the validation logs by
+/// enough:
+/// - masses and the friction of joints without an effect are identify's, so that no joint pays for the effect of another
+///   one; or they are drawn to identify's; or all of it is fitted again together with the effects;
+/// - its motion derived as for a model that does not say how, so that a joint without an effect is predicted as by
+///   identify's model to the last digit; or with the cut-off of the search.
+/// In each, a joint that is worse than with identify's model loses the effect that costs it most, until none is.
 class WrittenModel {
  public:
-  WrittenModel(const Search& search, std::shared_ptr<const BaseModel> base);
+  WrittenModel(Search& search, const Identified& identified);
 
-  const Engine& engine() const { return *engine_; }
+  const Engine& engine() const { return *chosen_.engine; }
+  model::Robot robot() const { return robot_of(chosen_); }
+  /// Whether its motion is derived as for a model that does not say how.
+  bool is_ordinary() const { return chosen_.ordinary; }
+  /// The validation logs as it reads them.
+  const JudgedMotion& judged() const { return logs(chosen_.ordinary); }
+  /// Whether it has an effect of the search.
+  bool has(std::size_t effect) const { return chosen_.kept[effect]; }
   /// The same without one of the search's effects.
   std::unique_ptr<Engine> without(std::size_t effect) const;
   /// Coefficients of one of the search's effects as the model has them.
   Eigen::VectorXd coefficients(std::size_t effect) const;
 
  private:
-  std::unique_ptr<Engine> built(std::ptrdiff_t without, double steady) const;
+  struct Version {
+    double weight;  ///< of identify's values
+    bool ordinary;
+    std::vector<bool> kept;  ///< effects of the search
+    std::shared_ptr<const Engine> engine;
+    std::vector<Eigen::VectorXd> errors;  ///< see JudgedMotion::errors_by_kind()
+    int worse;                            ///< joints that are, kinds of motion and logs counted
+    double cost;                          ///< product of how much worse they are [1]
+    std::vector<std::pair<std::size_t, std::string>> dropped;  ///< effects, and why
+  };
+
+  const JudgedMotion& logs(bool ordinary) const;
+  std::unique_ptr<Engine> built(const std::vector<bool>& kept, double weight, double steady) const;
+  std::vector<bool> anchored(const Engine& engine) const;
+  model::Robot robot_of(const Version& version) const;
+  void judge(Version& version) const;
+  bool drop_one(Version& version) const;
+  Version dropped(const Version& version, const std::vector<std::size_t>& effects, int joint,
+                  std::size_t row) const;
+  double better_than(const Version& other, const Version& than) const;
   /// Base column of what the search has named and the base has anyway; -1: none.
   int own_column(std::size_t effect) const;
+  bool reaches(std::size_t effect, int joint) const;
 
   const Search& search_;
-  std::shared_ptr<const BaseModel> base_;
-  std::unique_ptr<Engine> engine_;
+  Identified identified_;
+  std::vector<Eigen::VectorXd> limit_;  ///< errors of identify's model
+  Version chosen_;
 };
 
 }  // namespace heft::diagnose

@@ -46,6 +46,7 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
                            torque_unit(robot, finding.main_joint),
                            change_percent(finding.validate_before, finding.validate_after))
              : "");
+    line("seen at", finding.seen ? range_in_words(finding, robot) : "");
     line("rivals", rivals_in_words(finding.rivals, true));
     line("the same as", rivals_in_words(finding.equivalent, false));
     if (!finding.rivals.empty() || !finding.equivalent.empty()) line("shown by", shown_by(finding));
@@ -60,7 +61,7 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   scores("Training", diagnosis.train_given, diagnosis.train_identified, diagnosis.train_after);
   if (has_scores(diagnosis.validate_identified, diagnosis.validate_after)) {
     if (diagnosis.validate_torque.rmse_in_band.size() > 0) text += relative_error_in_words(diagnosis) + "\n";
-    text += fmt::format("{} {} Positions through a low-pass of {:.3g} Hz.\n",
+    text += fmt::format("{} {} The search reads positions through a low-pass of {:.3g} Hz.\n",
                         score_meaning(diagnosis.validate_after), models_in_words(), diagnosis.cutoff);
   }
   if (diagnosis.validate_each_after.size() > 1) {

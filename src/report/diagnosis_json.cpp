@@ -88,6 +88,12 @@ nlohmann::ordered_json effect_json(const Finding& finding) {
                               {"rivals", rivals_json(finding.rivals, true)},
                               {"equivalent", rivals_json(finding.equivalent, false)},
                               {"shown_by", shown_by(finding)}};
+  if (finding.seen) {
+    const auto pair = [](const double(&range)[2]) { return nlohmann::ordered_json{range[0], range[1]}; };
+    json["range"] = {{"velocity", pair(finding.seen->velocity)},
+                     {"load", pair(finding.seen->load)},
+                     {"position", pair(finding.seen->position)}};
+  }
   if (finding.driven_joint >= 0) json["driven_joint"] = finding.driven_joint + 1;
   if (finding.displacement != Displacement::kPosition)
     json["displacement"] = displacement_name(finding.displacement);

@@ -368,9 +368,9 @@ page::Page page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   add_refusals(page, diagnosis);
   page.heading("Again");
   page.preformatted(context.command);
-  page.paragraph(
-      fmt::format("Positions through a zero-phase low-pass of {:.3g} Hz; {:.1f} s of training motion.",
-                  diagnosis.cutoff, diagnosis.seconds));
+  page.paragraph(fmt::format(
+      "The search reads positions through a zero-phase low-pass of {:.3g} Hz; {:.1f} s of training motion.",
+      diagnosis.cutoff, diagnosis.seconds));
   for (const std::string& line : diagnosis.notes) page.note(line);
   return page;
 }

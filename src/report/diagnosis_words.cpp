@@ -62,6 +62,17 @@ std::string models_in_words() {
          "the same together with the effects.";
 }
 
+std::string range_in_words(const Finding& finding, const model::Robot& robot) {
+  if (!finding.seen) return "";
+  const char* length = is_prismatic(robot, finding.joint) ? "m" : "rad";
+  const auto range = [](const double(&values)[2]) {
+    return minus(fmt::format("{:.2g}", values[0])) + " to " + minus(fmt::format("{:.2g}", values[1]));
+  };
+  return fmt::format("velocity {} {}/s, load {} {}, position {} {}", range(finding.seen->velocity), length,
+                     range(finding.seen->load), torque_unit(robot, finding.joint),
+                     range(finding.seen->position), length);
+}
+
 bool is_identified(const Finding& finding) {
   return finding.effect.is<Offset>() || finding.effect.is<RotorInertia>();
 }

@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "data/log_part.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/host/error.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -8,7 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "data/log_part.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "support/measured_data.hpp"

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "data/log_part.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/data/log.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/identify/fit.hpp"

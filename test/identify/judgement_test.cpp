@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "data/log_part.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/data/log.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/arms.hpp"

@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "data/log_part.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/data/log.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"

@@ -29,6 +29,7 @@ struct Options {
   std::vector<std::string> couplings;
   double cutoff{0.0};
   std::string model;
+  bool refit{false};
   bool trace{false};
 };
 
@@ -56,6 +57,7 @@ std::string command_line(const Options& options) {
   if (options.log.band > 0.0) add("--band", fmt::format("{}", options.log.band));
   for (const std::string& coupling : options.couplings) add("--coupling", coupling);
   if (options.cutoff > 0.0) add("--cutoff", fmt::format("{}", options.cutoff));
+  if (options.refit) line += " --refit";
   return line;
 }
 
@@ -69,6 +71,7 @@ void run(const Options& options) {
 
   asked.band = options.log.band;
   asked.cutoff = options.cutoff;
+  asked.refit = options.refit;
   if (options.trace) asked.trace = [](const std::string& line) { print_to(stderr, line + "\n"); };
   diagnose::Diagnosis diagnosis;
   {
@@ -107,6 +110,9 @@ Action set_up_diagnose(CommandLine line) {
   line.get_option("--band").description(
       "low-pass of the errors in band [Hz] (default: chosen from the motion); that of the positions is no "
       "lower");
+  line.add_flag(
+      "--refit", options->refit,
+      "fit the model written once more, to the validation logs as well, when the effects are decided");
   line.add_flag("--trace", options->trace, "log each step of the search to standard error");
   add_output_option(line, options->model, "model file with the effects found", false);
   add_result_options(line, options->result);

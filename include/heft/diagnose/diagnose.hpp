@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -27,6 +28,13 @@ struct Rival {
   double delta_bic{0.0};  ///< as in Finding
 };
 
+/// Where an effect was seen: smallest and largest values of its joint's rows that count.
+struct SeenRange {
+  double velocity[2]{0.0, 0.0};  ///< [rad/s, m/s]
+  double load[2]{0.0, 0.0};      ///< torque of rigid bodies that the gear transmits [N·m, N]
+  double position[2]{0.0, 0.0};  ///< [rad, m]
+};
+
 /// An effect found.
 struct Finding {
   explicit Finding(EffectKind which) : effect(which) {}
@@ -47,6 +55,7 @@ struct Finding {
   double validate_before{0.0}, validate_after{0.0};    ///< rms error of its main joint on the validation logs
   int main_joint{0};                                   ///< where it lowers the error most, as a share
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by, if it has one
+  std::optional<SeenRange> seen;                       ///< in the training logs; of an effect of one joint
   std::vector<Rival> rivals, equivalent;
 };
 
@@ -93,6 +102,9 @@ struct DiagnoseOptions {
   /// Pairs of joints that may share a motor, with the ratio of each. Those of the robot's own couplings are tried as well;
   /// where there are none at all, joints 5 and 6.
   std::vector<GearCoupling<double>> couplings{};
+  /// Fit the written model once more to all logs, those to judge on as well, when the effects are decided; it is then
+  /// a model that these logs cannot judge.
+  bool refit{false};
   std::function<void(const std::string& what, double done)> progress{};  ///< done within 0..1; may be empty
   std::function<void(const std::string& line)>
       trace{};  ///< gets what the search sees, for the curious; may be empty
@@ -132,6 +144,12 @@ struct Diagnosis {
   int candidates{0};                    ///< tried, shapes counted
   double seconds{0.0};                  ///< of training motion
   bool joint_sensor{false};             ///< as in the options
+  /// `after` is judged, and its model file read, with the motion derived as for a model that does not say how; false:
+  /// with this cut-off and this sign width.
+  bool ordinary_motion{false};
+  /// `after` with its base fitted to all logs, if that was asked for and lowers the errors on halves of the validation
+  /// logs that it was not fitted to: what the model file holds. All errors here are of `after`.
+  std::optional<model::Robot> refitted;
 
   /// Bad: a joint that the arm model does not explain. Doubtful: structure above kRelevantStructure that no known
   /// effect explains; an error on a validation log that is more than a hundredth above that of the identified model.
