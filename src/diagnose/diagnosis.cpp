@@ -95,6 +95,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.given = robot;
   result.identified = base->robot(base->identified(train));
   result.after = written.engine().robot();
+  result.parameters = written.engine().parameter_record();
   const Scores scores{result, start.band};
   scores.put_ordinary(train, validate);
   scores.put_train(fitted, train_before, written.engine().predicted());

@@ -9,7 +9,7 @@ namespace heft::diagnose {
 
 model::ModelFile Diagnosis::model_file() const {
   model::ModelFile file = model::make_model(after);
-  model::FitRecord fit;
+  model::FitRecord fit = parameters;
   fit.method = "diagnose";
   fit.torque_at = joint_sensor ? "joint" : "motor";
   fit.condition_number = std::numeric_limits<double>::quiet_NaN();

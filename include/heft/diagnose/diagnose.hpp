@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,6 +26,8 @@ struct Rival {
   EffectKind effect;
   int joint{-1};          ///< counted from 0; -1: the whole arm
   double delta_bic{0.0};  ///< as in Finding
+  /// As fitted in the place of the effect, by the names of its kParameters, SI.
+  std::vector<std::pair<std::string, double>> parameters{};
 };
 
 /// An effect found.
@@ -47,7 +50,18 @@ struct Finding {
   double validate_before{0.0}, validate_after{0.0};    ///< rms error of its main joint on the validation logs
   int main_joint{0};                                   ///< where it lowers the error most, as a share
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by, if it has one
+  /// Torque that it adds over the training motion, in the joint where that is most: rms and largest [N·m, N]; NaN for
+  /// what is no torque of a joint (a delay, a load picked up, a contact).
+  double torque_rms{std::numeric_limits<double>::quiet_NaN()};
+  double torque_peak{std::numeric_limits<double>::quiet_NaN()};
+  int torque_joint{-1};  ///< that joint, counted from 0; -1: none
   std::vector<Rival> rivals, equivalent;
+
+  /// Part of the squared error of its main joint on the validation logs that goes with it; NaN: not judged.
+  double share_of_error() const {
+    if (!(validate_before > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+    return 1.0 - validate_after * validate_after / (validate_before * validate_before);
+  }
 };
 
 /// An effect that was considered and not taken.
@@ -132,6 +146,8 @@ struct Diagnosis {
   int candidates{0};                    ///< tried, shapes counted
   double seconds{0.0};                  ///< of training motion
   bool joint_sensor{false};             ///< as in the options
+  /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
+  model::FitRecord parameters;
 
   /// Bad: a joint that the arm model does not explain. Doubtful: structure above kRelevantStructure that no known
   /// effect explains; an error on a validation log that is more than a hundredth above that of the identified model.
