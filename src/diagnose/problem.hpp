@@ -80,8 +80,9 @@ class Problem {
   Eigen::VectorXd white_std() const;
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
 
-  /// p × p: covariance of theta() by the jackknife over blocks, which holds for residuals that are correlated within them.
-  /// @param blocks  out: blocks with rows that count
+  /// p × p: covariance of theta() by the jackknife over groups of neighbouring blocks, which holds for residuals that are
+  /// correlated within them.
+  /// @param blocks  out: groups with rows that count
   Eigen::MatrixXd covariance(int& blocks) const;
 
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
