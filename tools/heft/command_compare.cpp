@@ -35,7 +35,7 @@ Action set_up_compare(CommandLine line) {
   auto options = std::make_shared<Options>();
   line.add_option("models", options->models,
                   "model before and model after, as heft identify or heft diagnose wrote them")
-      .type_name("BEFORE.json AFTER.json")
+      .type_name("MODEL.json")
       .names_file(FileUse::kInput)
       .expected(2)
       .required();
