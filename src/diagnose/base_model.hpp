@@ -49,6 +49,14 @@ class BaseModel {
   bool is_link(int column) const;
   /// "Izz1*".
   std::string name(int column) const { return base_.name(columns_, column); }
+  /// "kg·m²".
+  const std::string& unit(int column) const {
+    return columns_[base_.kept[static_cast<std::size_t>(column)]].unit;
+  }
+  /// "Izz1 + Iyy2 + 0.375 m3".
+  const std::string& expression(int column) const {
+    return base_.expressions[static_cast<std::size_t>(column)];
+  }
   /// Rows for each joint, m × p_j, also those that do not count.
   std::vector<Eigen::MatrixXd> rows(const Motion& motion) const;
   /// Torque of these rows, m × n.

@@ -108,6 +108,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.identified = identified.robot;
   result.after = written.robot();
   result.ordinary_motion = written.is_ordinary();
+  result.parameters = written.engine().parameter_record();
   const Scores scores{result, start.band};
   scores.put_train({fitted, ordinary_train}, train_before, written.engine().predicted());
   scores.put_validate({judged, ordinary_judged}, judged_before);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "candidates.hpp"
+#include "heft/model/model_file.hpp"
 
 namespace heft::diagnose {
 
@@ -64,6 +65,11 @@ class Engine {
   /// Base parameters whose 95 % interval is wider than half of their size, the fitted or the robot's own, by name.
   /// @param cutoff  of the low-pass on q [Hz]: behind it 2 cutoff rows a second are independent
   std::vector<std::string> undetermined(double cutoff) const;
+  /// Torque that an accepted effect adds, m × n; no columns for one that is no torque of its own (delay, contact).
+  Eigen::MatrixXd effect_torque(std::size_t index) const;
+  /// What a model file keeps of the fit's parameters: base parameters and coefficients of the joint effects in the
+  /// order of robot().effects, with intervals and covariance for residuals correlated in time.
+  model::FitRecord parameter_record() const;
   /// White noise of each joint's residual, n; see white_noise().
   Eigen::VectorXd noise_floor() const;
   /// The fitted robot with its effects; a payload change as it is at the end of training.

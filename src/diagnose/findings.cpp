@@ -34,10 +34,20 @@ void describe(const Candidate& own, const VectorXd& c, const model::Robot& robot
   });
 }
 
+/// Parameters of an explanation that was not taken, as it was fitted in the place of the one that was.
+Rival rival_of(const Candidate& candidate, const model::Robot& robot, int tried) {
+  VectorXd c = candidate.trial.coefficients;
+  // Its first coefficient is of the deflection, which the shape says as well; the second is the motor's inertia.
+  if (candidate.effect.is<ElasticJoint>()) c = c.tail(std::max<Index>(0, c.size() - 1)).eval();
+  Finding described(candidate.effect);
+  describe(candidate, c, robot, described);
+  return {candidate.effect, candidate.joint, bic_of(candidate, tried), std::move(described.parameters)};
+}
+
 /// Other explanations of the same joint, or of the whole arm.
 /// @param gain  of the effect taken
 void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>& candidates, int tried,
-                Finding& f) {
+                const model::Robot& robot, Finding& f) {
   for (const Candidate& c : candidates) {
     const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint;
     if (same_place(c, own) || elsewhere || !c.trial.valid || !c.refused.empty() || c.effect.is<Contact>())
@@ -49,9 +59,9 @@ void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>&
       continue;
     }
     if (c.trial.cv_gain > kEquivalent * gain) {
-      f.equivalent.push_back({c.effect, c.joint, bic_of(c, tried)});
+      f.equivalent.push_back(rival_of(c, robot, tried));
     } else if (c.trial.cv_gain > kRival * gain) {
-      f.rivals.push_back({c.effect, c.joint, bic_of(c, tried)});
+      f.rivals.push_back(rival_of(c, robot, tried));
     }
   }
 }
@@ -84,6 +94,22 @@ bool given_has(const model::Robot& given, const Candidate& e) {
          (e.effect.is<RotorInertia>() && actuation.rotor_inertia != 0.0);
 }
 
+/// Torque that the effect adds on the rows that count.
+void put_torque(const Engine& engine, std::size_t index, Finding& f) {
+  const MatrixXd torque = engine.effect_torque(index);
+  double most = -1.0;
+  for (Index j = 0; j < torque.cols(); ++j) {
+    const VectorXd counted = torque.col(j).cwiseProduct(engine.keep().col(j));
+    const double rows = engine.keep().col(j).sum();
+    const double rms = rows > 0.0 ? std::sqrt(counted.squaredNorm() / rows) : 0.0;
+    if (!(rms > most)) continue;
+    most = rms;
+    f.torque_rms = rms;
+    f.torque_peak = counted.cwiseAbs().maxCoeff();
+    f.torque_joint = static_cast<int>(j);
+  }
+}
+
 }  // namespace
 
 std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
@@ -114,7 +140,8 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.validate_before = before[main];
     f.validate_after = after[main];
     f.seen = seen_of(written.engine(), own.joint);
-    add_rivals(own, trial.cv_gain, candidates, tried, f);
+    add_rivals(own, trial.cv_gain, candidates, tried, robot, f);
+    put_torque(engine, e, f);
     describe(own, written.coefficients(e), robot, f);
     const std::vector<std::string>& runs = engine.table().runs;
     for (const int run : own.event_runs) {

@@ -9,7 +9,8 @@ namespace heft::diagnose {
 
 model::ModelFile Diagnosis::model_file() const {
   model::ModelFile file = model::make_model(refitted ? *refitted : after);
-  model::FitRecord fit;
+  // Intervals are those of the fit to the training logs.
+  model::FitRecord fit = refitted ? model::FitRecord{} : parameters;
   fit.method = "diagnose";
   fit.torque_at = joint_sensor ? "joint" : "motor";
   fit.condition_number = std::numeric_limits<double>::quiet_NaN();

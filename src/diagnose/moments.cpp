@@ -8,6 +8,18 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+void add_moments(const MatrixXd& part, const std::vector<int>& places, double weight, MatrixXd& total) {
+  const Index p = static_cast<Index>(places.size());
+  const Index last = total.rows() - 1;
+  for (Index c = 0; c < p; ++c) {
+    const Index to = places[static_cast<std::size_t>(c)];
+    for (Index r = 0; r < p; ++r) total(places[static_cast<std::size_t>(r)], to) += weight * part(r, c);
+    total(last, to) += weight * part(p, c);
+    total(to, last) += weight * part(c, p);
+  }
+  total(last, last) += weight * part(p, p);
+}
+
 void add_columns(const ColumnMoments& m, std::size_t block, const std::vector<std::vector<int>>& places,
                  const VectorXd& noise, int columns, MatrixXd& total) {
   const Index p = columns, k = m.count, last = p + k;

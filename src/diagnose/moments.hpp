@@ -10,6 +10,11 @@
 
 namespace heft::diagnose {
 
+/// Adds the moments of one joint in one block, (p_j + 1)², to those of all columns.
+/// @param places  global columns of the joint's rows
+void add_moments(const Eigen::MatrixXd& part, const std::vector<int>& places, double weight,
+                 Eigen::MatrixXd& total);
+
 /// Adds a candidate's moments in one block to the (p + k + 1)² moments of base and candidate.
 /// @param places   for each joint the global columns of its rows
 /// @param noise    n: rms residual of each joint, by which its rows are weighted

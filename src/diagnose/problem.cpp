@@ -23,19 +23,6 @@ constexpr double kLeastSteady = 1e-8;
   return A.transpose() * B;
 }
 
-/// Adds the moments of one joint in one block to those of the whole.
-void add(const MatrixXd& part, const std::vector<int>& places, double weight, MatrixXd& total) {
-  const Index p = static_cast<Index>(places.size());
-  const Index last = total.rows() - 1;
-  for (Index c = 0; c < p; ++c) {
-    const Index to = places[static_cast<std::size_t>(c)];
-    for (Index r = 0; r < p; ++r) total(places[static_cast<std::size_t>(r)], to) += weight * part(r, c);
-    total(last, to) += weight * part(p, c);
-    total(to, last) += weight * part(c, p);
-  }
-  total(last, last) += weight * part(p, p);
-}
-
 }  // namespace
 
 Problem::Problem(const MotionTable& table, const MatrixXd& keep, std::vector<MatrixXd> rows,
@@ -162,7 +149,7 @@ void Problem::sum_base() {
     MatrixXd& fold = folds_[static_cast<std::size_t>(table_->blocks[b].fold)];
     for (int j = 0; j < num_joints(); ++j) {
       const auto s = static_cast<std::size_t>(j);
-      add(moments_[b][s], places_[s], weight(j), fold);
+      add_moments(moments_[b][s], places_[s], weight(j), fold);
     }
   }
   for (const MatrixXd& fold : folds_) total_ += fold;

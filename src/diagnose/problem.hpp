@@ -80,6 +80,11 @@ class Problem {
   Eigen::VectorXd white_std() const;
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
 
+  /// p × p: covariance of theta() by the jackknife over groups of neighbouring blocks, which holds for residuals that are
+  /// correlated within them.
+  /// @param blocks  out: groups with rows that count
+  Eigen::MatrixXd covariance(int& blocks) const;
+
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
   /// n: rms residual of each joint's rows fitted on their own, with parameters that no other joint has a say in [N·m].
   Eigen::VectorXd noise_alone() const;

@@ -61,6 +61,7 @@ model::FitRecord fit_record(const Fit& fit, const std::string& torque_at, const 
                                       fit.base.expressions[at], fit.beta[i], fit.std[i], fit.half_width[i],
                                       fit.determined[at]});
   }
+  record.parameter_covariance = 0.5 * (fit.covariance + fit.covariance.transpose());
   record.condition_number = fit.condition;
   record.physically_consistent = fit.physically_consistent;
   record.physical_cost_ratio = fit.physical_cost_ratio;

@@ -58,7 +58,8 @@ KinematicsRecord read_kinematics(const Node& node, std::size_t num_joints) {
     place.joint.axis = entry.numbers<3>("axis");
     const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(place.joint.rotation.data());
     if (!(R * R.transpose()).isIdentity(1e-9) || R.determinant() < 0) {
-      entry.at("rotation", "").fail("found a matrix that is not a rotation", "an orthogonal matrix of determinant 1, row-major");
+      entry.at("rotation", "")
+          .fail("found a matrix that is not a rotation", "an orthogonal matrix of determinant 1, row-major");
     }
     if (std::abs(Eigen::Map<const Eigen::Vector3d>(place.joint.axis.data()).norm() - 1.0) > 1e-9) {
       entry.at("axis", "").fail("found a vector that is not of length 1", "a unit vector");
@@ -91,6 +92,32 @@ Json to_json(const KinematicsRecord& kinematics) {
   return json;
 }
 
+/// A symmetric matrix from the rows of its lower triangle.
+Eigen::MatrixXd read_lower_triangle(const Node& rows, std::size_t size) {
+  rows.expect_size(size, fmt::format("{} rows, one a base parameter and effect coefficient", size));
+  Eigen::MatrixXd matrix(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(size));
+  for (std::size_t r = 0; r < size; ++r) {
+    rows.at(r).expect_size(r + 1, fmt::format("{} numbers", r + 1));
+    for (std::size_t c = 0; c <= r; ++c) {
+      const auto i = static_cast<Eigen::Index>(r), j = static_cast<Eigen::Index>(c);
+      matrix(i, j) = matrix(j, i) = rows.at(r).at(c).number(true);
+    }
+  }
+  return matrix;
+}
+
+std::vector<EffectCoefficientRecord> read_effect_coefficients(const Node& list) {
+  std::vector<EffectCoefficientRecord> coefficients;
+  for (std::size_t k = 0; k < list.array_size("a list"); ++k) {
+    const Node entry = list.at(k);
+    coefficients.push_back({static_cast<int>(entry.at("effect", "a count").number()) - 1,
+                            static_cast<int>(entry.at("coefficient", "a count").number()) - 1,
+                            entry.at("value", "a number").number(), entry.number_or("std", kNaN),
+                            entry.number_or("half_width", kNaN)});
+  }
+  return coefficients;
+}
+
 FitRecord read_fit(const Node& node, std::size_t num_joints) {
   node.expect_object();
   FitRecord fit;
@@ -111,6 +138,13 @@ FitRecord read_fit(const Node& node, std::size_t num_joints) {
                                      entry.at("value", "a number").number(), entry.number_or("std", kNaN),
                                      entry.number_or("half_width", kNaN), entry.flag_or("determined", true)});
     }
+  }
+  if (node.has("effect_coefficients"))
+    fit.effect_coefficients = read_effect_coefficients(node.at("effect_coefficients", "a list"));
+  if (node.has("parameter_covariance")) {
+    fit.parameter_covariance =
+        read_lower_triangle(node.at("parameter_covariance", "a list of rows"),
+                            fit.base_parameters.size() + fit.effect_coefficients.size());
   }
   fit.condition_number = node.number_or("condition_number", kNaN);
   fit.physically_consistent = node.flag_or("physically_consistent", false);
@@ -140,6 +174,16 @@ Json to_json(const FitRecord& fit) {
                                        {"half_width", number_or_null(parameter.half_width)},
                                        {"determined", parameter.determined}});
   }
+  for (const EffectCoefficientRecord& c : fit.effect_coefficients) {
+    json["effect_coefficients"].push_back({{"effect", c.effect + 1},
+                                           {"coefficient", c.coefficient + 1},
+                                           {"value", c.value},
+                                           {"std", number_or_null(c.std)},
+                                           {"half_width", number_or_null(c.half_width)}});
+  }
+  for (Eigen::Index r = 0; r < fit.parameter_covariance.rows(); ++r)
+    json["parameter_covariance"].push_back(
+        host::json_array(fit.parameter_covariance.row(r).head(r + 1).transpose()));
   json["condition_number"] = number_or_null(fit.condition_number);
   json["physically_consistent"] = fit.physically_consistent;
   json["physical_cost_ratio"] = number_or_null(fit.physical_cost_ratio);

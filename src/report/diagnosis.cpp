@@ -38,6 +38,10 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
     line("kind", std::string(finding.effect.id()));
     line("term", effect_equation(finding));
     line("parameters", parameters_in_words(finding, robot));
+    line("moves", moves_in_words(finding, robot));
+    const plausibility::GearCheck gear = gear_check(finding, robot);
+    line(gear.outcome == plausibility::GearCheck::Outcome::kImplausible ? "implausible" : "plausible",
+         gear.words);
     line("evidence", evidence_in_words(finding));
     line("validation",
          finding.validate_before > 0.0
@@ -51,6 +55,10 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
     line("the same as", rivals_in_words(finding.equivalent, false));
     if (!finding.rivals.empty() || !finding.equivalent.empty()) line("shown by", shown_by(finding));
   }
+  if (const page::Table table = moved_by_joint_table(diagnosis); table.rows().size() > 1)
+    text += "\nWhat they move, by joint\n" + table.to_text(2);
+  if (const page::Table table = moved_by_kind_table(diagnosis); table.rows().size() > 1)
+    text += "\nWhat they move, by kind\n" + table.to_text(2);
   const auto scores = [&](const char* title, const validate::Score& given, const validate::Score& identified,
                           const validate::Score& diagnosed) {
     const page::Table table = models_table(given, identified, diagnosed, robot);

@@ -48,6 +48,9 @@ nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, b
   for (const diagnose::Rival& rival : rivals) {
     nlohmann::ordered_json entry{{"kind", rival.effect.id()}, {"joint", joint_or_null(rival.joint)}};
     if (with_score) entry["delta_bic"] = host::number_or_null(rival.delta_bic);
+    entry["parameters"] = nlohmann::ordered_json::object();
+    for (const auto& [name, value] : rival.parameters)
+      entry["parameters"][name] = host::number_or_null(value);
     json.push_back(std::move(entry));
   }
   return json;
@@ -74,7 +77,7 @@ nlohmann::ordered_json parameters_json(const Finding& finding) {
   return json;
 }
 
-nlohmann::ordered_json effect_json(const Finding& finding) {
+nlohmann::ordered_json effect_json(const Finding& finding, const model::Robot& robot) {
   nlohmann::ordered_json json{{"kind", finding.effect.id()},
                               {"joint", joint_or_null(finding.joint)},
                               {"name", effect_name(finding.effect)},
@@ -94,6 +97,16 @@ nlohmann::ordered_json effect_json(const Finding& finding) {
                      {"load", pair(finding.seen->load)},
                      {"position", pair(finding.seen->position)}};
   }
+  const plausibility::GearCheck gear = gear_check(finding, robot);
+  using Outcome = plausibility::GearCheck::Outcome;
+  json["torque_rms"] = host::number_or_null(finding.torque_rms);
+  json["torque_peak"] = host::number_or_null(finding.torque_peak);
+  json["torque_joint"] = joint_or_null(finding.torque_joint);
+  json["share_of_error"] = host::number_or_null(finding.share_of_error());
+  json["plausible"] = gear.outcome == Outcome::kUnknown
+                          ? nlohmann::ordered_json(nullptr)
+                          : nlohmann::ordered_json(gear.outcome == Outcome::kPlausible);
+  json["plausibility"] = gear.words;
   if (finding.driven_joint >= 0) json["driven_joint"] = finding.driven_joint + 1;
   if (finding.displacement != Displacement::kPosition)
     json["displacement"] = displacement_name(finding.displacement);
@@ -137,7 +150,8 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
     validate["relative_error_in_band_moving_after"] = host::number_or_null(relative.moving_after);
   }
   json["effects"] = nlohmann::ordered_json::array();
-  for (const Finding& finding : diagnosis.findings) json["effects"].push_back(effect_json(finding));
+  for (const Finding& finding : diagnosis.findings)
+    json["effects"].push_back(effect_json(finding, diagnosis.after));
   json["unexplained"] = nlohmann::ordered_json::array();
   for (const diagnose::Unexplained& u : diagnosis.unexplained) {
     nlohmann::ordered_json evidence = nlohmann::ordered_json::object();

@@ -300,6 +300,12 @@ void add_effects(page::Page& page, const Diagnosis& diagnosis) {
   page.table(ranking_table(diagnosis, diagnosis.after),
              "Evidence. p and ΔBIC account for residuals correlated in time and for all candidates tried; "
              "blocks not fitted: fall of the error in cross-validation.");
+  if (const page::Table table = moved_by_joint_table(diagnosis); !table.rows().empty())
+    page.table(table, "What they move, by joint: torque over the training motion");
+  if (const page::Table table = moved_by_kind_table(diagnosis); !table.rows().empty())
+    page.table(
+        table,
+        "What they move, by kind; gear: values that strain-wave joints of this size do not have (other gears may)");
 }
 
 void add_unexplained(page::Page& page, const Diagnosis& diagnosis) {

@@ -10,6 +10,7 @@
 #include "effect_words.hpp"
 #include "heft/host/verdict.hpp"
 #include "heft/page/table.hpp"
+#include "heft/plausibility/gear.hpp"
 #include "heft/report/diagnosis.hpp"
 
 namespace heft::report {
@@ -68,6 +69,16 @@ std::string range_in_words(const diagnose::Finding& finding, const model::Robot&
 bool is_identified(const diagnose::Finding& finding);
 /// Effects as by_kind() has them, with their evidence, and what else was tried: rivals.
 page::Table ranking_table(const diagnose::Diagnosis& diagnosis, const model::Robot& robot);
+/// "1.2 N·m rms, 3.4 N·m at most in joint 2; 55 % of its squared error on the validation logs goes with it"; empty where it
+/// is no torque of a joint.
+std::string moves_in_words(const diagnose::Finding& finding, const model::Robot& robot);
+/// What the effects move, joint by joint: torque and what is left of the joint's error; no rows when nothing moves.
+page::Table moved_by_joint_table(const diagnose::Diagnosis& diagnosis);
+/// The same kind by kind.
+page::Table moved_by_kind_table(const diagnose::Diagnosis& diagnosis);
+/// Whether a strain-wave gear of that joint can have the values.
+plausibility::GearCheck gear_check(const diagnose::Finding& finding, const model::Robot& robot);
+
 /// The refusals that explain most, strongest first.
 page::Table refusal_table(const diagnose::Diagnosis& diagnosis, std::size_t most);
 

@@ -22,6 +22,31 @@ double interval_factor(int degrees_of_freedom) {
          (79 * z9 + 776 * z7 + 1482 * z5 - 1920 * z3 - 945 * z) / (92160 * nu * nu * nu * nu);
 }
 
+int degrees_of_freedom(double factor) {
+  constexpr int kNearlyNormal = 1000;
+  if (!(factor > interval_factor(kNearlyNormal))) return kNearlyNormal;
+  int low = 1, high = kNearlyNormal;  // the factor falls with the degrees of freedom
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    (interval_factor(middle) > factor ? low : high) = middle;
+  }
+  return factor - interval_factor(high) < interval_factor(low) - factor ? high : low;
+}
+
+double student_two_sided(double value, double degrees_of_freedom) {
+  return fisher_tail(value * value, 1.0, degrees_of_freedom);  // t² follows F(1, ν)
+}
+
+double student_quantile(double probability, double degrees_of_freedom) {
+  double low = 0.0, high = 1.0;
+  while (student_two_sided(high, degrees_of_freedom) > probability && high < 1e12) high *= 2.0;
+  while (high - low > 1e-9 * high) {
+    const double middle = 0.5 * (low + high);
+    (student_two_sided(middle, degrees_of_freedom) > probability ? low : high) = middle;
+  }
+  return high;
+}
+
 double fisher_tail(double value, double numerator, double denominator) {
   if (!(value > 0.0)) return 1.0;
   // P(F > f) = I_x(d₂/2, d₁/2), x = d₂/(d₂ + d₁ f).

@@ -29,7 +29,7 @@ const std::map<std::string, Rooms>& table() {
       {"data", {"core", "host", "statistics"}},
       {"urdf", {"core", "host", "model"}},
       {"sim", {"core", "data", "host", "model"}},
-      {"plausibility", {"data", "host", "model", "statistics"}},
+      {"plausibility", {"core", "data", "host", "model", "statistics"}},
       {"collision", {"host", "model"}},
       {"regression", {"core", "data", "host", "model", "statistics"}},
       {"validate", {"core", "data", "host", "model", "statistics"}},
@@ -41,18 +41,19 @@ const std::map<std::string, Rooms>& table() {
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim", "statistics"}},
       {"retime", {"data", "host", "model", "sim"}},
       {"diagnose", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
+      {"compare", {"core", "host", "model", "regression", "statistics"}},
       {"track", {"core", "host", "model", "sim", "statistics", "validate"}},
       {"report",
-       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page", "payload",
-        "retime", "sim", "statistics", "stiffness", "track", "validate"}},
+       {"compare", "data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page",
+        "payload", "plausibility", "retime", "sim", "statistics", "stiffness", "track", "validate"}},
       {"bench", {"core", "data", "diagnose", "host", "identify", "model", "regression", "urdf"}},
       {"tools/studies",
        {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
         "stiffness", "track", "urdf", "validate"}},
       {"tools/heft",
-       {"data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page", "payload",
-        "plausibility", "report", "retime", "sim", "stiffness", "tools/studies", "track", "urdf",
-        "validate"}}};
+       {"compare", "data",      "diagnose",      "drive",   "excite",       "host",    "identify",
+        "model",   "monitor",   "page",          "payload", "plausibility", "report",  "retime",
+        "sim",     "stiffness", "tools/studies", "track",   "urdf",         "validate"}}};
   return rooms;
 }
 
@@ -136,8 +137,8 @@ TEST(Rooms, IncludeWhatTheTableSaysAndNothingElse) {
 
 // A question is answered without another one; all are judged by the same scorer. What is said of an answer is above.
 TEST(Rooms, OfQuestionsKnowNoOtherQuestion) {
-  const Rooms questions = {"collision", "diagnose",     "excite", "identify",  "monitor",
-                           "payload",   "plausibility", "retime", "stiffness", "track"};
+  const Rooms questions = {"collision", "compare",      "diagnose", "excite",    "identify", "monitor",
+                           "payload",   "plausibility", "retime",   "stiffness", "track"};
   const std::map<std::string, Rooms> exceptions = {
       {"excite", {"collision"}}};  // motions that keep clear of the arm
   for (const auto& [room, needs] : table()) {

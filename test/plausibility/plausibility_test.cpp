@@ -12,6 +12,9 @@
 
 #include "heft/host/error.hpp"
 #include "heft/plausibility/plausibility.hpp"
+
+#include <limits>
+#include "heft/plausibility/gear.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/fourier_log.hpp"
 
@@ -300,6 +303,23 @@ TEST(LivePlausibility, RefusesSlipsOfUnits) {
       EXPECT_THAT(error.what(), testing::AllOf(testing::StartsWith("-: column '"), HasSubstr(text)));
     }
   }
+}
+
+TEST(Gear, KnowsWhatAStrainWaveJointOfThatSizeCanBeLike) {
+  model::RobotJoint joint;
+  joint.effort_limit = 82.0;  // size 20
+  using Outcome = GearCheck::Outcome;
+  const auto stiffness = [&](double value) {
+    return check_gear(ElasticJoint{}, {{"stiffness", value}}, joint).outcome;
+  };
+  EXPECT_EQ(stiffness(1.6e4), Outcome::kPlausible);  // the catalogue's K1
+  EXPECT_EQ(stiffness(2.9e4), Outcome::kPlausible);  // and K3
+  EXPECT_EQ(stiffness(500.0), Outcome::kImplausible);
+  EXPECT_EQ(stiffness(5e5), Outcome::kImplausible);
+  EXPECT_EQ(check_gear(LoadFriction{}, {{"mu", 0.9}}, joint).outcome, Outcome::kImplausible);
+  EXPECT_EQ(check_gear(Delay{}, {{"delay", 0.9}}, joint).outcome, Outcome::kUnknown);
+  joint.effort_limit = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(stiffness(500.0), Outcome::kUnknown) << "the size is not stated";
 }
 
 }  // namespace

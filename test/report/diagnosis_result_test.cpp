@@ -91,6 +91,31 @@ TEST(DiagnosisVerdict, SaysWhatTheMotionCannotTellApart) {
               EndsWith("This motion cannot distinguish it from a spring in joint 1."));
 }
 
+TEST(DiagnosisText, SaysWhatAnEffectMovesAndWhetherAGearCanBeLikeThat) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.after.joints[0].effort_limit = 30.0;
+  diagnosis.findings = {stribeck(), stribeck()};
+  diagnosis.findings[0].torque_rms = 0.31;
+  diagnosis.findings[0].torque_peak = 1.1;
+  diagnosis.findings[0].torque_joint = 0;
+  diagnosis.findings[1].parameters = {{"Fs", 12.0}, {"vs", 0.05}};  // more than a third of what the motor can
+  const std::string text = report::full(diagnosis, kContext);
+  // 1 - (0.29 / 0.43)^2
+  EXPECT_THAT(text,
+              HasSubstr("0.310 N·m rms, 1.10 N·m at most in joint 1; 55 % of the squared error of joint 1"));
+  EXPECT_THAT(text, HasSubstr("plausible   Fs 1.2 N·m, of strain-wave joints of this size 0 to 9.9"));
+  EXPECT_THAT(text, HasSubstr("implausible Fs 12 N·m"));
+  const auto json = nlohmann::json::parse(report::json(diagnosis, kContext));
+  const auto& effects = json.at("effects");
+  EXPECT_EQ(effects[0].at("torque_rms"), 0.31);
+  EXPECT_EQ(effects[0].at("torque_peak"), 1.1);
+  EXPECT_EQ(effects[0].at("torque_joint"), 1);
+  EXPECT_NEAR(effects[0].at("share_of_error").get<double>(), 0.5452, 1e-4);
+  EXPECT_EQ(effects[0].at("plausible"), true);
+  EXPECT_EQ(effects[1].at("plausible"), false);
+  EXPECT_TRUE(effects[1].at("torque_rms").is_null());
+}
+
 TEST(DiagnosisVerdict, ListsSeveralEffects) {
   Diagnosis diagnosis = empty_diagnosis();
   Finding delay(Delay{});

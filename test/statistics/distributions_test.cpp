@@ -35,5 +35,19 @@ TEST(FisherTail, IsThatOfTheTables) {
   EXPECT_EQ(fisher_tail(-1.0, 3, 10), 1.0);
 }
 
+TEST(Student, IsThatOfTheTables) {
+  // Two-sided critical values: t(0.05; 10) = 2.2281, t(0.01; 5) = 4.0321, t(0.001; 20) = 3.8495.
+  EXPECT_NEAR(student_two_sided(2.2281, 10.0), 0.05, 1e-5);
+  EXPECT_NEAR(student_quantile(0.05, 10.0), 2.2281, 1e-4);
+  EXPECT_NEAR(student_quantile(0.01, 5.0), 4.0321, 1e-4);
+  EXPECT_NEAR(student_quantile(0.001, 20.0), 3.8495, 1e-4);
+}
+
+TEST(Student, DegreesOfFreedomAreFoundAgainFromTheIntervalFactor) {
+  for (const int freedom : {1, 2, 7, 30, 200})
+    EXPECT_EQ(degrees_of_freedom(interval_factor(freedom)), freedom);
+  EXPECT_EQ(degrees_of_freedom(kNormal95), 1000);
+}
+
 }  // namespace
 }  // namespace heft::statistics

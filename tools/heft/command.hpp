@@ -32,6 +32,7 @@ Action set_up_excite(CommandLine line);
 Action set_up_validate(CommandLine line);
 Action set_up_identify(CommandLine line);
 Action set_up_diagnose(CommandLine line);
+Action set_up_compare(CommandLine line);
 Action set_up_payload(CommandLine line);
 Action set_up_torque_constants(CommandLine line);
 Action set_up_monitor(CommandLine line);

@@ -11,9 +11,11 @@
 #include "console.hpp"
 #include "heft/data/log.hpp"
 #include "heft/excite/excite.hpp"
+#include "heft/excite/separate.hpp"
 #include "heft/host/file.hpp"
 #include "heft/page/page.hpp"
 #include "heft/report/motion.hpp"
+#include "heft/report/separating_motion.hpp"
 #include "motion_safety.hpp"
 #include "options.hpp"
 
@@ -30,6 +32,7 @@ struct Options {
   bool speed_given{false};
   std::string output, urscript, ros;
   std::string purpose{"parameters"};
+  std::string diagnosis;  ///< whose rivals are to be separated
   std::string cost{"d-optimal"};
   std::string rows{"torque-limit"};
   std::string torque_at{"motor"};
@@ -99,6 +102,17 @@ excite::FrictionOptions friction_options(const Options& options) {
   return friction;
 }
 
+excite::SeparateOptions separate_options(const Options& options) {
+  excite::SeparateOptions separate;
+  separate.duration = options.design.duration;
+  separate.payload = payload_of(options.payload);
+  if (!options.from.empty()) separate.from = vector_of(options.from);
+  separate.rate = options.rate;
+  separate.rehearse = !options.no_rehearsal;
+  separate.seed = options.design.seed;
+  return separate;
+}
+
 /// All files of a motion; one that cannot be written does not keep the others from it.
 void finish_files(const Console& console, const Options& options, const excite::Motion& motion,
                   const std::string& json, const page::Page& page) {
@@ -122,6 +136,19 @@ void print_and_write(const Console& console, const Options& options, const Motio
   finish_files(console, options, motion, report::json(motion), report::page(motion));
 }
 
+void run_separate(const Console& console, const Options& options, const model::Robot& robot,
+                  const excite::LimitsFile& limits) {
+  const excite::Questions questions = excite::read_questions(robot, options.diagnosis);
+  excite::SeparateOptions asked = separate_options(options);
+  excite::SeparatingMotion motion;
+  {
+    Progress progress("designing");
+    asked.progress = [&](double done) { progress.update(done); };
+    motion = excite::separate(robot, limits, questions, asked);
+  }
+  print_and_write(console, options, motion);
+}
+
 void run(const Options& options) {
   const Console console{options.output, options.urscript, options.ros, options.result.json};
   const model::Robot robot = load_robot(options.robot);
@@ -134,6 +161,7 @@ void run(const Options& options) {
     return print_and_write(console, options,
                            excite::friction_strokes(robot, limits, friction_options(options)));
   }
+  if (!options.diagnosis.empty()) return run_separate(console, options, robot, limits);
   excite::Options asked = design_options(options, robot);
   excite::ExcitingMotion motion;
   {
@@ -172,6 +200,7 @@ constexpr const char* kFooter =
     "simulate;\n"
     "heft simulate --urdf R --replay exciting.csv -o log.csv runs the CSV.\n"
     "Example: heft excite --urdf ur10e --duration 20 --report exciting.html -o exciting.csv\n"
+    "Example: heft excite --model extended.json --separate diagnosis.json -o next.csv\n"
     "Example: heft excite --urdf ur10e --for friction --from 0,-1.57,1.57,0,0,0 -o strokes.csv "
     "--write-urscript strokes.script";
 
@@ -182,6 +211,12 @@ void add_motion_options(CommandLine line, Options& options) {
       .type_name("WHAT")
       .one_of({"parameters", "friction"})
       .capture_default_str();
+  line.add_option(
+          "--separate", options.diagnosis,
+          "JSON of heft diagnose: the motion that separates the rivals which it left open, or finds whether the "
+          "unexplained part goes with position, velocity or load")
+      .type_name("DIAGNOSIS.json")
+      .names_file(FileUse::kInput);
   line.add_option("--duration", options.design.duration, "length of the motion [s]")
       .type_name("S")
       .positive()
@@ -302,7 +337,14 @@ void refuse_options_of_the_other_purpose(const Options& options, const CommandLi
   only_for(friction, "friction", {"--speeds", "--stroke"});
   only_for(!friction, "parameters",
            {"--duration", "--period", "--harmonics", "--cost", "--rows", "--rotor-inertia", "--offset",
-            "--payload-only", "--given", "--noise", "--starts", "--compare"});
+            "--payload-only", "--given", "--noise", "--starts", "--compare", "--separate"});
+  for (const char* name :
+       {"--period", "--harmonics", "--cost", "--rows", "--torque-at", "--rotor-inertia", "--offset",
+        "--payload-only", "--given", "--band", "--noise", "--starts", "--compare", "--start"}) {
+    if (!options.diagnosis.empty() && line.count(name) > 0)
+      throw UsageError(fmt::format(
+          "{} does not go with --separate, whose motion is designed for its rivals; leave it out", name));
+  }
 }
 
 }  // namespace

@@ -10,6 +10,7 @@ const std::vector<Command>& commands() {
       {"identify", "fit a model to one or more logs", set_up_identify},
       {"validate", "judge a model on logs that it was not fitted to", set_up_validate},
       {"diagnose", "find the effects that a model lacks", set_up_diagnose},
+      {"compare", "what changed between two models of one robot", set_up_compare},
       {"payload", "estimate the load at the flange sample by sample, as a controller would", set_up_payload},
       {"torque-constants", "the torque an ampere gives, from target torque and current or a known load",
        set_up_torque_constants},

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -26,6 +27,8 @@ struct Rival {
   EffectKind effect;
   int joint{-1};          ///< counted from 0; -1: the whole arm
   double delta_bic{0.0};  ///< as in Finding
+  /// As fitted in the place of the effect, by the names of its kParameters, SI.
+  std::vector<std::pair<std::string, double>> parameters{};
 };
 
 /// Where an effect was seen: smallest and largest values of its joint's rows that count.
@@ -56,7 +59,18 @@ struct Finding {
   int main_joint{0};                                   ///< where it lowers the error most, as a share
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by, if it has one
   std::optional<SeenRange> seen;                       ///< in the training logs; of an effect of one joint
+  /// Torque that it adds over the training motion, in the joint where that is most: rms and largest [N·m, N]; NaN for
+  /// what is no torque of a joint (a delay, a load picked up, a contact).
+  double torque_rms{std::numeric_limits<double>::quiet_NaN()};
+  double torque_peak{std::numeric_limits<double>::quiet_NaN()};
+  int torque_joint{-1};  ///< that joint, counted from 0; -1: none
   std::vector<Rival> rivals, equivalent;
+
+  /// Part of the squared error of its main joint on the validation logs that goes with it; NaN: not judged.
+  double share_of_error() const {
+    if (!(validate_before > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+    return 1.0 - validate_after * validate_after / (validate_before * validate_before);
+  }
 };
 
 /// An effect that was considered and not taken.
@@ -150,6 +164,8 @@ struct Diagnosis {
   /// `after` with its base fitted to all logs, if that was asked for and lowers the errors on halves of the validation
   /// logs that it was not fitted to: what the model file holds. All errors here are of `after`.
   std::optional<model::Robot> refitted;
+  /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
+  model::FitRecord parameters;
 
   /// Bad: a joint that the arm model does not explain. Doubtful: structure above kRelevantStructure that no known
   /// effect explains; an error on a validation log that is more than a hundredth above that of the identified model.

@@ -22,6 +22,8 @@
 ///   "fit": {"method": "wls", "torque_at": "motor", "base_parameters": [
 ///             {"name": "Izz1*", "unit": "kg·m²", "expression": "Izz1 + Iyy2", "value": 3.1, "std": 0.02,
 ///              "half_width": 0.04, "determined": true} ],
+///           "effect_coefficients": [ {"effect": 1, "coefficient": 1, "value": 1.2, "std": 0.1, "half_width": 0.2} ],
+///           "parameter_covariance": [[4e-4], [1e-5, 0.01]],
 ///           "condition_number": 12.3, "physically_consistent": true, "rmse": [...], ... },
 ///   "provenance": {"method": "wls", "logs": ["A.csv"], "notes": []} }
 /// @endcode
@@ -38,6 +40,10 @@
 /// `motor_inertia` may be missing) and `delay` of the torque channel, for the whole arm. Other findings have places
 /// of their own: motors that turn with two joints in `gear_couplings`, a base that is not level in
 /// `kinematics.gravity`, a body on the tool in the last of `links`.
+///
+/// `fit.effect_coefficients` are the coefficients that an effect's torque is linear in, in the order of its columns in
+/// core/effects; effects and coefficients count from 1. `fit.parameter_covariance` is the lower triangle, row by row, of
+/// the covariance of the base parameters followed by these coefficients, so that two fits can be compared.
 #pragma once
 
 #include <array>
@@ -87,12 +93,24 @@ struct BaseParameterRecord {
   bool determined{true};   ///< by the logs
 };
 
+/// One coefficient that an effect's torque is linear in, as a fit found it.
+struct EffectCoefficientRecord {
+  int effect{0};       ///< place in ModelFile::effects
+  int coefficient{0};  ///< place among the effect's columns
+  double value{0.0};
+  double std{0.0};         ///< as in BaseParameterRecord
+  double half_width{0.0};  ///< of the 95 % interval; NaN: unknown
+};
+
 /// How a model came out of its logs and how far to trust it: what `identify` found and `validate` repeats.
 struct FitRecord {
   std::string method;  ///< "wls", ...
   /// Where the torque was measured: "motor", or "joint" (a sensor behind the gear).
   std::string torque_at{"motor"};
   std::vector<BaseParameterRecord> base_parameters;
+  std::vector<EffectCoefficientRecord> effect_coefficients;
+  /// Of base_parameters, then effect_coefficients, symmetric, in the squares of their units; size 0: unknown.
+  Eigen::MatrixXd parameter_covariance;
   double condition_number{0.0};       ///< of the weighted base regressor, columns scaled to norm 1
   bool physically_consistent{false};  ///< every link is physically possible
   /// Squared error of the best physical fit over that of the free one; 1: physics costs nothing. NaN: unknown.

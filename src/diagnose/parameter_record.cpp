@@ -1,0 +1,124 @@
+// Intervals of everything that a diagnosis fitted, for those who compare its model with another one.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "engine.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
+#include "moments.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+MatrixXd Problem::covariance(int& blocks) const {
+  // What a model misses stays correlated for some seconds: neighbouring blocks go together while a dozen groups are left.
+  constexpr std::size_t kGroups = 12, kMost = 3;
+  const std::size_t all = table_->blocks.size(), together = std::clamp<std::size_t>(all / kGroups, 1, kMost);
+  MatrixXd changes(columns_, static_cast<Index>(all));
+  blocks = 0;
+  for (std::size_t first = 0; first < all; first += together) {
+    MatrixXd rest = total_;
+    for (std::size_t b = first; b < std::min(all, first + together); ++b) {
+      for (int j = 0; j < num_joints(); ++j) {
+        const auto s = static_cast<std::size_t>(j);
+        add_moments(moments_[b][s], places_[s], -weight(j), rest);
+      }
+    }
+    if (rest == total_) continue;
+    const VectorXd change = solve(rest, -1, steady_, ridge_, false).theta - theta_;
+    if (change.allFinite()) changes.col(blocks++) = change;
+  }
+  return statistics::jackknife_covariance(changes.leftCols(blocks));
+}
+
+MatrixXd Engine::effect_torque(std::size_t index) const {
+  const Candidate& effect = accepted[index];
+  if (effect.effect.is<Delay>() || effect.effect.is<Contact>() || effect.effect.is<PayloadChange>())
+    return {};
+  MatrixXd torque = MatrixXd::Zero(table_.rows(), table_.num_joints);
+  if (effect.effect.is<ElasticJoint>()) {
+    // With its deflection less with a rigid joint that has the same motor.
+    VectorXd beta = problem_->theta().head(base_.columns());
+    for (const Candidate& e : accepted) {
+      if (e.replaces >= 0) beta[e.replaces] = 0.0;
+    }
+    Motion rigid = motion_;
+    rigid.link_q.col(effect.joint) = rigid.q.col(effect.joint);
+    rigid.link_qd.col(effect.joint) = rigid.qd.col(effect.joint);
+    rigid.link_qdd.col(effect.joint) = rigid.qdd.col(effect.joint);
+    torque = base_.torque(rows_, beta) - base_.torque(base_.rows(rigid), beta);
+    if (first_column_[index] >= 0)
+      torque.col(effect.joint) += motion_.qdd.col(effect.joint) * fitted(index)[0];
+    return torque;
+  }
+  const VectorXd c = fitted(index);
+  for (std::size_t a = 0; a < effect.columns.joints.size() && c.size() > 0; ++a) {
+    const int joint = effect.columns.joints[a];
+    torque.col(joint) += effect.columns.values[a].leftCols(c.size()) * c;
+    // It holds the Coulomb friction as well, which is no part of what was missing.
+    if (effect.replaces >= 0) torque.col(joint) -= motion_.direction.col(joint) * c[0];
+  }
+  return torque;
+}
+
+model::FitRecord Engine::parameter_record() const {
+  model::FitRecord record;
+  int blocks = 0;
+  const MatrixXd covariance = problem_->covariance(blocks);
+  const double factor = statistics::interval_factor(blocks - 1);
+  const VectorXd theta = problem_->theta(), own = base_.prior();
+  std::vector<int>
+      places;  // of each entry of the record among the columns; -1: not fitted by a column of its own
+  const auto std_of = [&](int column) { return std::sqrt(std::max(0.0, covariance(column, column))); };
+  for (int c = 0; c < base_.columns(); ++c) {
+    const double std = std_of(c);
+    // A link's parameter known to no better than half of its size is not determined; friction is known where it is small.
+    const bool determined =
+        !base_.is_link(c) || factor * std < 0.5 * std::max(std::abs(theta[c]), std::abs(own[c]));
+    record.base_parameters.push_back(
+        {base_.name(c), base_.unit(c), base_.expression(c), theta[c], std, factor * std, determined});
+    places.push_back(c);
+  }
+  int effects = 0;
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    const Candidate& effect = accepted[e];
+    if (effect.effect.joint_effect() < 0) continue;
+    const VectorXd c = coefficients(e);
+    const bool in_actuation = effect.effect.is<Offset>() || effect.effect.is<RotorInertia>();
+    // A second memory shares its coefficient with the first: its column alone does not say how well either is known.
+    const bool shared = first_memory(e) >= 0 || second_memory(e) >= 0;
+    for (int k = 0; k < static_cast<int>(c.size()); ++k) {
+      const int place = shared || first_column_[e] < 0 ? -1 : first_column_[e] + k;
+      const double std = place < 0 ? std::numeric_limits<double>::quiet_NaN() : std_of(place);
+      if (in_actuation) {
+        const std::string name =
+            fmt::format("{}{}", effect.effect.is<Offset>() ? "off" : "Ia", effect.joint + 1);
+        const std::string_view unit = effect.effect.visit([](auto type) { return type.kParameters[0].unit; });
+        record.base_parameters.push_back({name, std::string(unit), name, c[k], std, factor * std, true});
+        places.insert(places.begin() + static_cast<std::ptrdiff_t>(record.base_parameters.size()) - 1, place);
+      } else {
+        record.effect_coefficients.push_back({effects, k, c[k], std, factor * std});
+        places.push_back(place);
+      }
+    }
+    if (!in_actuation) ++effects;
+  }
+  const auto count = static_cast<Index>(places.size());
+  record.parameter_covariance.resize(count, count);
+  for (Index r = 0; r < count; ++r) {
+    for (Index c = 0; c < count; ++c) {
+      const int row = places[static_cast<std::size_t>(r)], column = places[static_cast<std::size_t>(c)];
+      record.parameter_covariance(r, c) =
+          row < 0 || column < 0 ? std::numeric_limits<double>::quiet_NaN() : covariance(row, column);
+    }
+  }
+  return record;
+}
+
+}  // namespace heft::diagnose
