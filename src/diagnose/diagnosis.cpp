@@ -1,5 +1,6 @@
 #include "heft/diagnose/diagnose.hpp"
 
+#include "ceilings_on_logs.hpp"
 #include "findings.hpp"
 #include "guards.hpp"
 #include "heft/host/error.hpp"
@@ -103,6 +104,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.check_joints();
   result.not_explained = search.wrong_joints();
   result.unexplained = unexplained_of(search, written.engine());
+  put_ceilings(fitted, judged, train, result);
   result.refusals = search.refusals(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();
