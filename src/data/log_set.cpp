@@ -7,10 +7,10 @@
 
 #include <fmt/format.h>
 
+#include "heft/data/log_part.hpp"
 #include "heft/host/error.hpp"
 #include "log_file.hpp"
 #include "log_fingerprint.hpp"
-#include "heft/data/log_part.hpp"
 #include "refuse_unsound.hpp"
 #include "row_source.hpp"
 

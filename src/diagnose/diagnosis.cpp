@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "ceilings_on_logs.hpp"
 #include "findings.hpp"
 #include "guards.hpp"
 #include "heft/host/error.hpp"
@@ -132,6 +133,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.check_joints();
   result.not_explained = search.wrong_joints();
   result.unexplained = unexplained_of(search, written.engine());
+  put_ceilings(fitted, judged, train, result);
   result.refusals = search.refusals(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();

@@ -23,7 +23,7 @@ std::vector<int> joints_with_structure(const Diagnosis& diagnosis) {
   std::vector<int> joints;
   const Eigen::VectorXd& largest = diagnosis.train_after.max_torque;
   for (const Unexplained& u : diagnosis.unexplained) {
-    if (u.joint < 0 || u.joint >= largest.size()) continue;
+    if (u.joint < 0 || u.joint >= largest.size() || u.cause == Cause::kQuantisation) continue;
     const double rms = evidence_of(u, "rms"), noise = evidence_of(u, "noise_rms");
     const double structure = std::sqrt(std::max(0.0, rms * rms - noise * noise));
     if (structure > kRelevantStructure * largest[u.joint]) joints.push_back(u.joint + 1);

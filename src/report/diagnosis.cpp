@@ -88,6 +88,11 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
                             : "",
                         refusal_table(diagnosis, kMostRefusals).to_text(2));
   }
+  if (!diagnosis.ceilings.empty()) {
+    text += fmt::format(
+        "\nWhat any function of the motion could explain of the squared error (validation)\n{}{}\n",
+        ceiling_table(diagnosis).to_text(2), ceiling_in_words(diagnosis));
+  }
   text += "\nUnexplained\n";
   if (diagnosis.unexplained.empty()) text += "  nothing above noise\n";
   for (const diagnose::Unexplained& u : diagnosis.unexplained) {

@@ -35,6 +35,33 @@ std::string worth(const std::string& whose, double before, double after, const s
                      whose, where, number(before, 3), number(after, 3), unit, change_percent(before, after));
 }
 
+/// What is left of one kind: noise of the measurement, or anything else.
+std::vector<diagnose::Unexplained> left_of(const Diagnosis& diagnosis, bool noise) {
+  std::vector<diagnose::Unexplained> left;
+  for (const diagnose::Unexplained& u : diagnosis.unexplained) {
+    if (u.is_noise() == noise) left.push_back(u);
+  }
+  return left;
+}
+
+/// " Correlated noise remains in joint 2: it goes with no function of the motion."; empty: none.
+std::string noise_that_is_left(const Diagnosis& diagnosis) {
+  std::set<int> steps, others;
+  for (const diagnose::Unexplained& u : left_of(diagnosis, true))
+    (u.cause == diagnose::Cause::kQuantisation ? steps : others).insert(u.joint);
+  std::string text;
+  if (!steps.empty()) {
+    text += fmt::format(" The steps of the encoders show as noise in {}.",
+                        host::joints_in_words({steps.begin(), steps.end()}));
+  }
+  if (!others.empty()) {
+    text += fmt::format(
+        " Noise that is correlated in time remains in {}: no function of the motion was found that explains it.",
+        host::joints_in_words({others.begin(), others.end()}));
+  }
+  return text;
+}
+
 /// One in full, several by their joints.
 std::string what_is_left(const std::vector<diagnose::Unexplained>& unexplained) {
   if (unexplained.size() == 1) return unexplained_in_words(unexplained.front());
@@ -129,7 +156,7 @@ std::string fall_in_words(const Diagnosis& diagnosis, int joint) {
 
 std::string brief(const Diagnosis& diagnosis) {
   const std::size_t logs = std::max<std::size_t>(1, diagnosis.validate_each_after.size());
-  const std::string left = what_is_left(diagnosis.unexplained);
+  const std::string left = what_is_left(left_of(diagnosis, false)), noise = noise_that_is_left(diagnosis);
   if (!diagnosis.not_explained.empty()) {
     // Before anything else: what the small effects are worth is of no interest while a joint is wrong.
     std::string text;
@@ -140,9 +167,11 @@ std::string brief(const Diagnosis& diagnosis) {
     return others.findings.empty() ? text : text + " In the other joints: " + brief(others);
   }
   if (diagnosis.findings.empty()) {
-    if (!left.empty()) return fmt::format("An unexplained residual remains: {}.", left);
-    return "Nothing is missing: rigid bodies with Coulomb and viscous friction explain these logs, and no "
-           "further effect lowers the error on data not fitted by more than chance and by enough to matter.";
+    if (!left.empty()) return fmt::format("An unexplained residual remains: {}.{}", left, noise);
+    return std::string(
+               "Nothing is missing: rigid bodies with Coulomb and viscous friction explain these logs, and no "
+               "further effect lowers the error on data not fitted by more than chance and by enough to matter.") +
+           noise;
   }
   std::string text;
   if (diagnosis.findings.size() == 1) {
@@ -180,7 +209,7 @@ std::string brief(const Diagnosis& diagnosis) {
     text += ".";
   }
   if (!left.empty()) text += fmt::format(" Beyond that an unexplained residual remains: {}.", left);
-  return text;
+  return text + noise;
 }
 
 model::ModelFile model_file(const Diagnosis& diagnosis) {

@@ -156,9 +156,12 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   for (const diagnose::Unexplained& u : diagnosis.unexplained) {
     nlohmann::ordered_json evidence = nlohmann::ordered_json::object();
     for (const auto& [name, value] : u.evidence) evidence[name] = host::number_or_null(value);
-    json["unexplained"].push_back(
-        {{"joint", joint_or_null(u.joint)}, {"what", u.what}, {"evidence", std::move(evidence)}});
+    json["unexplained"].push_back({{"joint", joint_or_null(u.joint)},
+                                   {"what", u.what},
+                                   {"evidence", std::move(evidence)},
+                                   {"cause", diagnose::to_string(u.cause)}});
   }
+  json["joints"] = ceilings_json(diagnosis);
   json["refused"] = nlohmann::ordered_json::array();
   for (const diagnose::Refusal& refusal : strongest(diagnosis)) {
     json["refused"].push_back({{"kind", refusal.effect.id()},

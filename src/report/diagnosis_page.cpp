@@ -318,6 +318,18 @@ void add_unexplained(page::Page& page, const Diagnosis& diagnosis) {
   page.table(table);
 }
 
+void add_ceiling(page::Page& page, const Diagnosis& diagnosis) {
+  if (diagnosis.ceilings.empty()) return;
+  page.heading("What could be explained");
+  page.plot(ceiling_bars(diagnosis));
+  page.table(
+      ceiling_table(diagnosis),
+      "Validation. Explainable is what functions of no particular form, of position, velocity, acceleration, load "
+      "and what the joint did a moment before, explain on stretches that they were not fitted to: at least that much. "
+      "They are a measure of what is left, and in no model.");
+  page.paragraph(ceiling_in_words(diagnosis));
+}
+
 void add_errors(page::Page& page, const Diagnosis& diagnosis) {
   page.heading("Given, identified, diagnosed");
   if (diagnosis.validate_after.rmse.size() > 0) {
@@ -368,8 +380,10 @@ page::Page page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   page.facts(facts_of(diagnosis));
   add_bars(page, diagnosis);
   add_effects(page, diagnosis);
+  add_ceiling(page, diagnosis);
   add_unexplained(page, diagnosis);
   add_residuals(page, diagnosis);
+  add_curves(page, diagnosis);
   add_errors(page, diagnosis);
   add_refusals(page, diagnosis);
   page.heading("Again");

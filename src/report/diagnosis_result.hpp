@@ -9,6 +9,8 @@
 
 #include "effect_words.hpp"
 #include "heft/host/verdict.hpp"
+#include "heft/page/page.hpp"
+#include "heft/page/plot.hpp"
 #include "heft/page/table.hpp"
 #include "heft/plausibility/gear.hpp"
 #include "heft/report/diagnosis.hpp"
@@ -81,6 +83,16 @@ plausibility::GearCheck gear_check(const diagnose::Finding& finding, const model
 
 /// The refusals that explain most, strongest first.
 page::Table refusal_table(const diagnose::Diagnosis& diagnosis, std::size_t most);
+
+/// Shares of each joint's squared error: explained, explainable but unknown, noise.
+page::Table ceiling_table(const diagnose::Diagnosis& diagnosis);
+/// "Joint 2: explained 0.62 of what is explainable; nothing is explainable in joints 1 and 3."
+std::string ceiling_in_words(const diagnose::Diagnosis& diagnosis);
+/// The same as bars.
+page::PlotSpec ceiling_bars(const diagnose::Diagnosis& diagnosis);
+/// Friction curve, loop at reversals and map of the residual of each joint.
+void add_curves(page::Page& page, const diagnose::Diagnosis& diagnosis);
+nlohmann::ordered_json ceilings_json(const diagnose::Diagnosis& diagnosis);
 
 /// Diagnosis::judgement() and what is known of the logs.
 host::Judgement judgement_of(const diagnose::Diagnosis& diagnosis, const DiagnosisContext& context);

@@ -2,6 +2,7 @@
 // are wrong, and has to say what is going on.
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <set>
 #include <string>
 #include <tuple>
@@ -10,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/diagnose/diagnose.hpp"
+#include "motion_scores.hpp"
 #include "support/undeclared_case.hpp"
 
 namespace heft::diagnose {
@@ -184,6 +186,91 @@ INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
                            std::replace(name.begin(), name.end(), '+', '_');
                            return name;
                          });
+
+// What could be explained ----------------------------------------------------------------------------------
+
+/// Share of the squared residual that the true arm with its effect explains, along the motion as it was measured: what a
+/// joint's exact motion would show in addition, no function of the measured signals does.
+double reachable(const UndeclaredCase& c, const Diagnosis& d, int joint) {
+  const JudgedMotion motion(c.complete, {c.validate}, Reading{d.cutoff});
+  const Eigen::VectorXd keep = motion.table().keep.col(joint);
+  const Eigen::VectorXd left =
+      (motion.table().tau - motion.predicted(c.complete)).col(joint).cwiseProduct(keep);
+  return 1.0 - left.squaredNorm() / keep.sum() / std::pow(d.ceilings[static_cast<std::size_t>(joint)].rms, 2);
+}
+
+/// The joint where the effect shows; contacts and changes of load are in one log only.
+TEST(CeilingOfArms, IsWithinATenthOfWhatCanBeReached) {
+  constexpr double kClear = 0.2;  // shares below: the noise of the truth itself is a tenth of them
+  int near = 0, all = 0;
+  std::string off;
+  for (const std::string& kind : test::undeclared_kinds()) {
+    for (const auto& [arm, seed] :
+         {std::pair{"scara4", 1U}, std::pair{"scara4", 2U}, std::pair{"arm6", 3U}}) {
+      if (kind == "contact" || kind == "payload_change" ||
+          (kind == "wrist_coupling" && std::string(arm) == "scara4"))
+        continue;
+      const UndeclaredCase c = test::make_undeclared_case(kind, arm, seed);
+      const Diagnosis d = diagnosed(c);
+      const int joint = c.effects.front().main_joint;
+      const double truth = reachable(c, d, joint);
+      if (truth < kClear) continue;
+      const double estimate = d.ceilings[static_cast<std::size_t>(joint)].explainable;
+      ++all;
+      std::abs(estimate - truth) <= 0.1 * truth
+          ? void(++near)
+          : void(off += fmt::format(" [{}: {:.2f} of {:.2f}]", c.name, estimate, truth));
+    }
+  }
+  RecordProperty("near", near);
+  RecordProperty("all", all);
+  EXPECT_GE(all, 25);
+  EXPECT_GE(near, 0.9 * all) << off;
+}
+
+TEST(CeilingOfArms, IsAboutNothingWithoutAnEffect) {
+  for (const std::uint64_t seed : {100U, 101U, 102U, 103U}) {
+    const Diagnosis d = diagnosed(test::make_undeclared_case("none", "scara4", seed));
+    for (const Ceiling& ceiling : d.ceilings) EXPECT_LT(ceiling.explainable, 0.05) << seed;
+  }
+}
+
+/// Noise of the measurement on a log without an effect.
+UndeclaredCase with_noise(bool coarse_encoder, unsigned seed) {
+  UndeclaredCase c = test::make_undeclared_case("none", "scara4", seed);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  for (data::Log* log : {&c.train, &c.validate}) {
+    if (coarse_encoder) {
+      const Eigen::RowVector4d steps{2e-3, 2e-3, 4e-4, 2e-3};  // [rad, m]
+      for (Eigen::Index j = 0; j < 4; ++j)
+        log->q.col(j) = (log->q.col(j).array() / steps[j]).round().matrix() * steps[j];
+      log->qd.resize(0, 0);
+      continue;
+    }
+    const double memory = std::exp(-1.0 / (0.05 * c.rate));  // 50 ms
+    for (Eigen::Index j = 0; j < log->tau.cols(); ++j) {
+      double colour = 0.0;
+      for (double& tau : log->tau.col(j))
+        tau += colour =
+            memory * colour + std::sqrt(1.0 - memory * memory) * 2.0 * c.noise[j] * normal(random);
+    }
+  }
+  return c;
+}
+
+TEST(NoiseOfTheMeasurement, IsNamedAsSuchAndNotAsMissingPhysics) {
+  for (const bool coarse_encoder : {false, true}) {
+    for (const unsigned seed : {100U, 101U}) {
+      const Diagnosis d = diagnosed(with_noise(coarse_encoder, seed));
+      EXPECT_FALSE(d.unexplained.empty()) << coarse_encoder << ' ' << seed;
+      for (const Unexplained& u : d.unexplained)
+        EXPECT_EQ(u.cause, coarse_encoder ? Cause::kQuantisation : Cause::kNoise)
+            << coarse_encoder << ' ' << seed << " joint " << u.joint + 1 << ", " << to_string(u.cause) << ": "
+            << u.what;
+    }
+  }
+}
 
 // What is on no list ---------------------------------------------------------------------------------------
 

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "heft/data/log_part.hpp"
 #include "heft/data/log.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/identify/fit.hpp"
 #include "heft/model/physical_links.hpp"

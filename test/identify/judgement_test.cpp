@@ -7,8 +7,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "heft/data/log_part.hpp"
 #include "heft/data/log.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/arms.hpp"
 #include "support/measured_data.hpp"

@@ -354,6 +354,33 @@ TEST(DiagnosisJson, NothingFoundIsAnEmptyList) {
   EXPECT_TRUE(json.at("unexplained").empty());
 }
 
+TEST(DiagnosisCeiling, SaysHowMuchOfWhatIsExplainableIsExplained) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.ceilings = {{0.5, 0.31, 0.5, 0.4}, {0.6, 0.0, 0.01, 0.95}};
+  EXPECT_EQ(report::ceiling_in_words(diagnosis),
+            "Joint 1: explained 0.62 of what is explainable; nothing is explainable in joint 2.");
+  EXPECT_THAT(report::full(diagnosis, kContext), HasSubstr("explained 0.62 of what is explainable"));
+  const auto json = report::diagnosis_json(diagnosis, kContext);
+  ASSERT_EQ(json.at("joints").size(), 2U);
+  EXPECT_EQ(json.at("joints").at(0).at("explained"), 0.31);
+  EXPECT_EQ(json.at("joints").at(0).at("explainable"), 0.5);
+  EXPECT_EQ(json.at("joints").at(0).at("noise"), 0.5);
+  EXPECT_TRUE(json.at("joints").at(1).at("explained_of_explainable").is_null());
+}
+
+TEST(DiagnosisCause, NoiseOfTheMeasurementIsNotMissing) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.unexplained = {{0, "this", {}, diagnose::Cause::kNoise},
+                           {1, "that", {}, diagnose::Cause::kQuantisation}};
+  EXPECT_THAT(
+      report::brief(diagnosis),
+      AllOf(StartsWith("Nothing is missing"), HasSubstr("steps of the encoders show as noise in joint 2"),
+            HasSubstr("correlated in time remains in joint 1"), Not(HasSubstr("unexplained residual"))));
+  diagnosis.unexplained[0].cause = diagnose::Cause::kMotion;
+  EXPECT_THAT(report::brief(diagnosis), StartsWith("An unexplained residual remains: joint 1, this."));
+  EXPECT_EQ(report::diagnosis_json(diagnosis, kContext).at("unexplained").at(0).at("cause"), "motion");
+}
+
 TEST(DiagnosisText, GivesParametersWithUnitsRivalsAndRefusals) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnosis.findings = {stribeck()};

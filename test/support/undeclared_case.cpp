@@ -617,6 +617,11 @@ class CaseMaker {
                             .cwiseSqrt()
                             .transpose();
     judge(train_motion, validate_motion);
+    const sim::SimulationSettings simulated = settings(false);
+    case_.complete = simulated.robot;
+    case_.complete.torque_delay = modelled_.torque_delay;
+    if (simulated.gravity)
+      case_.complete.gravity = {simulated.gravity->x(), simulated.gravity->y(), simulated.gravity->z()};
     return std::move(case_);
   }
 

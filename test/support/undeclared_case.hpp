@@ -43,6 +43,7 @@ struct UndeclaredCase {
   model::Robot robot;         ///< nominal: inertials 10-25 % off, no friction
   data::Log train, validate;  ///< time, q, tau and with has_qd qd
   model::Robot truth;         ///< true inertials and declared friction
+  model::Robot complete;      ///< truth with the effects that a robot can hold: no payload change, no contact
   std::vector<UndeclaredEffect> effects;
   Eigen::VectorXd noise;        ///< standard deviation of the torque noise [N·m, N]
   Eigen::VectorXd noise_floor;  ///< RMS of noise and rounding in the validation log

@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "heft/data/log_part.hpp"
 #include "heft/data/log.hpp"
+#include "heft/data/log_part.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/model_file.hpp"

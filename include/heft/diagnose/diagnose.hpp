@@ -81,11 +81,26 @@ struct Refusal {
   double gain{0.0};  ///< share of its joint's squared error that it would have explained
 };
 
+/// Where structure comes from that no known effect explains.
+enum class Cause {
+  kUnknown,       ///< not looked at: too few samples, or the joint counts with no ceiling
+  kMotion,        ///< some function of the motion explains it: physics that the list of effects lacks
+  kVibration,     ///< a narrow line of the spectrum
+  kQuantisation,  ///< the steps of the encoders, through filter and derivatives, are as large
+  kNoise          ///< correlated in time, and no function of the motion was found that explains it
+};
+/// "unknown", "motion", "vibration", "quantisation" or "noise", as in JSON.
+const char* to_string(Cause cause);
+
 /// Structure that no known effect explains.
 struct Unexplained {
   int joint{-1};
   std::string what;
   std::vector<std::pair<std::string, double>> evidence;
+  Cause cause{Cause::kUnknown};
+
+  /// Whether it is noise of the measurement, so that no physics is missing.
+  bool is_noise() const { return cause == Cause::kQuantisation || cause == Cause::kNoise; }
 };
 
 /// A joint that the arm model does not explain: no effect is looked for there. Its torque has another sign, unit or
@@ -99,12 +114,47 @@ struct NotExplained {
   bool contradicts{false};       ///< fits on its own, and not together with the other joints
 };
 
+/// How much of a joint's residual on the validation logs, that of the identified model, any function of the motion could
+/// explain, as shares of its mean square. NaN: too few samples.
+struct Ceiling {
+  double rms{std::numeric_limits<double>::quiet_NaN()};  ///< of that residual [N·m, N]
+  double explained{
+      std::numeric_limits<double>::quiet_NaN()};  ///< by the effects found; below 0: they raise the error
+  /// By any function of position, velocity, acceleration, load and what the joint did a moment before, on stretches
+  /// that it was not fitted to: a lower bound, and not below what is explained.
+  double explainable{std::numeric_limits<double>::quiet_NaN()};
+  double white_noise{std::numeric_limits<double>::quiet_NaN()};  ///< what has no memory
+
+  double noise() const { return 1.0 - explainable; }          ///< what no function of the motion explains
+  double missing() const { return explainable - explained; }  ///< explainable, and not explained
+  /// Share of the explainable part that is explained; NaN where next to nothing can be explained.
+  double reached() const;
+  /// Share of the residual that is left, which some function of the motion explains and no effect found does.
+  double unknown() const { return missing() / (1.0 - explained); }
+};
+
 /// Residuals of one log for plots, on its even grid.
 struct Traces {
   std::string log;
   Eigen::VectorXd time;           ///< [s]
   Eigen::MatrixXd q, qd;          ///< m × n
   Eigen::MatrixXd before, after;  ///< measured minus predicted torque, m × n [N·m, N]
+};
+
+/// What a joint's torque holds beside that of the rigid bodies of the model after, on the validation logs: means over
+/// velocity and over the way since it turned back, measured and as the models say.
+struct JointCurves {
+  struct Curve {
+    Eigen::VectorXd
+        x;  ///< velocity [rad/s, m/s], or way since the joint turned back, negative before [rad, m]
+    Eigen::VectorXd measured;       ///< [N·m, N]; around a turn: along the direction after it
+    Eigen::VectorXd low, high;      ///< 95 % interval of the measured mean, by means of seconds
+    Eigen::VectorXd before, after;  ///< the models'
+  };
+  Curve friction, reversal;  ///< empty: too few samples
+  /// Mean residual of the model after over position and velocity; NaN where there is next to nothing.
+  std::vector<double> position, velocity;  ///< of the grid
+  Eigen::MatrixXd residual;                ///< position.size() × velocity.size() [N·m, N]
 };
 
 struct DiagnoseOptions {
@@ -166,6 +216,8 @@ struct Diagnosis {
   std::optional<model::Robot> refitted;
   /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
   model::FitRecord parameters;
+  std::vector<Ceiling> ceilings;    ///< one a joint
+  std::vector<JointCurves> curves;  ///< one a joint
 
   /// Bad: a joint that the arm model does not explain. Doubtful: structure above kRelevantStructure that no known
   /// effect explains; an error on a validation log that is more than a hundredth above that of the identified model.
@@ -193,5 +245,19 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
 /// The same of logs in memory, which are checked and kept apart as data::log_set() does.
 Diagnosis diagnose(const model::Robot& robot, const std::vector<data::Log>& train,
                    const std::vector<data::Log>& validate, const DiagnoseOptions& options = {});
+
+/// How far any function of the motion would get on a log that the diagnosis has not seen.
+struct CeilingOnLog {
+  std::vector<Ceiling> joints;  ///< n; explained by the diagnosed model, of the error of the identified one
+  validate::Score model;        ///< of the diagnosed model
+  /// The same with any function of the motion added, which was fitted to other logs and to other stretches of this one.
+  validate::Score with_any_function;
+};
+
+/// Judges a diagnosed model, and any function in addition, on one log. No model: what it finds holds along these logs.
+/// @param logs  any number of logs to learn from, one to judge on
+/// @param band  of the figures in band [Hz]; 0: none
+/// @throws DataError when there is not one log to judge on
+CeilingOnLog ceiling_on(const Diagnosis& diagnosis, const data::LogSet& logs, double band);
 
 }  // namespace heft::diagnose

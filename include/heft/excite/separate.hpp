@@ -54,7 +54,7 @@ struct SeparateOptions {
   int steps{60};          ///< of the search from the best one
   Payload payload{};
   std::optional<Eigen::VectorXd> from{};  ///< as Options::from
-  double rate{100.0};                   ///< rows a second of the log [Hz]
+  double rate{100.0};                     ///< rows a second of the log [Hz]
   bool rehearse{true};
   std::uint64_t seed{1};
   std::function<void(double)> progress{};  ///< done within 0..1

@@ -1,0 +1,51 @@
+#include "ceilings_on_logs.hpp"
+
+#include "causes.hpp"
+#include "ceiling.hpp"
+#include "curves.hpp"
+#include "heft/host/error.hpp"
+
+namespace heft::diagnose {
+namespace {
+
+using Eigen::MatrixXd;
+
+/// Residuals of a diagnosis' models along logs.
+LogResiduals residuals_of(const Diagnosis& diagnosis, const JudgedMotion& motion) {
+  const MatrixXd& tau = motion.table().tau;
+  return {&motion.table(), tau - motion.predicted(diagnosis.identified),
+          tau - motion.predicted(diagnosis.after)};
+}
+
+std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources) {
+  std::vector<data::Log> logs;
+  for (const data::LogSource& source : sources) logs.push_back(data::read(source));
+  return logs;
+}
+
+}  // namespace
+
+void put_ceilings(const JudgedMotion& fitted, const JudgedMotion& judged, const std::vector<data::Log>& train,
+                  Diagnosis& diagnosis) {
+  diagnosis.ceilings =
+      ceiling_of(diagnosis.after, residuals_of(diagnosis, fitted), residuals_of(diagnosis, judged)).joints;
+  name_causes(train, diagnosis);
+  diagnosis.curves = curves_of(diagnosis, judged.table());
+}
+
+CeilingOnLog ceiling_on(const Diagnosis& diagnosis, const data::LogSet& logs, double band) {
+  if (logs.judge().size() != 1 || logs.train().empty())
+    throw DataError("a ceiling is judged on one log, and learns from one or more others");
+  const JudgedMotion others(diagnosis.after, read_all(logs.train()), Reading{diagnosis.cutoff}),
+      judged(diagnosis.after, read_all(logs.judge()), Reading{diagnosis.cutoff});
+  const CeilingEstimate estimate =
+      ceiling_of(diagnosis.after, residuals_of(diagnosis, others), residuals_of(diagnosis, judged));
+  const MatrixXd predicted = judged.predicted(diagnosis.after);
+  CeilingOnLog result;
+  result.joints = estimate.joints;
+  result.model = judged.scores(predicted, band).front();
+  result.with_any_function = judged.scores(predicted + estimate.function, band).front();
+  return result;
+}
+
+}  // namespace heft::diagnose
