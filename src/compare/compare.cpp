@@ -58,12 +58,6 @@ void refuse_different_robots(const model::ModelFile& a, const model::ModelFile& 
   }
 }
 
-/// Kinds of effects that are part of the friction at a speed, so that its terms mean something else without them.
-bool has_other_friction(const FittedModel& model, int joint) {
-  return model.has_effect(joint, {joint_effect_kind<Stribeck>(), joint_effect_kind<ViscousNonlinear>(),
-                                  joint_effect_kind<LoadFriction>(), joint_effect_kind<FrictionDrift>()});
-}
-
 /// Degrees of freedom of a difference (Welch, Biometrika 34, 1947).
 double welch(double std_a, double freedom_a, double std_b, double freedom_b) {
   const double a = std_a * std_a, b = std_b * std_b;
@@ -89,7 +83,7 @@ class Comparing {
 
  private:
   bool by_speed(int joint) const {
-    return has_other_friction(before_, joint) || has_other_friction(after_, joint);
+    return before_.has_other_friction(joint) || after_.has_other_friction(joint);
   }
 
   /// Whether a parameter that both models hold means the same in both and is known in both.

@@ -34,15 +34,14 @@ double freedom_of(double std, double half_width) {
   return std > 0.0 && std::isfinite(half_width) ? statistics::degrees_of_freedom(half_width / std) : kNaN;
 }
 
-/// The shape parameter of an effect; 0 for one that has none.
+/// The shape of an effect, the one parameter of it that has to be above zero; 0 for one that has none.
 double shape_of(const JointEffect<double>& effect) {
   double shape = 0.0;
   visit_joint_effect(effect.kind, [&](auto type) {
-    using Effect = decltype(type);
-    if constexpr (!Effect::kShapes.empty())
-      shape = effect.parameters[std::is_same_v<Effect, Hysteresis>      ? 0
-                                : std::is_same_v<Effect, FrictionDrift> ? 2
-                                                                        : 1];
+    const auto& parameters = decltype(type)::kParameters;
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      if (parameters[i].range == EffectRange::kPositive) shape = effect.parameters[i];
+    }
   });
   return shape;
 }
@@ -63,6 +62,12 @@ model::Robot robot_of(const model::ModelFile& file) {
 }
 
 }  // namespace
+
+bool is_friction_of_speed(int kind) {
+  return kind == joint_effect_kind<Stribeck>() || kind == joint_effect_kind<ViscousNonlinear>() ||
+         kind == joint_effect_kind<LoadFriction>() || kind == joint_effect_kind<FrictionDrift>() ||
+         kind == joint_effect_kind<FrictionCurve>();
+}
 
 std::string name_of(const model::ModelFile& file) { return file.path.empty() ? "model" : file.path; }
 
@@ -234,10 +239,6 @@ double FittedModel::friction(int joint, double speed, double load, VectorXd* gra
   point.direction = 1.0;
   point.memory = 1.0;
   point.load = load;
-  const auto of_speed = [](int kind) {
-    return kind == joint_effect_kind<Stribeck>() || kind == joint_effect_kind<ViscousNonlinear>() ||
-           kind == joint_effect_kind<LoadFriction>() || kind == joint_effect_kind<FrictionDrift>();
-  };
   if (gradient != nullptr) {
     gradient->setZero(static_cast<Index>(parameters_.size()));
     for (std::size_t k = 0; k < parameters_.size(); ++k) {
@@ -246,17 +247,24 @@ double FittedModel::friction(int joint, double speed, double load, VectorXd* gra
       if (p.joint != joint) continue;
       if (p.kind == Kind::kCoulomb) slope = 1.0;
       if (p.kind == Kind::kViscous) slope = speed;
-      if (p.kind == Kind::kEffect && of_speed(robot().effects[static_cast<std::size_t>(p.effect)].kind))
+      if (p.kind == Kind::kEffect &&
+          is_friction_of_speed(robot().effects[static_cast<std::size_t>(p.effect)].kind))
         slope = effect_column(p, point);
     }
   }
   const JointActuation<double>& actuation = robot().joints[static_cast<std::size_t>(joint)].actuation;
   double torque = actuation.coulomb_friction + actuation.viscous_friction * speed;
   for (const JointEffect<double>& effect : robot().effects) {
-    if (effect.joint == joint && of_speed(effect.kind))
+    if (effect.joint == joint && is_friction_of_speed(effect.kind))
       torque += joint_effect_torque(effect, point, actuation);
   }
   return torque;
+}
+
+bool FittedModel::has_other_friction(int joint) const {
+  return std::any_of(robot().effects.begin(), robot().effects.end(), [&](const JointEffect<double>& effect) {
+    return effect.joint == joint && is_friction_of_speed(effect.kind);
+  });
 }
 
 bool FittedModel::has_effect(int joint, std::initializer_list<int> kinds) const {

@@ -16,6 +16,9 @@ namespace heft::compare {
 /// The file's path for messages.
 std::string name_of(const model::ModelFile& file);
 
+/// Kinds of joint effects that are part of the friction at a speed, so that its other terms mean something else without them.
+bool is_friction_of_speed(int kind);
+
 /// One fitted number.
 struct Parameter {
   Kind kind{Kind::kLink};
@@ -62,6 +65,8 @@ class FittedModel {
   /// Friction of a joint that moves forward and its gradient by the parameters.
   /// @param load  torque that the gear transmits [N·m, N]
   double friction(int joint, double speed, double load, Eigen::VectorXd* gradient = nullptr) const;
+  /// Whether friction of the joint has more terms than Coulomb and viscous friction.
+  bool has_other_friction(int joint) const;
   /// Whether an effect of one of these kinds acts on the joint.
   bool has_effect(int joint, std::initializer_list<int> kinds) const;
 
