@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// Rows of each of the two sets of logs: more say little new, since neighbours are correlated, and cost time.
-constexpr Index kMostRows = 3000;
+constexpr Index kMostCeilingRows = 3000;
 constexpr int kFolds = 4;
 /// Stretch that is left out as one [s], and how many of them a set of logs has if it is short. Noise that drifts over
 /// seconds would be read off the neighbours of shorter ones.
@@ -44,7 +44,7 @@ Picked picked_rows(const MotionTable& table) {
   double seconds = 0.0;
   for (const double s : table.run_seconds) seconds += s;
   const double stretch = std::clamp(seconds / kStretches, kLeastStretch, kMostStretch);
-  const Index stride = std::max<Index>(1, table.rows() / kMostRows);
+  const Index stride = std::max<Index>(1, table.rows() / kMostCeilingRows);
   Picked picked;
   int first = 0;
   for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
