@@ -66,7 +66,7 @@ model::Robot robot_of(const model::ModelFile& file) {
 bool is_friction_of_speed(int kind) {
   return kind == joint_effect_kind<Stribeck>() || kind == joint_effect_kind<ViscousNonlinear>() ||
          kind == joint_effect_kind<LoadFriction>() || kind == joint_effect_kind<FrictionDrift>() ||
-         kind == joint_effect_kind<FrictionCurve>();
+         kind == joint_effect_kind<heft::FrictionCurve>();
 }
 
 std::string name_of(const model::ModelFile& file) { return file.path.empty() ? "model" : file.path; }
