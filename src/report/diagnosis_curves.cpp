@@ -13,9 +13,6 @@ namespace {
 using diagnose::Diagnosis;
 using diagnose::JointCurves;
 
-constexpr page::Hue kBefore = page::Hue::kVermillion;
-constexpr page::Hue kAfter = page::Hue::kBlue;
-
 page::PlotSpec curve(const std::string& title, const std::string& x_label, const std::string& unit,
                      const JointCurves::Curve& of) {
   page::PlotSpec spec;

@@ -24,9 +24,6 @@ using diagnose::Traces;
 using Eigen::Index;
 using page::number;
 
-constexpr page::Hue kBefore = page::Hue::kVermillion;
-constexpr page::Hue kAfter = page::Hue::kBlue;
-
 bool usable(const Traces& traces, int joint) {
   return traces.time.size() > 1 && traces.before.rows() == traces.time.size() &&
          traces.after.rows() == traces.time.size() && joint < traces.before.cols() &&

@@ -17,6 +17,10 @@
 
 namespace heft::report {
 
+/// Colours of curves before and after the effects are added, the same in every plot of a page.
+inline constexpr page::Hue kBefore = page::Hue::kVermillion;
+inline constexpr page::Hue kAfter = page::Hue::kBlue;
+
 /// Its first letter large.
 std::string capital(std::string text);
 /// "Stribeck friction in joint 2"; friction that remembers one of two distances of a joint says so.
