@@ -19,10 +19,12 @@ host::Judgement judgement_of(const Diagnosis& diagnosis, const DiagnosisContext&
   return judgement;
 }
 
-std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  constexpr std::size_t kMostRefusals = 5;
+namespace {
+
+/// Every finding with what speaks for it: what is missing first, then what the model given has no value for.
+std::string findings_in_words(const Diagnosis& diagnosis) {
   const model::Robot& robot = diagnosis.after;
-  std::string text = brief(diagnosis) + "\n" + verdict_text(judgement_of(diagnosis, context));
+  std::string text;
   int rank = 0;
   std::vector<const Finding*> order = by_kind(diagnosis);
   std::stable_partition(order.begin(), order.end(), [](const Finding* f) { return !is_identified(*f); });
@@ -55,6 +57,16 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
     line("the same as", rivals_in_words(finding.equivalent, false));
     if (!finding.rivals.empty() || !finding.equivalent.empty()) line("shown by", shown_by(finding));
   }
+  return text;
+}
+
+}  // namespace
+
+std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  constexpr std::size_t kMostRefusals = 5;
+  const model::Robot& robot = diagnosis.after;
+  std::string text = brief(diagnosis) + "\n" + verdict_text(judgement_of(diagnosis, context));
+  text += findings_in_words(diagnosis);
   if (const page::Table table = moved_by_joint_table(diagnosis); table.rows().size() > 1)
     text += "\nWhat they move, by joint\n" + table.to_text(2);
   if (const page::Table table = moved_by_kind_table(diagnosis); table.rows().size() > 1)

@@ -47,18 +47,18 @@ std::string moves_in_words(const Finding& finding, const model::Robot& robot) {
 }
 
 page::Table moved_by_joint_table(const Diagnosis& diagnosis) {
-  page::Table table(
-      {"joint", "effects", "largest, rms [N·m, N]", "largest, peak", "validation RMSE before", "after"});
+  page::Table table({"joint", "effects", "largest, rms [N·m, N]", "largest, peak",
+                     "validation RMSE identified", "diagnosed"});
   std::map<int, Group> joints;
   for (const Finding* finding : by_kind(diagnosis)) {
     if (moves(*finding)) add(joints[finding->torque_joint], std::string(finding->effect.id()), *finding);
   }
-  const bool judged = has_scores(diagnosis.validate_before, diagnosis.validate_after);
+  const bool judged = has_scores(diagnosis.validate_identified, diagnosis.validate_after);
   for (const auto& [joint, group] : joints) {
     const bool known = judged && joint < diagnosis.validate_after.rmse.size();
     table.add_row({fmt::format("{}", joint + 1), fmt::format("{}", fmt::join(group.members, ", ")),
                    number(group.rms, 3), number(group.peak, 3),
-                   known ? number(diagnosis.validate_before.rmse[joint], 3) : "–",
+                   known ? number(diagnosis.validate_identified.rmse[joint], 3) : "–",
                    known ? number(diagnosis.validate_after.rmse[joint], 3) : "–"});
   }
   return table;

@@ -105,8 +105,9 @@ TEST(ModelFile, KnowsHowItsLogsWereRead) {
   const Diagnosis d = diagnose(test::planar_two_link(), {log_of("a", 12.0)}, {log_of("b", 12.0, 0.4, 1.0)});
   const model::ModelFile file = d.model_file();
   ASSERT_TRUE(file.fit.has_value());
-  EXPECT_EQ(file.fit->cutoff_hz, d.cutoff);
-  EXPECT_EQ(file.fit->sign_width, d.sign_width);
+  // A model whose motion is derived as for any other says nothing of it.
+  EXPECT_EQ(file.fit->cutoff_hz, d.ordinary_motion ? 0.0 : d.cutoff);
+  EXPECT_EQ(file.fit->sign_width, d.ordinary_motion ? 0.0 : d.sign_width);
   EXPECT_EQ(file.fit->rmse, d.train_after.rmse);
   EXPECT_EQ(file.provenance.logs, std::vector<std::string>{"a"});
   EXPECT_EQ(file.num_joints(), 2);

@@ -170,7 +170,7 @@ void expect_effects_without_allocation() {
   EffectFeedForward<Scalar, kN, kNumJointEffects> effects;
   std::array<JointEffect<double>, kNumJointEffects> found;
   for (int kind = 0; kind < kNumJointEffects; ++kind) {
-    found[static_cast<std::size_t>(kind)] = {kind, kind % kN, {0.5, 0.25, 3.0}};
+    found[static_cast<std::size_t>(kind)] = {kind, kind % kN, {0.5, 0.25, 3.0, 1.0}};
   }
   ASSERT_EQ(effects.configure(found), Status::kOk);
   std::array<JointActuation<Scalar>, static_cast<std::size_t>(kN)> actuation{};

@@ -258,9 +258,9 @@ TEST(Scenario, MessagesOfEffectsNamePathFoundAndExpected) {
   const BadScenario cases[] = {
       {R"("effects": {})", "/effects", "{}", "an array of objects"},
       {R"("effects": [{"kind": "stribek", "joint": 1}])", "/effects/0/kind", "\"stribek\"",
-       "\"base_tilt\", \"contact\", \"delay\", \"elasticity\", \"friction_drift\", \"hysteresis\", "
+       "\"base_tilt\", \"contact\", \"delay\", \"elasticity\", \"friction_curve\", \"friction_drift\", \"hysteresis\", "
        "\"load_friction\", \"offset\", \"payload_change\", \"ripple\", \"rotor_inertia\", \"spring\", "
-       "\"stribeck\", \"viscous_nonlinear\", \"wrist_coupling\""},
+       "\"stribeck\", \"torque_scale\", \"viscous_nonlinear\", \"wrist_coupling\""},
       {R"("effects": [{"kind": "stribeck", "joint": 2, "Fs": 1, "vs": 1}])", "/effects/0/joint", "2",
        "from 1 to 1"},
       {R"("effects": [{"kind": "stribeck", "joint": 1, "Fs": 1}])", "/effects/0/vs", "nothing",
