@@ -66,7 +66,7 @@ std::string range_in_words(const Finding& finding, const model::Robot& robot) {
   if (!finding.seen) return "";
   const char* length = is_prismatic(robot, finding.joint) ? "m" : "rad";
   const auto range = [](const double(&values)[2]) {
-    return minus(fmt::format("{:.2g}", values[0])) + " to " + minus(fmt::format("{:.2g}", values[1]));
+    return short_number(values[0], 3) + " to " + short_number(values[1], 3);
   };
   return fmt::format("velocity {} {}/s, load {} {}, position {} {}", range(finding.seen->velocity), length,
                      range(finding.seen->load), torque_unit(robot, finding.joint),
