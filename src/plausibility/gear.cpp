@@ -8,8 +8,8 @@ namespace heft::plausibility {
 
 const std::vector<GearRange>& strain_wave_ranges() {
   static const std::vector<GearRange> ranges{
-      {"elasticity", "stiffness", 30.0, 900.0, true, "catalogues of component sets"},
-      {"load_friction", "mu", 0.05, 0.45, false, "efficiency in catalogues"},
+      {"elasticity", "stiffness", 30.0, 900.0, true, "rule of thumb"},
+      {"load_friction", "mu", 0.05, 0.45, false, "rule of thumb: efficiency of 55 to 95 %"},
       {"stribeck", "Fs", 0.0, 0.33, true, "starting torque"},
       {"rotor_inertia", "Ia", 1.0 / 2000.0, 1.0 / 20.0, true, "peak torque over inertia"},
       {"elasticity", "motor_inertia", 0.0, 1.0 / 20.0, true, "peak torque over inertia"},
