@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 
+#include "heft/statistics/distributions.hpp"
 #include "motion_signals.hpp"
 
 namespace heft::diagnose {
@@ -18,7 +19,6 @@ constexpr int kBins = 30;
 constexpr int kLeastRows = 20;  ///< in a bin of a curve
 constexpr int kGrid = 24, kLeastInCell = 5;
 constexpr double kAway = 0.05;  ///< way looked at around a reversal: share of the joint's travel
-constexpr double kNormal = 1.959963984540054;
 
 /// One row of a curve: where it belongs, and what it holds.
 struct Sample {
@@ -61,9 +61,9 @@ JointCurves::Curve curve_of(const std::vector<Sample>& samples) {
     for (const auto& [second, cluster] : bin.seconds)
       squares += std::pow(cluster.second - mean[0] * cluster.first, 2);
     const auto clusters = static_cast<double>(bin.seconds.size());
-    const double half = clusters > 1.0
-                            ? kNormal * std::sqrt(squares * clusters / (clusters - 1.0)) / bin.count
-                            : std::numeric_limits<double>::quiet_NaN();
+    const double half =
+        clusters > 1.0 ? statistics::kNormal95 * std::sqrt(squares * clusters / (clusters - 1.0)) / bin.count
+                       : std::numeric_limits<double>::quiet_NaN();
     curve.x[b] = bin.x / bin.count;
     curve.measured[b] = mean[0];
     curve.low[b] = mean[0] - half;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "heft/core/effects/hysteresis.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/regression/base_parameters.hpp"
 #include "heft/regression/regression_columns.hpp"
@@ -39,8 +40,7 @@ MatrixXd memory_of(const model::Robot& robot, const MotionTable& table, double d
       double z = 0.0;
       for (Index i = first; i < last; ++i) {
         const double moved = i > first ? table.q(i, j) - table.q(i - 1, j) : 0.0;
-        const double sign = moved < 0.0 ? -1.0 : 1.0;
-        if (moved != 0.0) z = sign + (z - sign) * std::exp(-std::abs(moved) / over);
+        z = Hysteresis::memory<double>({over, 0.0}, z, moved);
         memory(i, j) = z;
       }
     });

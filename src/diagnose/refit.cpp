@@ -6,6 +6,7 @@
 
 #include "heft/data/log_part.hpp"
 #include "heft/data/motion_stream.hpp"
+#include "heft/model/without_effects.hpp"
 #include "heft/validate/predict.hpp"
 
 namespace heft::diagnose {
@@ -19,21 +20,13 @@ using Logs = std::vector<data::Log>;
 /// Shortest half of a validation log that is judged on [s]: behind the ends, which no error counts, some motion is left.
 constexpr double kShortest = 2.0;
 
-/// The robot without its effects.
-model::Robot bare(model::Robot robot) {
-  robot.effects.clear();
-  robot.elasticities.clear();
-  robot.couplings.clear();
-  robot.torque_delay = 0.0;
-  return robot;
-}
-
 /// The log less the torque of the effects.
 data::Log less_effects(data::Log log, const model::Robot& robot) {
   data::StreamOptions options;
   options.displacement = true;
   const data::MotionStream stream(log, options);
-  validate::Predictor with(robot, stream.summary().begin), without(bare(robot), stream.summary().begin);
+  validate::Predictor with(robot, stream.summary().begin),
+      without(model::without_effects(robot), stream.summary().begin);
   MatrixXd effects(log.tau.rows(), log.tau.cols());
   Index at = 0;
   stream.for_each([&](const data::MotionChunk& piece) {

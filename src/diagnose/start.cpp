@@ -8,6 +8,7 @@
 
 #include "guards.hpp"
 #include "heft/host/error.hpp"
+#include "heft/model/without_effects.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -31,10 +32,7 @@ std::vector<std::string> strip(model::Robot& robot) {
     taken_out.push_back(
         fmt::format("coupling of joints {} and {}", coupling.driving + 1, coupling.driven + 1));
   if (robot.torque_delay > 0.0) taken_out.push_back("delay of the torque channel");
-  robot.effects.clear();
-  robot.elasticities.clear();
-  robot.couplings.clear();
-  robot.torque_delay = 0.0;
+  robot = model::without_effects(std::move(robot));
   return taken_out;
 }
 
