@@ -217,8 +217,8 @@ Outcome outcome_of(const Arm& arm, const fs::path& data) {
   const diagnose::Diagnosis diagnosis = diagnose::diagnose(robot, set);
   outcome.seconds_diagnose = seconds_since(start);
   for (const diagnose::Finding& f : diagnosis.findings)
-    outcome.effects +=
-        fmt::format("{}{} {}", outcome.effects.empty() ? "" : ", ", f.effect.id(), f.joint + 1);
+    outcome.effects += fmt::format("{}{} {}{}", outcome.effects.empty() ? "" : ", ", f.effect.id(),
+                                   f.joint + 1, f.left_out.empty() ? "" : " (not written)");
 
   const data::LogSet judges = data::log_set(specs, {}, judged, arm.torque_at);
   const auto fill = [&](Column column, const model::Robot& model, const model::FitRecord* record) {

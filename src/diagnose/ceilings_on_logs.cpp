@@ -17,12 +17,6 @@ LogResiduals residuals_of(const Diagnosis& diagnosis, const JudgedMotion& motion
           tau - motion.predicted(diagnosis.after)};
 }
 
-std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources) {
-  std::vector<data::Log> logs;
-  for (const data::LogSource& source : sources) logs.push_back(data::read(source));
-  return logs;
-}
-
 }  // namespace
 
 void put_ceilings(const JudgedMotion& fitted, const JudgedMotion& judged, const std::vector<data::Log>& train,
@@ -36,8 +30,9 @@ void put_ceilings(const JudgedMotion& fitted, const JudgedMotion& judged, const 
 CeilingOnLog ceiling_on(const Diagnosis& diagnosis, const data::LogSet& logs, double band) {
   if (logs.judge().size() != 1 || logs.train().empty())
     throw DataError("a ceiling is judged on one log, and learns from one or more others");
-  const JudgedMotion others(diagnosis.after, read_all(logs.train()), Reading{diagnosis.cutoff}),
-      judged(diagnosis.after, read_all(logs.judge()), Reading{diagnosis.cutoff});
+  const Reading reading = reading_of(diagnosis);
+  const JudgedMotion others(diagnosis.after, data::read(logs.train()), reading),
+      judged(diagnosis.after, data::read(logs.judge()), reading);
   const CeilingEstimate estimate =
       ceiling_of(diagnosis.after, residuals_of(diagnosis, others), residuals_of(diagnosis, judged));
   const MatrixXd predicted = judged.predicted(diagnosis.after);

@@ -57,12 +57,6 @@ struct Scores {
   }
 };
 
-std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources) {
-  std::vector<data::Log> logs;
-  for (const data::LogSource& source : sources) logs.push_back(data::read(source));
-  return logs;
-}
-
 }  // namespace
 
 Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& asked) {
@@ -74,7 +68,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   model::refuse_wrong_couplings(robot, asked.couplings);
   DiagnoseOptions options = asked;
   options.joint_sensor = asked.joint_sensor || logs.torque_at() == data::TorqueAt::kJoint;
-  const std::vector<data::Log> train = read_all(logs.train()), validate = read_all(logs.judge());
+  const std::vector<data::Log> train = data::read(logs.train()), validate = data::read(logs.judge());
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
   Start start = start_of(robot, train, validate, options);
@@ -115,8 +109,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   scores.put_validate({judged, ordinary_judged}, judged_before);
 
   if (options.refit) {
-    const auto again = refit(written, *identified.base, train, validate,
-                             written.is_ordinary() ? as_anyone : Reading{start.cutoff});
+    const auto again = refit(written, *identified.base, train, validate, reading_of(result));
     if (again) {
       result.refitted = again->robot;
       result.notes.push_back(fmt::format(
@@ -133,7 +126,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.check_joints();
   result.not_explained = search.wrong_joints();
   result.unexplained = unexplained_of(search, written.engine());
-  put_ceilings(fitted, judged, train, result);
+  put_ceilings(written.is_ordinary() ? ordinary_train : fitted, written.judged(), train, result);
   result.refusals = search.refusals(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();

@@ -116,12 +116,13 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
   const Engine& engine = search.engine();
   const JudgedMotion& judged = written.judged();
   const model::Robot robot = written.robot();
-  const VectorXd after = judged.rms_error(judged.predicted(robot));
+  const auto error = [&](const model::Robot& by) { return judged.rms_error(judged.predicted(by)); };
+  const VectorXd as_written = error(robot);
   std::vector<Finding> findings;
   for (std::size_t e = 0; e < engine.accepted.size(); ++e) {
     const Candidate& own = engine.accepted[e];
-    if (given_has(search.start().given, own) || !written.has(e)) continue;
-    const VectorXd before = judged.rms_error(judged.predicted(written.without(e)->robot()));
+    if (given_has(search.start().given, own)) continue;
+    const VectorXd other = error(written.with(e, !written.has(e))->robot());
     const std::vector<Candidate> candidates = search.evidence(e);
     const int tried = std::max(search.tried(), tried_of(candidates));
     Candidate with_rest = own;  // judged with everything else in place
@@ -137,8 +138,9 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.cross_validated = fall(trial).maxCoeff(&main);
     if (own.effect.is<Contact>()) f.cross_validated = std::numeric_limits<double>::quiet_NaN();
     f.main_joint = static_cast<int>(main);
-    f.validate_before = before[main];
-    f.validate_after = after[main];
+    f.validate_before = (written.has(e) ? other : as_written)[main];
+    f.validate_after = (written.has(e) ? as_written : other)[main];
+    f.left_out = written.why_not(e);
     f.seen = seen_of(written.engine(), own.joint);
     add_rivals(own, trial.cv_gain, candidates, tried, robot, f);
     put_torque(engine, e, f);

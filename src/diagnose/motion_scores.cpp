@@ -13,6 +13,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+Reading reading_of(const Diagnosis& diagnosis) {
+  return diagnosis.ordinary_motion ? Reading{.cutoff = 0.0, .ordinary = true} : Reading{diagnosis.cutoff};
+}
+
 std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, const Reading& reading) {
   std::vector<data::MotionStream> streams;
   data::StreamOptions options;

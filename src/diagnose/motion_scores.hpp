@@ -20,6 +20,9 @@ struct Reading {
   bool ordinary{false};
 };
 
+/// As the model of a diagnosis reads them.
+Reading reading_of(const Diagnosis& diagnosis);
+
 /// Logs as this room reads them.
 std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, const Reading& reading);
 

@@ -257,15 +257,10 @@ void Search::take_over(std::unique_ptr<Engine> other) {
   evidence_.clear();
 }
 
-void Search::reject(std::size_t effect, const std::string& why) {
-  const Candidate& own = engine().accepted[effect];
-  const double share = own.trial.joint_before.size() > 0 ? squared(fall(own.trial).maxCoeff()) : 0.0;
-  refusals_.push_back({own.effect, own.joint, why, share});
-}
-
 void Search::take_out(std::size_t effect, const std::string& why) {
   const Candidate own = engine().accepted[effect];
-  reject(effect, why);
+  const double share = own.trial.joint_before.size() > 0 ? squared(fall(own.trial).maxCoeff()) : 0.0;
+  refusals_.push_back({own.effect, own.joint, why, share});
   model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(effect));
   model().build();
   evidence_.clear();

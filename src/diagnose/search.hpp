@@ -46,8 +46,6 @@ class Search {
   /// Goes on with another model.
   void take_over(std::unique_ptr<Engine> engine);
   void take_out(std::size_t effect, const std::string& why);
-  /// Lists an accepted effect among the refusals; it stays in the model of the search.
-  void reject(std::size_t effect, const std::string& why);
 
   /// Refusals that count, each once, those that would explain most first.
   std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;

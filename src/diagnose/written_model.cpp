@@ -78,7 +78,6 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
     }
   }
   chosen_ = std::move(versions[best]);
-  for (const auto& [effect, why] : chosen_.dropped) search.reject(effect, why);
 }
 
 const JudgedMotion& WrittenModel::logs(bool ordinary) const {
@@ -210,7 +209,14 @@ bool WrittenModel::drop_one(Version& version) const {
 WrittenModel::Version WrittenModel::dropped(const Version& version, const std::vector<std::size_t>& effects,
                                             int joint, std::size_t row) const {
   Version other = version;
-  for (const std::size_t e : effects) {
+  std::vector<std::size_t> all = effects;  // with the second memories of first ones
+  for (std::size_t e = 0; e < other.kept.size(); ++e) {
+    const std::ptrdiff_t first = search_.engine().first_memory(e);
+    if (first >= 0 && other.kept[e] && std::count(effects.begin(), effects.end(), std::size_t(first)) > 0 &&
+        std::count(effects.begin(), effects.end(), e) == 0)
+      all.push_back(e);
+  }
+  for (const std::size_t e : all) {
     other.kept[e] = false;
     other.dropped.emplace_back(
         e, fmt::format("predicts joint {} worse than the identified model on {}", joint + 1,
@@ -236,15 +242,24 @@ double WrittenModel::better_than(const Version& other, const Version& than) cons
   return count > 0 ? std::exp(sum / count) : 1.0;
 }
 
-std::unique_ptr<Engine> WrittenModel::without(std::size_t effect) const {
+std::string WrittenModel::why_not(std::size_t effect) const {
+  std::string all;
+  for (const auto& [dropped, why] : chosen_.dropped) {
+    if (dropped == effect) all = why;
+  }
+  return all;
+}
+
+std::unique_ptr<Engine> WrittenModel::with(std::size_t effect, bool in_place) const {
   std::vector<bool> kept = chosen_.kept;
-  kept[effect] = false;
+  kept[effect] = in_place;
   return built(kept, chosen_.weight, chosen_.engine->steady());
 }
 
 VectorXd WrittenModel::coefficients(std::size_t effect) const {
   if (const int column = own_column(effect); column >= 0)
     return engine().problem().theta().segment(column, 1);
+  if (!has(effect)) return search_.engine().coefficients(effect);
   std::size_t place = 0;
   for (std::size_t e = 0; e < effect; ++e) place += own_column(e) < 0 && chosen_.kept[e] ? 1 : 0;
   return engine().coefficients(place);

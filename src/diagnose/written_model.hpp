@@ -43,9 +43,11 @@ class WrittenModel {
   const JudgedMotion& judged() const { return logs(chosen_.ordinary); }
   /// Whether it has an effect of the search.
   bool has(std::size_t effect) const { return chosen_.kept[effect]; }
-  /// The same without one of the search's effects.
-  std::unique_ptr<Engine> without(std::size_t effect) const;
-  /// Coefficients of one of the search's effects as the model has them.
+  /// Why it has not; empty: it has.
+  std::string why_not(std::size_t effect) const;
+  /// The same with one of the search's effects, or without it.
+  std::unique_ptr<Engine> with(std::size_t effect, bool in_place) const;
+  /// Coefficients of one of the search's effects as the model has them, or as the search has where it is not in the model.
   Eigen::VectorXd coefficients(std::size_t effect) const;
 
  private:

@@ -52,6 +52,7 @@ std::string findings_in_words(const Diagnosis& diagnosis) {
                            torque_unit(robot, finding.main_joint),
                            change_percent(finding.validate_before, finding.validate_after))
              : "");
+    line("left out", finding.left_out.empty() ? "" : finding.left_out + ": not in the model written");
     line("seen at", finding.seen ? range_in_words(finding, robot) : "");
     line("rivals", rivals_in_words(finding.rivals, true));
     line("the same as", rivals_in_words(finding.equivalent, false));

@@ -124,6 +124,18 @@ std::string kinds_of(const std::vector<Finding>& findings) {
                             missing.size() == 1 ? "it" : "these", list_of(kinds_in_place(known)));
 }
 
+/// " Left out of the model written: presliding in joint 3, which predicts ...": what was found and does harm there.
+std::string left_out_of(const std::vector<Finding>& findings) {
+  std::vector<Finding> out;
+  for (const Finding& finding : findings) {
+    if (!finding.left_out.empty()) out.push_back(finding);
+  }
+  if (out.empty()) return "";
+  return fmt::format(" Left out of the model written: {}, {}.", list_of(kinds_in_place(out)),
+                     out.size() == 1 ? "as it " + out.front().left_out
+                                     : "as each predicts a joint worse than the identified model");
+}
+
 /// Fall of a joint's error on the validation logs, as a share.
 struct Fall {
   int joint;
@@ -208,6 +220,7 @@ std::string brief(const Diagnosis& diagnosis) {
     }
     text += ".";
   }
+  text += left_out_of(diagnosis.findings);
   if (!left.empty()) text += fmt::format(" Beyond that an unexplained residual remains: {}.", left);
   return text + noise;
 }

@@ -90,7 +90,9 @@ nlohmann::ordered_json effect_json(const Finding& finding, const model::Robot& r
                               {"validate_rmse_after", host::number_or_null(finding.validate_after)},
                               {"rivals", rivals_json(finding.rivals, true)},
                               {"equivalent", rivals_json(finding.equivalent, false)},
-                              {"shown_by", shown_by(finding)}};
+                              {"shown_by", shown_by(finding)},
+                              {"in_model", finding.left_out.empty()}};
+  if (!finding.left_out.empty()) json["left_out"] = finding.left_out;
   if (finding.seen) {
     const auto pair = [](const double(&range)[2]) { return nlohmann::ordered_json{range[0], range[1]}; };
     json["range"] = {{"velocity", pair(finding.seen->velocity)},

@@ -289,7 +289,8 @@ void add_effects(page::Page& page, const Diagnosis& diagnosis) {
   int rank = 0;
   for (const Finding* effect : by_kind(diagnosis)) {
     const Finding& finding = *effect;
-    effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)),
+    const char* where = finding.left_out.empty() ? "" : " (not in the model written)";
+    effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)) + where,
                      effect_equation(finding), parameters_in_words(finding, diagnosis.after),
                      shown_by(finding)});
   }

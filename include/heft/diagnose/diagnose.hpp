@@ -55,7 +55,8 @@ struct Finding {
   double delta_bic{0.0};  ///< with effective samples and the candidates tried; negative: better with it
   /// Fall of the rms error of its main joint on blocks not fitted, as a share; NaN for a contact, which is there once.
   double cross_validated{0.0};
-  double validate_before{0.0}, validate_after{0.0};    ///< rms error of its main joint on the validation logs
+  /// Rms error of its main joint on the validation logs, by the model written without it and with it.
+  double validate_before{0.0}, validate_after{0.0};
   int main_joint{0};                                   ///< where it lowers the error most, as a share
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by, if it has one
   std::optional<SeenRange> seen;                       ///< in the training logs; of an effect of one joint
@@ -65,6 +66,9 @@ struct Finding {
   double torque_peak{std::numeric_limits<double>::quiet_NaN()};
   int torque_joint{-1};  ///< that joint, counted from 0; -1: none
   std::vector<Rival> rivals, equivalent;
+  /// Why the model written is without it although it was found: which joint it would predict worse than the identified
+  /// model does, and on which log. Empty: it is in the model.
+  std::string left_out;
 
   /// Part of the squared error of its main joint on the validation logs that goes with it; NaN: not judged.
   double share_of_error() const {
