@@ -23,5 +23,5 @@ heft_configure() {
   local generator=()
   if [ ! -f "$build/CMakeCache.txt" ]; then generator=(-G Ninja); fi
   cmake -S "$heft_root" -B "$build" "${generator[@]}" --log-level=WARNING -DCMAKE_UNITY_BUILD=ON \
-    -DCMAKE_UNITY_BUILD_BATCH_SIZE=4 "$@" >&2
+    -DCMAKE_UNITY_BUILD_BATCH_SIZE=8 "$@" >&2
 }

@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include "heft/host/words.hpp"
+
 #include "page_lines.hpp"
 #include "torque_score.hpp"
 
@@ -33,7 +35,7 @@ std::string findings_in_words(const Diagnosis& diagnosis) {
     if (is_identified(finding) && (rank == 0 || !is_identified(*order[static_cast<std::size_t>(rank) - 1])))
       text += "\nIdentified, without a value in the model given\n";
     if (!is_identified(finding) && rank == 0) text += "\nFound missing\n";
-    text += fmt::format("\n{}. {}\n", ++rank, capital(finding_in_place(diagnosis, finding)));
+    text += fmt::format("\n{}. {}\n", ++rank, host::capital(finding_in_place(diagnosis, finding)));
     const auto line = [&](const char* label, const std::string& content) {
       if (!content.empty()) text += fmt::format("   {:<12}{}\n", label, content);
     };

@@ -173,7 +173,7 @@ std::string brief(const Diagnosis& diagnosis) {
     // Before anything else: what the small effects are worth is of no interest while a joint is wrong.
     std::string text;
     for (const diagnose::NotExplained& joint : diagnosis.not_explained)
-      text += (text.empty() ? "" : " ") + capital(diagnose::in_words(joint, diagnosis.after)) + ".";
+      text += (text.empty() ? "" : " ") + host::capital(diagnose::in_words(joint, diagnosis.after)) + ".";
     Diagnosis others = diagnosis;
     others.not_explained.clear();
     return others.findings.empty() ? text : text + " In the other joints: " + brief(others);

@@ -21,7 +21,7 @@ std::string percent(double share) {
 
 std::string sentence_case(const std::vector<std::string>& parts) {
   std::string text = fmt::format("{}", fmt::join(parts, "; "));
-  return text.empty() ? text : capital(text) + ".";
+  return text.empty() ? text : host::capital(text) + ".";
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "heft/host/words.hpp"
 #include "heft/statistics/binned_means.hpp"
 #include "heft/statistics/spectrum.hpp"
 #include "page_lines.hpp"
@@ -290,7 +291,7 @@ void add_effects(page::Page& page, const Diagnosis& diagnosis) {
   for (const Finding* effect : by_kind(diagnosis)) {
     const Finding& finding = *effect;
     const char* where = finding.left_out.empty() ? "" : " (not in the model written)";
-    effects.add_row({fmt::format("{}", ++rank), capital(finding_in_place(diagnosis, finding)) + where,
+    effects.add_row({fmt::format("{}", ++rank), host::capital(finding_in_place(diagnosis, finding)) + where,
                      effect_equation(finding), parameters_in_words(finding, diagnosis.after),
                      shown_by(finding)});
   }

@@ -21,8 +21,6 @@ namespace heft::report {
 inline constexpr page::Hue kBefore = page::Hue::kVermillion;
 inline constexpr page::Hue kAfter = page::Hue::kBlue;
 
-/// Its first letter large.
-std::string capital(std::string text);
 /// "Stribeck friction in joint 2"; friction that remembers one of two distances of a joint says so.
 std::string finding_in_place(const diagnose::Diagnosis& diagnosis, const diagnose::Finding& finding);
 /// Findings kind by kind, that of the strongest first, each kind in the order of the joints.

@@ -77,11 +77,6 @@ bool is_identified(const Finding& finding) {
   return finding.effect.is<Offset>() || finding.effect.is<RotorInertia>();
 }
 
-std::string capital(std::string text) {
-  if (!text.empty() && text.front() >= 'a' && text.front() <= 'z') text.front() += 'A' - 'a';
-  return text;
-}
-
 std::string finding_in_place(const Diagnosis& diagnosis, const Finding& finding) {
   const auto same = std::count_if(
       diagnosis.findings.begin(), diagnosis.findings.end(),

@@ -31,7 +31,7 @@ std::string counted(long count, const char* what) {
 }
 
 /// One plot a joint: predicted torque over time, with the measured one where the log has it.
-std::vector<page::PlotSpec> torque_plots(const data::Log& log, const Eigen::MatrixXd& predicted) {
+std::vector<page::PlotSpec> dynamics_plots(const data::Log& log, const Eigen::MatrixXd& predicted) {
   std::vector<page::PlotSpec> plots;
   for (Eigen::Index j = 0; j < predicted.cols(); ++j) {
     page::PlotSpec spec;
@@ -63,7 +63,7 @@ void add_log(page::Page& page, const InverseDynamics& dynamics, const LogDynamic
     page.verdict(
         fmt::format("Largest {}: {} N·m.", subject_of(dynamics), page::number(one.largest().maxCoeff())));
   }
-  page.plots("Torque over time", torque_plots(one.log, one.values));
+  page.plots("Torque over time", dynamics_plots(one.log, one.values));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
+#include "heft/host/words.hpp"
 #include "heft/model/physical_links.hpp"
 #include "page_lines.hpp"
 #include "torque_score.hpp"
@@ -69,11 +70,6 @@ std::string meaning(const Identification& found) {
   return score_meaning(found.trained) + validation_meaning();
 }
 
-std::string capital(std::string text) {
-  if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
-  return text;
-}
-
 std::string list(const std::string& title, const std::vector<std::string>& lines) {
   if (lines.empty()) return "";
   std::string text = title + "\n";
@@ -87,7 +83,7 @@ nlohmann::ordered_json bias_json(const identify::BiasTest& bias) {
           {"biased", bias.biased},       {"verdict", bias.verdict}};
 }
 
-void add_plots(page::Page& page, const std::string& title, const validate::TorqueTrace& trace) {
+void add_torque_plots(page::Page& page, const std::string& title, const validate::TorqueTrace& trace) {
   page.plots(title, small(torque_plots(trace)));
   page.plots("Residual", small(residual_plots(trace)));
 }
@@ -99,11 +95,11 @@ void add_torque(page::Page& page, const Identification& found) {
     const validate::Score& score = found.held_out[k];
     page.table(validation_table(score), "Held out: " + file_name_of(score.log) + "." + moving_line(score));
     if (k < found.held_out_traces.size())
-      add_plots(page, "Torque on the held-out log", found.held_out_traces[k]);
+      add_torque_plots(page, "Torque on the held-out log", found.held_out_traces[k]);
   }
   if (!found.held_out.empty()) return;
   for (const validate::TorqueTrace& trace : found.train_traces)
-    add_plots(page, "Torque on the training log", trace);
+    add_torque_plots(page, "Torque on the training log", trace);
 }
 
 }  // namespace
@@ -133,7 +129,7 @@ std::string full(const Identification& found) {
     text += fmt::format("\nHeld out: {}, {} samples\n{}", score.log, score.samples, validation_text(score));
   }
   text += fmt::format("{} {}.\n\nBase parameters (* with others, see expression)\n{}", meaning(found),
-                      capital(found.how), base_parameter_table(found.record()).to_text(2));
+                      host::capital(found.how), base_parameter_table(found.record()).to_text(2));
   text += fmt::format("\n{}\n", physics_in_words(found));
   if (found.fit.bias) text += fmt::format("Noise in the motion: {}\n", found.fit.bias->verdict);
   text += list("\nNot determined by these logs:", found.fit.missing);

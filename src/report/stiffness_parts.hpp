@@ -48,9 +48,4 @@ nlohmann::ordered_json to_json(const StiffnessReport& report);
 nlohmann::ordered_json to_json(const stiffness::MeasurementPlan& plan);
 nlohmann::ordered_json to_json(const MotorSideReport& report);
 
-/// As it stands in files. Names of files are bytes; what is not UTF-8 in them is replaced.
-inline std::string text_of(const nlohmann::ordered_json& json) {
-  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-}
-
 }  // namespace heft::report

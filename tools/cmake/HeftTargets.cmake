@@ -115,17 +115,47 @@ endfunction()
 
 # heft_alone(a.cpp ...)
 # Files that a unity build (CMAKE_UNITY_BUILD, which tools/test and tools/quickstart turn on: files of a target compiled
-# several at once, so that what they share is parsed and instantiated once) is not to join: every command has its
-# `Options` and `run`, every effect its `propose`. Files of an effort of their own stay alone anyway.
+# several at once, so that what they share is parsed and instantiated once) is not to join, since names that are
+# theirs alone clash.
 function(heft_alone)
   set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
 
+# Files of a library become a part of it that is compiled with this effort: an object library, so that they have headers
+# precompiled to match and can be joined in a unity build. Elsewhere, and alone, a file gets a property.
 function(heft_source_effort level)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:${level}>"
-                                                   SKIP_PRECOMPILE_HEADERS ON)
+  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    return()
   endif()
+  get_property(targets DIRECTORY PROPERTY BUILDSYSTEM_TARGETS)
+  list(LENGTH ARGN count)
+  foreach(target IN LISTS targets)
+    get_target_property(kind ${target} TYPE)
+    get_target_property(sources ${target} SOURCES)
+    if(count GREATER 1 AND kind STREQUAL "STATIC_LIBRARY" AND "${ARGV1}" IN_LIST sources)
+      string(REPLACE "-" "_" part ${target}${level})
+      list(REMOVE_ITEM sources ${ARGN})
+      set_target_properties(${target} PROPERTIES SOURCES "${sources}")
+      add_library(${part} OBJECT ${ARGN})
+      target_compile_features(${part} PRIVATE cxx_std_20)
+      get_target_property(libraries ${target} LINK_LIBRARIES)
+      target_link_libraries(${part} PRIVATE ${libraries})
+      target_include_directories(${part} PRIVATE $<TARGET_PROPERTY:${target},INCLUDE_DIRECTORIES>)
+      target_compile_definitions(${part} PRIVATE $<TARGET_PROPERTY:${target},COMPILE_DEFINITIONS>)
+      if(level STREQUAL "-Og")
+        heft_reuse_cold_headers(${part})
+      else()
+        heft_effort(${part} ${level})
+        heft_precompiled(heft_headers${level} EFFORT ${level} LIBRARIES Eigen3::Eigen fmt::fmt
+                         HEADERS ${heft_common_headers})
+        heft_reuse_headers(${part} heft_headers${level})
+      endif()
+      target_sources(${target} PRIVATE $<TARGET_OBJECTS:${part}>)
+      return()
+    endif()
+  endforeach()
+  set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:${level}>"
+                                                 SKIP_PRECOMPILE_HEADERS ON)
 endfunction()
 
 # heft_add_test(NAME SOURCES a.cpp ... LIBRARIES libs ... LABELS unit ... [OPTIMISED | LIGHT] [WHOLE] [SLOW filter])

@@ -15,12 +15,12 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct CompareOptions {
   std::vector<std::string> models;
   ResultOptions result;
 };
 
-void run(const Options& options) {
+void run(const CompareOptions& options) {
   const Console console{options.result.json};
   const compare::Comparison comparison =
       compare::compare(model::read_model(options.models[0]), model::read_model(options.models[1]));
@@ -32,7 +32,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_compare(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CompareOptions>();
   line.add_option("models", options->models,
                   "model before and model after, as heft identify or heft diagnose wrote them")
       .type_name("MODEL.json")

@@ -12,13 +12,13 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct DemoOptions {
   std::string output{"heft-demo"};
   std::string json;
   double mass{2.0};
 };
 
-void run(const Options& options) {
+void run(const DemoOptions& options) {
   const Console console{options.json};
   const host::OutputFolder folder(options.output);
   Progress progress("simulating");
@@ -34,7 +34,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_demo(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DemoOptions>();
   line.add_option("-o,--output", options->output,
                   "folder for report.html and results.json; made if it is not there")
       .type_name("FOLDER")

@@ -21,7 +21,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct DiagnoseOptions {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
@@ -33,14 +33,14 @@ struct Options {
   bool trace{false};
 };
 
-data::LogSet open(const Options& options, const model::Robot& robot) {
+data::LogSet open(const DiagnoseOptions& options, const model::Robot& robot) {
   data::LogFiles files = files_of(options.log, robot, options.validate);
   files.cutoff = 0.0;  // --band is that of the errors; the search chooses the low-pass of the motion
   return open_logs(robot, files);
 }
 
 /// The line that gives the same result, without the files to write.
-std::string command_line(const Options& options) {
+std::string command_line(const DiagnoseOptions& options) {
   std::string line = "heft diagnose";
   const auto add = [&](const char* name, const std::string& value) {
     if (!value.empty()) line += fmt::format(" {} {}", name, host::shell_word(value));
@@ -61,7 +61,7 @@ std::string command_line(const Options& options) {
   return line;
 }
 
-void run(const Options& options) {
+void run(const DiagnoseOptions& options) {
   const Console console{options.result.json, options.model};
   diagnose::DiagnoseOptions asked;
   asked.couplings = couplings_of(options.couplings);  // wrong usage comes before bad files
@@ -91,7 +91,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_diagnose(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DiagnoseOptions>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
   add_accept_torque_option(line, options->log);

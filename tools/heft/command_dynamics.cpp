@@ -13,7 +13,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct DynamicsOptions {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
@@ -27,7 +27,7 @@ validate::DynamicsQuantity quantity_of(const std::string& what) {
   return validate::DynamicsQuantity::kTorque;
 }
 
-void run(const Options& options) {
+void run(const DynamicsOptions& options) {
   const Console console{options.output, options.result.json};
   const model::Robot robot = as_measured(load_robot_and_fit(options.robot), options.log.measured_at());
   data::LogFiles files = files_of(options.log, robot);
@@ -53,7 +53,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_dynamics(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DynamicsOptions>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
   line.add_option("--what", options->what,

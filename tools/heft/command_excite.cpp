@@ -25,7 +25,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-struct Options {
+struct ExciteOptions {
   RobotOptions robot;
   ResultOptions result;
   SafetyOptions safety;
@@ -55,7 +55,7 @@ VectorXd vector_of(const std::vector<double>& values) {
 }
 
 /// The motion of logs already taken.
-std::vector<excite::Options::Given> given_of(const Options& options, const model::Robot& robot) {
+std::vector<excite::Options::Given> given_of(const ExciteOptions& options, const model::Robot& robot) {
   if (options.given.empty()) return {};
   data::LogFiles files;
   files.judge = options.given;
@@ -69,7 +69,7 @@ std::vector<excite::Options::Given> given_of(const Options& options, const model
   return given;
 }
 
-excite::Options design_options(const Options& options, const model::Robot& robot) {
+excite::Options design_options(const ExciteOptions& options, const model::Robot& robot) {
   excite::Options design;
   design.search = options.design;
   design.search.cost =
@@ -91,7 +91,7 @@ excite::Options design_options(const Options& options, const model::Robot& robot
   return design;
 }
 
-excite::FrictionOptions friction_options(const Options& options) {
+excite::FrictionOptions friction_options(const ExciteOptions& options) {
   excite::FrictionOptions friction = options.friction;
   friction.pose = vector_of(options.start);
   friction.payload = payload_of(options.payload);
@@ -102,7 +102,7 @@ excite::FrictionOptions friction_options(const Options& options) {
   return friction;
 }
 
-excite::SeparateOptions separate_options(const Options& options) {
+excite::SeparateOptions separate_options(const ExciteOptions& options) {
   excite::SeparateOptions separate;
   separate.duration = options.design.duration;
   separate.payload = payload_of(options.payload);
@@ -114,7 +114,7 @@ excite::SeparateOptions separate_options(const Options& options) {
 }
 
 /// All files of a motion; one that cannot be written does not keep the others from it.
-void finish_files(const Console& console, const Options& options, const excite::Motion& motion,
+void finish_files(const Console& console, const ExciteOptions& options, const excite::Motion& motion,
                   const std::string& json, const page::Page& page) {
   const auto write = [&](const std::string& path, const auto& text) {
     if (path.empty()) return;
@@ -131,12 +131,12 @@ void finish_files(const Console& console, const Options& options, const excite::
 }
 
 template <typename Motion>
-void print_and_write(const Console& console, const Options& options, const Motion& motion) {
+void print_and_write(const Console& console, const ExciteOptions& options, const Motion& motion) {
   console.print("{}", report::full(motion));
   finish_files(console, options, motion, report::json(motion), report::page(motion));
 }
 
-void run_separate(const Console& console, const Options& options, const model::Robot& robot,
+void run_separate(const Console& console, const ExciteOptions& options, const model::Robot& robot,
                   const excite::LimitsFile& limits) {
   const excite::Questions questions = excite::read_questions(robot, options.diagnosis);
   excite::SeparateOptions asked = separate_options(options);
@@ -149,7 +149,7 @@ void run_separate(const Console& console, const Options& options, const model::R
   print_and_write(console, options, motion);
 }
 
-void run(const Options& options) {
+void run(const ExciteOptions& options) {
   const Console console{options.output, options.urscript, options.ros, options.result.json};
   const model::Robot robot = load_robot(options.robot);
   if (!options.urscript.empty()) {
@@ -204,7 +204,7 @@ constexpr const char* kFooter =
     "Example: heft excite --urdf ur10e --for friction --from 0,-1.57,1.57,0,0,0 -o strokes.csv "
     "--write-urscript strokes.script";
 
-void add_motion_options(CommandLine line, Options& options) {
+void add_motion_options(CommandLine line, ExciteOptions& options) {
   line.add_option("--for", options.purpose,
                   "parameters (a Fourier motion that reveals them) or friction (strokes at constant speed, "
                   "both ways, at several speeds, joint by joint)")
@@ -232,7 +232,7 @@ void add_motion_options(CommandLine line, Options& options) {
 }
 
 /// What is asked of the motion, and for which fit.
-void add_fit_options(CommandLine line, Options& options) {
+void add_fit_options(CommandLine line, ExciteOptions& options) {
   line.add_option("--cost", options.cost,
                   "d-optimal (smallest standard deviations) or condition (smallest condition number)")
       .type_name("COST")
@@ -263,7 +263,7 @@ void add_fit_options(CommandLine line, Options& options) {
       .positive();
 }
 
-void add_arm_options(CommandLine line, Options& options) {
+void add_arm_options(CommandLine line, ExciteOptions& options) {
   line.add_option(
           "--start", options.start,
           "position at both ends (default: free); with --for friction the pose around which joints move")
@@ -291,7 +291,7 @@ void add_arm_options(CommandLine line, Options& options) {
       .capture_default_str();
 }
 
-void add_search_options(CommandLine line, Options& options) {
+void add_search_options(CommandLine line, ExciteOptions& options) {
   line.add_option("--rate", options.rate, "rows a second of the output [Hz]")
       .type_name("HZ")
       .positive()
@@ -313,7 +313,7 @@ void add_search_options(CommandLine line, Options& options) {
       .capture_default_str();
 }
 
-void add_file_options(CommandLine line, Options& options) {
+void add_file_options(CommandLine line, ExciteOptions& options) {
   line.add_option("--write-urscript", options.urscript,
                   "the motion as a program of Universal Robots' controllers, a servoj each row")
       .type_name("FILE.script")
@@ -326,7 +326,7 @@ void add_file_options(CommandLine line, Options& options) {
                     "motion (CSV): time, q*, qd*, qdd*, tau* (predicted torque); - is standard output");
 }
 
-void refuse_options_of_the_other_purpose(const Options& options, const CommandLine& line) {
+void refuse_options_of_the_other_purpose(const ExciteOptions& options, const CommandLine& line) {
   const bool friction = options.purpose == "friction";
   const auto only_for = [&](bool mine, const char* purpose, std::initializer_list<const char*> names) {
     for (const char* name : names) {
@@ -350,7 +350,7 @@ void refuse_options_of_the_other_purpose(const Options& options, const CommandLi
 }  // namespace
 
 Action set_up_excite(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ExciteOptions>();
   add_robot_options(line, options->robot);
   add_safety_options(line, options->safety);
   add_motion_options(line, *options);

@@ -17,14 +17,14 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct ExportOptions {
   RobotOptions robot;
   std::string type_name;
   std::string name_space;
   std::string output;
 };
 
-void run(const Options& options) {
+void run(const ExportOptions& options) {
   const Console console{options.output};
   const model::Robot robot = load_robot(options.robot);
   ArmHeaderNames names;
@@ -47,7 +47,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_export(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ExportOptions>();
   add_robot_options(line, options->robot);
   line.add_option("--name", options->type_name, "name of the struct (default: made from the robot's name)")
       .type_name("TYPE");

@@ -19,7 +19,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct IdentifyOptions {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
@@ -50,7 +50,7 @@ identify::Instruments instruments_of(const std::string& name) {
   return identify::Instruments::kSimulated;
 }
 
-regression::ModelStructure structure_of(const Options& options) {
+regression::ModelStructure structure_of(const IdentifyOptions& options) {
   regression::ModelStructure structure;
   for (const std::string& what : options.without) {
     if (what == "rotor") structure.rotor_inertia = false;
@@ -62,7 +62,7 @@ regression::ModelStructure structure_of(const Options& options) {
   return structure;
 }
 
-identify::FitOptions fit_options_of(const Options& options) {
+identify::FitOptions fit_options_of(const IdentifyOptions& options) {
   identify::FitOptions fitting;
   fitting.method = method_of(options.method);
   fitting.structure = structure_of(options);
@@ -72,7 +72,7 @@ identify::FitOptions fit_options_of(const Options& options) {
   return fitting;
 }
 
-void write_robot(const Options& options, const identify::Identification& found, const Console& console) {
+void write_robot(const IdentifyOptions& options, const identify::Identification& found, const Console& console) {
   if (options.write_urdf.empty()) return;
   urdf::UrdfExportOptions exporting;
   exporting.allow_impossible = options.allow_impossible;
@@ -84,7 +84,7 @@ void write_robot(const Options& options, const identify::Identification& found, 
   if (!host::is_standard_output(options.write_urdf)) console.print("Robot: {}\n", options.write_urdf);
 }
 
-void run(const Options& options) {
+void run(const IdentifyOptions& options) {
   const Console console{options.result.json, options.model, options.write_urdf};
   identify::Options asked;
   asked.fit = fit_options_of(options);  // wrong usage comes before bad files
@@ -116,7 +116,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_identify(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<IdentifyOptions>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
   add_accept_torque_option(line, options->log);

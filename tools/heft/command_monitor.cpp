@@ -21,7 +21,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct MonitorOptions {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
@@ -43,7 +43,7 @@ monitor::Thresholds known_thresholds(const model::ModelFile& file) {
 }
 
 /// Logs to learn from and logs to judge, measured where the model or its thresholds were unless something was said.
-data::LogSet open(const Options& options, const LoadedRobot& loaded, const model::ModelFile& file) {
+data::LogSet open(const MonitorOptions& options, const LoadedRobot& loaded, const model::ModelFile& file) {
   data::LogFiles files = files_of(options.log, loaded.robot, options.log.logs);
   files.train = options.learn;
   files.split = 0.0;
@@ -55,7 +55,7 @@ data::LogSet open(const Options& options, const LoadedRobot& loaded, const model
 }
 
 /// Rows from standard input as they arrive.
-void run_live(const Options& options) {
+void run_live(const MonitorOptions& options) {
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   const model::ModelFile file = model::read_model(options.robot.model);
   const monitor::Thresholds thresholds = known_thresholds(file);
@@ -72,7 +72,7 @@ void run_live(const Options& options) {
   if (!summary.unanswered.empty()) throw NotIdentifiableError(options.stream + ": " + summary.unanswered);
 }
 
-void run(const Options& options) {
+void run(const MonitorOptions& options) {
   const Console console{options.output, options.result.json};
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   const model::ModelFile file = model::read_model(options.robot.model);
@@ -106,7 +106,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_monitor(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<MonitorOptions>();
   add_stream_argument(line, options->stream);
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);

@@ -19,7 +19,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct PayloadOptions {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
@@ -32,7 +32,7 @@ struct Options {
 };
 
 /// The logs without load to fit to, then those that check the model and those with the load.
-data::LogSet open(const Options& options, const model::Robot& robot) {
+data::LogSet open(const PayloadOptions& options, const model::Robot& robot) {
   std::vector<std::string> judge = options.zeros;
   judge.insert(judge.end(), options.log.logs.begin(), options.log.logs.end());
   data::LogFiles files = files_of(options.log, robot, judge);
@@ -56,7 +56,7 @@ class Steps {
 };
 
 /// How to estimate, with what is known against the torque of the logs.
-payload::Options settings(const Options& options, const model::Robot& robot, const data::LogSet& logs) {
+payload::Options settings(const PayloadOptions& options, const model::Robot& robot, const data::LogSet& logs) {
   payload::Options how;
   how.first_joint = options.rows;
   how.cutoff = options.log.band;
@@ -68,7 +68,7 @@ payload::Options settings(const Options& options, const model::Robot& robot, con
 }
 
 /// Rows from standard input as they arrive.
-void run_live(const Options& options) {
+void run_live(const PayloadOptions& options) {
   const model::Robot robot = load_robot(options.robot);
   const data::LogSet logs = open(options, robot);
   const payload::Options how = settings(options, robot, logs);
@@ -91,7 +91,7 @@ void run_live(const Options& options) {
   if (!summary.unanswered.empty()) throw NotIdentifiableError(options.stream + ": " + summary.unanswered);
 }
 
-void run(const Options& options) {
+void run(const PayloadOptions& options) {
   const Console console{options.output, options.result.json};
   const model::Robot robot = load_robot(options.robot);
   const data::LogSet logs = open(options, robot);
@@ -116,7 +116,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_payload(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PayloadOptions>();
   add_stream_argument(line, options->stream);
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);

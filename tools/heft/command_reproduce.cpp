@@ -12,14 +12,14 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct ReproduceOptions {
   std::string what;
   std::string output;  ///< folder
   std::string json;    ///< the results also here; empty: not, "-": standard output
   int seeds{20};
 };
 
-studies::StudyReport run_study(const Options& options) {
+studies::StudyReport run_study(const ReproduceOptions& options) {
   if (options.what == "terminal-link") {
     Progress progress("running the protocol");
     return studies::reproduce_terminal_link(options.seeds, [&](double done) { progress.update(done); });
@@ -28,7 +28,7 @@ studies::StudyReport run_study(const Options& options) {
   return studies::reproduce_ur5_stiffness(options.seeds, [&](double done) { progress.update(done); });
 }
 
-void run(const Options& options) {
+void run(const ReproduceOptions& options) {
   const Console console{options.json};
   const ReportFolder folder(options.output);
   const studies::StudyReport report = run_study(options);
@@ -46,7 +46,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_reproduce(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ReproduceOptions>();
   line.add_option("publication", options->what, "what to rebuild: terminal-link or ur5-stiffness")
       .required()
       .type_name("NAME")

@@ -15,7 +15,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct RetimeOptions {
   RobotOptions robot;
   std::string log, waypoints, output;
   std::vector<double> payload;
@@ -25,7 +25,7 @@ struct Options {
   ResultOptions result;
 };
 
-retime::Path path_of(const Options& options, const model::Robot& robot) {
+retime::Path path_of(const RetimeOptions& options, const model::Robot& robot) {
   if (!options.waypoints.empty()) {
     data::LogRequirements needs;
     needs.num_joints = robot.num_joints();
@@ -40,7 +40,7 @@ retime::Path path_of(const Options& options, const model::Robot& robot) {
   return retime::along(robot, open_logs(robot, files).judge().front());
 }
 
-void run(const Options& options) {
+void run(const RetimeOptions& options) {
   const Console console{options.output, options.result.json};
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   retime::Options asked = options.retime;
@@ -60,7 +60,7 @@ void run(const Options& options) {
   }
 }
 
-void add_limit_options(CommandLine line, Options& options) {
+void add_limit_options(CommandLine line, RetimeOptions& options) {
   const auto add = [&](const char* name, std::vector<double>& values, const char* meaning) {
     line.add_option(name, values, meaning).type_name("L,L,...").delimiter(',').positive();
   };
@@ -84,7 +84,7 @@ void add_limit_options(CommandLine line, Options& options) {
 }  // namespace
 
 Action set_up_retime(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RetimeOptions>();
   add_robot_options(line, options->robot);
   line.add_option("--log", options->log, "log whose path is taken, without its time")
       .type_name("LOG.csv")

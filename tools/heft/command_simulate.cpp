@@ -19,7 +19,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct SimulateOptions {
   RobotOptions robot;
   std::string scenario, replay;
   std::string output;
@@ -27,7 +27,7 @@ struct Options {
   bool example{false};
 };
 
-sim::Simulation replay(const Options& options) {
+sim::Simulation replay(const SimulateOptions& options) {
   const model::Robot robot = load_robot(options.robot);
   data::LogFiles files;
   files.judge = {options.replay};
@@ -39,13 +39,13 @@ sim::Simulation replay(const Options& options) {
   return {robot.name, options.replay, true, excite::replay(robot, motion)};
 }
 
-sim::Simulation simulation_of(const Options& options) {
+sim::Simulation simulation_of(const SimulateOptions& options) {
   if (!options.replay.empty()) return replay(options);
   const sim::Scenario scenario = read_scenario(options.scenario);
   return {scenario.settings.robot.name, options.scenario, false, sim::simulate_scenario(scenario)};
 }
 
-void run(const Options& options) {
+void run(const SimulateOptions& options) {
   const Console console{options.output, options.result.json};
   const sim::Simulation simulation = simulation_of(options);
   console.print("{}", report::full(simulation));
@@ -56,7 +56,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_simulate(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<SimulateOptions>();
   line.add_option("--scenario", options->scenario,
                   "what to simulate: robot, motion, controller, sensors, events (JSON)")
       .type_name("SCENARIO.json")

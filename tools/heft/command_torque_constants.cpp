@@ -15,7 +15,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct TorqueConstantsOptions {
   RobotOptions robot;
   std::vector<std::string> logs;
   std::vector<double> assumed;
@@ -24,7 +24,7 @@ struct Options {
   ResultOptions result;
 };
 
-drive::TorqueConstants constants_of(const Options& options) {
+drive::TorqueConstants constants_of(const TorqueConstantsOptions& options) {
   if (!(options.load_mass > 0.0)) {
     const data::LogSet logs = drive::open_logs(options.logs);
     for (const std::string& text : logs.notes()) note(text);
@@ -40,7 +40,7 @@ drive::TorqueConstants constants_of(const Options& options) {
   return drive::from_known_load(loaded.robot, logs, load, options.assumed, loaded.fitted_to);
 }
 
-void run(const Options& options) {
+void run(const TorqueConstantsOptions& options) {
   const Console console{options.result.json};
   const drive::TorqueConstants constants = constants_of(options);
   console.print("{}", report::full(constants));
@@ -51,7 +51,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_torque_constants(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TorqueConstantsOptions>();
   line.add_option(
           "--log", options->logs,
           "log with the controller's target torque (tauref1..) and its target current (iref1..) or the measured "

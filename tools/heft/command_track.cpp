@@ -17,7 +17,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct TrackOptions {
   std::string scenario;
   std::string model;
   double from{0.0};
@@ -36,7 +36,7 @@ void show(const Answer& answer, const std::vector<std::string>& notes, const Con
   finish(console, "", result, report::json(answer), report::page(answer));
 }
 
-void run(const Options& options) {
+void run(const TrackOptions& options) {
   const Console console{options.result.json};
   const sim::Scenario scenario = read_scenario(options.scenario);
   track::Options how;
@@ -61,7 +61,7 @@ void run(const Options& options) {
 }  // namespace
 
 Action set_up_track(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TrackOptions>();
   line.add_option("--scenario", options->scenario,
                   "robot, motion, sensors, events (JSON), as heft simulate takes it")
       .type_name("SCENARIO.json")

@@ -15,7 +15,7 @@
 namespace heft::tools {
 namespace {
 
-struct Options {
+struct ValidateOptions {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
@@ -24,7 +24,7 @@ struct Options {
   CampaignOptions of_campaign;
 };
 
-void judge_logs(const Options& options) {
+void judge_logs(const ValidateOptions& options) {
   const Console console{options.result.json};
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   data::LogFiles files = files_of(options.log, loaded.robot);
@@ -54,7 +54,7 @@ void judge_logs(const Options& options) {
 }  // namespace
 
 Action set_up_validate(CommandLine line) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ValidateOptions>();
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);
   add_accept_torque_option(line, options->log);

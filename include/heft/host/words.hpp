@@ -12,6 +12,9 @@ namespace heft::host {
 /// @param joints  counted from 0
 std::string joints_in_words(const std::vector<int>& joints);
 
+/// The text with a capital letter at its beginning.
+std::string capital(std::string text);
+
 /// Number of letters to insert, delete or change to turn `a` into `b`.
 std::size_t edit_distance(const std::string& a, const std::string& b);
 
