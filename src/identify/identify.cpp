@@ -9,7 +9,7 @@ namespace heft::identify {
 namespace {
 
 /// Poses in which the mass matrix of the identified arm is looked at.
-constexpr int kPoses = 10000;
+constexpr int kManyPoses = 10000;
 
 using Streams = std::vector<data::MotionStream>;
 
@@ -64,7 +64,7 @@ Identification identify(const model::Robot& robot, const data::LogSet& logs, con
   std::vector<const data::MotionStream*> pointers;
   for (const data::MotionStream& stream : train) pointers.push_back(&stream);
   result.fit = fit(robot, pointers, fitting);
-  result.mass = model::check_mass_matrix(result.fit.robot, kPoses, 1);
+  result.mass = model::check_mass_matrix(result.fit.robot, kManyPoses, 1);
 
   double band = options.band;
   for (const auto* summaries : {&result.train_logs, &result.judge_logs}) {

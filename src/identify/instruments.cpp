@@ -77,9 +77,9 @@ bool friction_rates(const SimulatedArm& arm, const Eigen::MatrixXd& poses, Eigen
                     Eigen::VectorXd& coulomb) {
   const Eigen::Index n = poses.cols();
   viscous = coulomb = Eigen::VectorXd::Zero(n);
-  constexpr Eigen::Index kPoses = 20;
-  for (Eigen::Index k = 0; k < kPoses; ++k) {
-    const Eigen::VectorXd q = poses.row(k * (poses.rows() - 1) / (kPoses - 1)).transpose();
+  constexpr Eigen::Index kSomePoses = 20;
+  for (Eigen::Index k = 0; k < kSomePoses; ++k) {
+    const Eigen::VectorXd q = poses.row(k * (poses.rows() - 1) / (kSomePoses - 1)).transpose();
     Eigen::MatrixXd whole = Eigen::MatrixXd::Identity(n, n);
     if (!solve_positive(arm.inertia(q), whole)) return false;
     const Eigen::VectorXd inverse = whole.diagonal();

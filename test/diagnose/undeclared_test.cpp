@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "heft/data/log_part.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "motion_scores.hpp"
 #include "support/undeclared_case.hpp"
@@ -197,6 +198,27 @@ INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
                            std::replace(name.begin(), name.end(), '+', '_');
                            return name;
                          });
+
+// Fitted once more to all logs --------------------------------------------------------------------------------
+
+TEST(Refit, LowersTheErrorOnALogThatNeitherFitHasSeen) {
+  const UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
+  const auto part = [](const data::Log& log, double from, double to) {
+    const double begin = log.time[0], length = log.time[log.time.size() - 1] - begin;
+    return data::part_of(log, begin + from * length, begin + to * length);
+  };
+  const data::Log train = part(c.train, 0.0, 0.4), validate = part(c.validate, 0.0, 0.6);
+  DiagnoseOptions options;
+  EXPECT_FALSE(diagnose(c.robot, {train}, {validate}, options).refitted.has_value());
+  options.refit = true;
+  const Diagnosis d = diagnose(c.robot, {train}, {validate}, options);
+  ASSERT_TRUE(d.refitted.has_value());
+  EXPECT_EQ(d.refitted->effects.size(), d.after.effects.size());
+  const JudgedMotion judged(c.robot, {part(c.validate, 0.6, 1.01)}, reading_of(d));
+  const Eigen::VectorXd again = judged.rms_error(judged.predicted(*d.refitted)),
+                        once = judged.rms_error(judged.predicted(d.after));
+  EXPECT_LT((again.array() / once.array()).log().mean(), std::log(0.99));
+}
 
 // What could be explained ----------------------------------------------------------------------------------
 
