@@ -7,6 +7,7 @@
 #include "heft/host/decompositions.hpp"
 #include "heft/host/parallel.hpp"
 #include "moments.hpp"
+#include "products.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -17,12 +18,6 @@ using Eigen::VectorXd;
 
 /// Least weight of the prior: keeps directions that the motion does not show where the prior has them.
 constexpr double kLeastSteady = 1e-8;
-
-/// Aᵀ B. Not inlined: every other shape of block would have the compiler compile the product again.
-[[gnu::noinline]] MatrixXd transposed_times(const Eigen::Ref<const MatrixXd>& A,
-                                            const Eigen::Ref<const MatrixXd>& B) {
-  return A.transpose() * B;
-}
 
 }  // namespace
 
@@ -90,9 +85,9 @@ void Problem::collect(std::size_t block, const Problem* like) {
     if (has_same_rows(like, at, joint)) {
       M.topLeftCorner(p, p) = like->moments_[block][j].topLeftCorner(p, p);
     } else if (keep.minCoeff() == 1.0) {
-      M.topLeftCorner(p, p) = transposed_times(Xb, Xb);
+      M.topLeftCorner(p, p) = gram_of(Xb);
     } else {
-      M.topLeftCorner(p, p) = transposed_times(Xb, (Xb.array().colwise() * keep.array()).matrix());
+      M.topLeftCorner(p, p) = gram_of((Xb.array().colwise() * keep.array()).matrix());
     }
     M.col(p).head(p) = transposed_times(Xb, yb);
     M.row(p).head(p) = M.col(p).head(p).transpose();
@@ -150,7 +145,7 @@ int Problem::append(const Columns& columns) {
       MatrixXd M(p + k + 1, p + k + 1);
       M.topLeftCorner(p, p) = narrow.topLeftCorner(p, p);
       M.block(0, p, p, k) = rows_times(joint, block.begin, block.count, Cb);
-      M.block(p, p, k, k) = transposed_times(Cb, Cb);
+      M.block(p, p, k, k) = gram_of(Cb);
       M.col(p + k).head(p) = narrow.col(p).head(p);
       M.col(p + k).segment(p, k) = transposed_times(Cb, tau_.col(joint).segment(block.begin, block.count));
       M.block(p, 0, k, p) = M.block(0, p, p, k).transpose();
@@ -342,7 +337,7 @@ std::vector<ColumnMoments> Problem::moments_of(std::span<const Columns> candidat
         MatrixXd own(cross.rows() + 1, k);
         own << cross.middleCols(at, k), torque.middleCols(at, k);
         all[i].cross[b].push_back(std::move(own));
-        all[i].square[b].push_back(transposed_times(Cb.middleCols(at, k), Cb.middleCols(at, k)));
+        all[i].square[b].push_back(gram_of(Cb.middleCols(at, k)));
       }
     }
   }
@@ -362,7 +357,7 @@ ColumnMoments Problem::moments_from(Index row, const Columns& columns, const Col
                           keep_->col(joint).segment(from, count).array();
       MatrixXd& cross = m.cross[b][a];
       cross << rows_times(joint, from, count, Cb), transposed_times(tau_.col(joint).segment(from, count), Cb);
-      m.square[b][a] = transposed_times(Cb, Cb);
+      m.square[b][a] = gram_of(Cb);
     }
   }
   return m;

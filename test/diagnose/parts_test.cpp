@@ -12,6 +12,7 @@
 #include "heft/data/motion_stream.hpp"
 #include "motion_table.hpp"
 #include "problem.hpp"
+#include "products.hpp"
 #include "residual_structure.hpp"
 
 namespace heft::diagnose {
@@ -246,6 +247,23 @@ TEST(Problem, WhatIsTakenFromAnotherProblemIsAsIfItHadBeenCollected) {
   const Problem expected(data.table, keep, rows, {{0, 1}}, prior, 1e-9, data.tau, hold);
   const Problem found(data.table, keep, rows, {{0, 1}}, prior, 1e-9, data.tau, hold, &like);
   EXPECT_EQ(numbers_of(expected, data.column), numbers_of(found, data.column));  // to the last bit
+}
+
+TEST(Products, AreThoseOfTheFactorsWhateverTheirShape) {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  const MatrixXd all = MatrixXd::NullaryExpr(1200, 20, [&] { return any(random); });
+  for (const Index rows : {0, 1, 3, 4, 7, 255, 256, 600}) {
+    for (const Index p : {1, 3, 4, 5, 11}) {
+      const auto A = all.block(5, 1, rows, p);
+      for (const Index k : {1, 2, 5, 8}) {
+        const auto B = all.block(600, 12, rows, k);
+        EXPECT_LT((transposed_times(A, B) - A.transpose() * B).cwiseAbs().maxCoeff(), 1e-12)
+            << rows << p << k;
+      }
+      EXPECT_EQ(gram_of(A), transposed_times(A, A)) << rows << p;  // to the last bit
+    }
+  }
 }
 
 TEST(Problem, ChanceIsCalledChance) {
