@@ -233,6 +233,7 @@ void Problem::sum_base() {
 
 void Problem::reweight() {
   sum_folds();
+  left_out_ = new_left_out();
   if (!(noise_.minCoeff() > 0.0)) {
     // A first guess: rms torque, so that large joints do not drown small ones.
     for (int j = 0; j < num_joints(); ++j) {
@@ -367,6 +368,19 @@ std::vector<double> Problem::gains(const std::vector<Columns>& candidates, int w
   const Block all{.begin = 0, .count = table_->rows()};
   std::vector<double> result;
   for (const ColumnMoments& m : moments_of(candidates, {&all, 1})) result.push_back(gain(m, without));
+  return result;
+}
+
+std::vector<double> Problem::gains(int joint, const MatrixXd& values,
+                                   const std::vector<MatrixXd>& combinations, int without) const {
+  const Block all{.begin = 0, .count = table_->rows()};
+  const Columns columns{{joint}, {values}};
+  const ColumnMoments of_each = std::move(moments_of({&columns, 1}, {&all, 1}).front());
+  std::vector<double> result;
+  for (const MatrixXd& T : combinations) {
+    const MatrixXd cross = of_each.cross[0][0] * T, square = T.transpose() * of_each.square[0][0] * T;
+    result.push_back(gain({static_cast<int>(T.cols()), {joint}, {{cross}}, {{square}}}, without));
+  }
   return result;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -103,6 +104,11 @@ class Problem {
   /// gain() of each of several candidates that reach the same joints with the same number of columns: the base's
   /// rows are read once for all of them.
   std::vector<double> gains(const std::vector<Columns>& candidates, int without = -1) const;
+  /// The same of candidates that are linear combinations of some columns of one joint, which are read once.
+  /// @param values  m × c
+  /// @param combinations  c × k each
+  std::vector<double> gains(int joint, const Eigen::MatrixXd& values,
+                            const std::vector<Eigen::MatrixXd>& combinations, int without = -1) const;
   /// Fall of the weighted squared error on the rows of the fit.
   /// @param without  column of the base that the candidate replaces; -1: none
   double gain(const ColumnMoments& moments, int without = -1) const;
@@ -126,8 +132,13 @@ class Problem {
 
   /// Base and candidate together.
   struct Joint;
-  bool test_coefficients(const Joint& joint, int tested, Trial& trial) const;
-  double drift_of(const Joint& joint) const;
+  /// Base alone, fitted without each fold.
+  struct LeftOut;
+  const LeftOut& left_out() const;
+  static std::shared_ptr<LeftOut> new_left_out();
+  Eigen::MatrixXd scores_of(const Joint& joint) const;
+  bool test_coefficients(const Joint& joint, const Eigen::MatrixXd& scores, int tested, Trial& trial) const;
+  double drift_of(const Joint& joint, const Eigen::MatrixXd& scores) const;
   void cross_validate(const Joint& joint, Trial& trial) const;
 
   const MotionTable* table_;
@@ -151,6 +162,7 @@ class Problem {
   Eigen::MatrixXd total_;               ///< (p + 1)², weighted, unscaled
   std::vector<Eigen::MatrixXd> folds_;  ///< the same, one fold's blocks only
   Eigen::MatrixXd factor_;              ///< lower Cholesky factor of the scaled, steadied total
+  std::shared_ptr<LeftOut> left_out_;   ///< of the present weights; filled when first asked for
 };
 
 }  // namespace heft::diagnose
