@@ -254,6 +254,8 @@ int Engine::add_to_problem(std::size_t index, bool deflect) {
 void Engine::refit(bool deflect) {
   if (deflect) {
     deflect_links();
+    problem_.reset();  // it holds the rows of the last pass
+    rows_.reset();
     rows_ = std::make_shared<const BaseRows>(base_.rows(motion_));
     problem_ =
         std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior(), steady_, table_.tau, hold());
