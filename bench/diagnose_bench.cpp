@@ -1,12 +1,14 @@
-// Time of a diagnosis: all candidates on all joints, one core, against samples and joints.
+// Time of a diagnosis: all candidates on all joints, against samples and joints.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 #include <random>
 
 #include <Eigen/Core>
 
+#include "heft/data/log.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/urdf/urdf_import.hpp"
@@ -84,6 +86,7 @@ void Diagnose(benchmark::State& state) {
 BENCHMARK(Diagnose)
     ->Unit(benchmark::kSecond)
     ->Iterations(1)
+    ->MeasureProcessCPUTime()
     ->ArgNames({"seconds", "joints"})
     ->Args({40, 7})
     ->Args({10, 7})
@@ -91,6 +94,27 @@ BENCHMARK(Diagnose)
     ->Args({80, 7})
     ->Args({40, 2})
     ->Args({40, 4});
+
+/// Four measured logs of a UR10e: three to learn from, one to judge on. Processor time of all threads beside the time it
+/// takes.
+void DiagnoseMeasured(benchmark::State& state) {
+  const std::filesystem::path folder = std::filesystem::path(HEFT_DATA_DIR) / "ur10e-dynamic-calibration";
+  if (!std::filesystem::exists(folder)) {
+    state.SkipWithError("the measured logs are not part of the sources: -DHEFT_DATA_DIR=FOLDER");
+    return;
+  }
+  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
+  data::LogRequirements needs;
+  needs.num_joints = robot.num_joints();
+  needs.torque = true;
+  const auto log = [&](const char* name) { return data::read_log((folder / name).string(), needs); };
+  const std::vector<data::Log> train{log("exc-12h-30s.csv"), log("exc-12h-40s.csv"), log("exc-10h-20s.csv")};
+  const std::vector<data::Log> judged{log("exc-8h-20s.csv")};
+  std::size_t found = 0;
+  for (auto _ : state) found = diagnose::diagnose(robot, train, judged).findings.size();
+  state.counters["effects"] = static_cast<double>(found);
+}
+BENCHMARK(DiagnoseMeasured)->Unit(benchmark::kSecond)->Iterations(1)->MeasureProcessCPUTime();
 
 }  // namespace
 

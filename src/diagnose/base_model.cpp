@@ -4,6 +4,7 @@
 
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/decompositions.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/regression/weighted_fit.hpp"
 
 namespace heft::diagnose {
@@ -51,31 +52,53 @@ bool BaseModel::is_link(int column) const {
          columns_[base_.kept[static_cast<std::size_t>(column)]].kind == ColumnKind::kLink;
 }
 
-std::vector<MatrixXd> BaseModel::rows(const Motion& motion) const {
-  std::vector<MatrixXd> rows;
+BaseRows BaseModel::rows(const Motion& motion) const {
+  constexpr Index kPiece = 256,
+                  kTogether = 16;  // rows of a job; of those whose values are written next to each other
+  BaseRows rows;
   const Index m = motion.q.rows();
   for (const auto& list : places_) rows.emplace_back(m, static_cast<Index>(list.size()));
-  for (Index i = 0; i < m; ++i) {
-    const MatrixXd Y = columns_.regressor(motion.link_q.row(i).transpose(), motion.link_qd.row(i).transpose(),
-                                          motion.link_qdd.row(i).transpose());
-    for (std::size_t j = 0; j < places_.size(); ++j) {
-      const auto joint = static_cast<Index>(j);
-      for (std::size_t c = 0; c < places_[j].size(); ++c) {
-        const int place = places_[j][c];
-        double value = Y(joint, base_.kept[static_cast<std::size_t>(place)]);
-        if (place == coulomb_[j]) value = motion.direction(i, joint);
-        if (place == viscous_[j]) value = motion.qd(i, joint);
-        if (place == rotor_[j]) value = motion.qdd(i, joint);  // on the motor's side of an elastic joint
-        rows[j](i, static_cast<Index>(c)) = value;
+  host::for_each_parallel(static_cast<std::size_t>((m + kPiece - 1) / kPiece), [&](std::size_t piece) {
+    std::vector<MatrixXd> Y(kTogether);
+    const Index from = static_cast<Index>(piece) * kPiece, to = std::min(m, from + kPiece);
+    for (Index first = from; first < to; first += kTogether) {
+      const Index count = std::min(kTogether, to - first);
+      for (Index i = 0; i < count; ++i) {
+        Y[static_cast<std::size_t>(i)] = columns_.regressor(motion.link_q.row(first + i).transpose(),
+                                                            motion.link_qd.row(first + i).transpose(),
+                                                            motion.link_qdd.row(first + i).transpose());
       }
+      for (std::size_t j = 0; j < places_.size(); ++j) put_rows(Y, motion, j, first, count, rows[j]);
     }
-  }
+  });
   return rows;
 }
 
-MatrixXd BaseModel::torque(const std::vector<MatrixXd>& rows, const VectorXd& beta) const {
-  MatrixXd tau(rows.front().rows(), num_joints());
-  for (std::size_t j = 0; j < rows.size(); ++j) tau.col(static_cast<Index>(j)) = rows[j] * beta(places_[j]);
+/// Puts a joint's values of some rows into its columns.
+/// @param Y  regressors of the rows from `first` on
+void BaseModel::put_rows(const std::vector<MatrixXd>& Y, const Motion& motion, std::size_t j, Index first,
+                         Index count, MatrixXd& rows) const {
+  const auto joint = static_cast<Index>(j);
+  for (std::size_t c = 0; c < places_[j].size(); ++c) {
+    const int place = places_[j][c];
+    auto values = rows.col(static_cast<Index>(c)).segment(first, count);
+    if (place == coulomb_[j]) {
+      values = motion.direction.col(joint).segment(first, count);
+    } else if (place == viscous_[j]) {
+      values = motion.qd.col(joint).segment(first, count);
+    } else if (place == rotor_[j]) {
+      values = motion.qdd.col(joint).segment(first, count);  // on the motor's side of an elastic joint
+    } else {
+      const int column = base_.kept[static_cast<std::size_t>(place)];
+      for (Index i = 0; i < count; ++i) values[i] = Y[static_cast<std::size_t>(i)](joint, column);
+    }
+  }
+}
+
+MatrixXd BaseModel::torque(const BaseRows& rows, const VectorXd& beta, Index begin, Index count) const {
+  MatrixXd tau(count, num_joints());
+  for (std::size_t j = 0; j < rows.size(); ++j)
+    tau.col(static_cast<Index>(j)) = rows[j].middleRows(begin, count) * beta(places_[j]);
   return tau;
 }
 

@@ -23,6 +23,9 @@ struct Motion {
   Eigen::MatrixXd displacement;  ///< m × 2 n, as measured, since the row before; may be without columns
 };
 
+/// Rows of the base model for each joint, m × p_j, also those that do not count.
+using BaseRows = std::vector<Eigen::MatrixXd>;
+
 /// The motion as logged.
 Motion rigid_motion(const MotionTable& table);
 
@@ -58,10 +61,15 @@ class BaseModel {
     return base_.expressions[static_cast<std::size_t>(column)];
   }
   /// Rows for each joint, m × p_j, also those that do not count.
-  std::vector<Eigen::MatrixXd> rows(const Motion& motion) const;
+  BaseRows rows(const Motion& motion) const;
   /// Torque of these rows, m × n.
   /// @param beta  b or more values; those beyond are not looked at
-  Eigen::MatrixXd torque(const std::vector<Eigen::MatrixXd>& rows, const Eigen::VectorXd& beta) const;
+  Eigen::MatrixXd torque(const BaseRows& rows, const Eigen::VectorXd& beta) const {
+    return torque(rows, beta, 0, rows.front().rows());
+  }
+  /// The same of some of the rows.
+  Eigen::MatrixXd torque(const BaseRows& rows, const Eigen::VectorXd& beta, Eigen::Index begin,
+                         Eigen::Index count) const;
   /// The robot nearest to the given one that has these base parameters. A rotor inertia that no motion tells from the
   /// links' stays the given one.
   model::Robot robot(const Eigen::VectorXd& beta) const;
@@ -73,6 +81,9 @@ class BaseModel {
   Eigen::MatrixXd link_share(int link) const;
 
  private:
+  void put_rows(const std::vector<Eigen::MatrixXd>& Y, const Motion& motion, std::size_t joint,
+                Eigen::Index first, Eigen::Index count, Eigen::MatrixXd& rows) const;
+
   regression::RegressionColumns columns_;
   regression::BaseParameters base_;
   std::vector<std::vector<int>> places_;

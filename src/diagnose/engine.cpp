@@ -8,6 +8,7 @@
 #include "arm_search.hpp"
 #include "deflection.hpp"
 #include "heft/core/friction/friction.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "residual_structure.hpp"
 
@@ -41,19 +42,45 @@ Motion delayed(const MotionTable& table, double delay) {
 }  // namespace
 
 Engine::Engine(std::shared_ptr<const BaseModel> base, std::shared_ptr<const MotionTable> table,
-               std::vector<GearCoupling<double>> pairs, double steady)
+               std::vector<GearCoupling<double>> pairs)
     : shared_(std::move(table)),
       table_(*shared_),
       shared_base_(std::move(base)),
       base_(*shared_base_),
       pairs_(std::move(pairs)),
       keep_(table_.keep),
-      motion_(rigid_motion(table_)),
-      steady_(steady) {
+      motion_(rigid_motion(table_)) {
   build();
-  base_noise_ = problem_->noise();
-  base_theta_ = problem_->theta();
+  base_noise_ = plain_->noise();
+  base_theta_ = plain_->theta();
+  // With the weight of the robot's own values given, as every other model has it.
+  const auto again =
+      std::make_shared<const Problem>(table_, table_.keep, rows_, base_.places(), base_.prior(), steady_,
+                                      table_.tau, VectorXd(), plain_.get());
+  problem_ = std::make_unique<Problem>(*again);
+  note_fit();
+  fit_ = std::make_shared<const BaseFit>(
+      BaseFit{shared_base_, shared_, pairs_, rows_, again, rigid_, load_, held_});
+  problem_ = std::make_unique<Problem>(*plain_);
+  note_fit();
 }
+
+Engine::Engine(std::shared_ptr<const BaseFit> fit)
+    : shared_(fit->table),
+      table_(*shared_),
+      shared_base_(fit->base),
+      base_(*shared_base_),
+      pairs_(fit->pairs),
+      keep_(table_.keep),
+      motion_(rigid_motion(table_)),
+      rigid_rows_(fit->rows),
+      fit_(std::move(fit)),
+      rigid_(fit_->robot),
+      load_(fit_->load),
+      held_(fit_->held),
+      base_noise_(fit_->fitted->noise()),
+      base_theta_(fit_->fitted->theta()),
+      steady_(fit_->fitted->steady()) {}
 
 Workbench Engine::bench() const {
   std::vector<FirstMemory> memories(static_cast<std::size_t>(table_.num_joints));
@@ -61,7 +88,7 @@ Workbench Engine::bench() const {
     if (!accepted[e].has_memory() || first_memory(e) >= 0) continue;
     memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
   }
-  return {problem_.get(),      &base_, &table_, &motion_, &rows_, &rigid_, &load_, &held_,
+  return {problem_.get(),      &base_, &table_, &motion_, rows_.get(), &rigid_, &load_, &held_,
           std::move(memories), pairs_};
 }
 
@@ -89,11 +116,17 @@ void Engine::build() {
   }
   const bool other_rows = keep_ != keep;
   keep_ = std::move(keep);
-  if (plain_ == nullptr || elastic || other_rows || delay != delay_ || hold() != plain_hold_) {
+  if (rigid_rows_ == nullptr || delay != delay_) {
     motion_ = delayed(table_, delay);
     delay_ = delay;
+    rigid_rows_ = std::make_shared<const BaseRows>(base_.rows(motion_));
     plain_ = nullptr;
+  } else if (rows_ != rigid_rows_) {
+    motion_.link_q = motion_.q;
+    motion_.link_qd = motion_.qd;
+    motion_.link_qdd = motion_.qdd;
   }
+  if (elastic || other_rows || hold() != plain_hold_) plain_ = nullptr;
   refit(false);
   // Some effects are made of the load torque, or begin with the friction that holds a joint; the fit gives both.
   const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
@@ -110,14 +143,18 @@ void Engine::deflect_links() {
     if (!elastic.effect.is<ElasticJoint>()) continue;
     const int j = elastic.joint;
     VectorXd inertia(table_.rows()), load(table_.rows());
-    VectorXd asked(table_.num_joints);
-    for (Index i = 0; i < table_.rows(); ++i) {
-      inertia[i] = dynamics.mass_matrix(motion_.link_q.row(i).transpose())(j, j);
-      asked = motion_.link_qdd.row(i).transpose();
-      asked[j] = motion_.qdd(i, j);
-      load[i] = dynamics.inverse_dynamics(motion_.link_q.row(i).transpose(),
-                                          motion_.link_qd.row(i).transpose(), asked)[j];
-    }
+    constexpr Index kPiece = 256;  // rows of a job
+    host::for_each_parallel(
+        static_cast<std::size_t>((table_.rows() + kPiece - 1) / kPiece), [&](std::size_t piece) {
+          const Index from = static_cast<Index>(piece) * kPiece;
+          for (Index i = from; i < std::min(table_.rows(), from + kPiece); ++i) {
+            const VectorXd q = motion_.link_q.row(i).transpose();
+            inertia[i] = dynamics.mass_matrix(q)(j, j);
+            VectorXd asked = motion_.link_qdd.row(i).transpose();
+            asked[j] = motion_.qdd(i, j);
+            load[i] = dynamics.inverse_dynamics(q, motion_.link_qd.row(i).transpose(), asked)[j];
+          }
+        });
     if (!(inertia.minCoeff() > 0.0)) continue;
     const Deflection d = deflection(table_, load, inertia, elastic.shape, elastic.second);
     motion_.link_q.col(j) = motion_.q.col(j) - d.value;
@@ -160,16 +197,27 @@ VectorXd Engine::hold() const {
   return hold;
 }
 
-/// The problem of the base alone.
-void Engine::set_up_base() {
-  rows_ = base_.rows(motion_);
+/// Values of the base columns that the fit leans on, b.
+VectorXd Engine::prior() const {
+  const VectorXd firmly = hold();
   VectorXd prior = base_.prior();
-  plain_hold_ = hold();
   for (int c = 0; c < base_.columns(); ++c) {
-    if (plain_hold_[c] > 0.0) prior[c] = held_at(c);
+    if (firmly[c] > 0.0) prior[c] = held_at(c);
   }
-  plain_ = std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior, steady_, table_.tau,
-                                     plain_hold_);
+  return prior;
+}
+
+/// The problem of the base alone where no link deflects.
+void Engine::set_up_base() {
+  plain_hold_ = hold();
+  const bool same_motion = fit_ != nullptr && rigid_rows_ == fit_->rows;
+  if (same_motion && plain_hold_.isZero(0.0) && keep_ == table_.keep) {
+    plain_ = fit_->fitted;
+    return;
+  }
+  plain_ =
+      std::make_shared<const Problem>(table_, keep_, rigid_rows_, base_.places(), prior(), steady_,
+                                      table_.tau, plain_hold_, same_motion ? fit_->fitted.get() : nullptr);
   steady_ = plain_->steady();  // chosen once, or fits with and without an effect could not be compared
 }
 
@@ -204,22 +252,34 @@ int Engine::add_to_problem(std::size_t index, bool deflect) {
 }
 
 void Engine::refit(bool deflect) {
-  if (deflect) deflect_links();
-  if (deflect || plain_ == nullptr) set_up_base();
-  problem_ = std::make_unique<Problem>(*plain_);
-  if (deflect) plain_ = nullptr;
+  if (deflect) {
+    deflect_links();
+    problem_.reset();  // it holds the rows of the last pass
+    rows_.reset();
+    rows_ = std::make_shared<const BaseRows>(base_.rows(motion_));
+    problem_ =
+        std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior(), steady_, table_.tau, hold());
+  } else {
+    if (plain_ == nullptr) set_up_base();
+    rows_ = rigid_rows_;
+    problem_ = std::make_unique<Problem>(*plain_);
+  }
   first_column_.assign(accepted.size(), -1);
   for (std::size_t e = 0; e < accepted.size(); ++e) first_column_[e] = add_to_problem(e, deflect);
   if (weights_held) problem_->hold_weights(base_noise_);
   if (!accepted.empty()) problem_->reweight();
-  // Rigid-body torque of the fit, also where rows do not count.
+  note_fit();
+}
+
+/// Robot of the fit, its rigid-body torque, also where rows do not count, and what holds joints at rest.
+void Engine::note_fit() {
   const VectorXd theta = problem_->theta();
   rigid_ = base_.robot(theta);
   VectorXd links = theta.head(base_.columns());
   for (int c = 0; c < base_.columns(); ++c) {
     if (!base_.is_link(c)) links[c] = 0.0;
   }
-  load_ = base_.torque(rows_, links);
+  load_ = base_.torque(*rows_, links);
   find_holding_torque();
 }
 
@@ -227,7 +287,6 @@ void Engine::refit(bool deflect) {
 /// memory makes up.
 void Engine::find_holding_torque() {
   const auto runs = static_cast<Index>(table_.runs.size());
-  const MatrixXd left = table_.tau - predicted();
   held_.resize(runs, table_.num_joints);
   for (Index r = 0; r < runs; ++r) {
     const Index begin = table_.run_begin[static_cast<std::size_t>(r)];
@@ -235,11 +294,11 @@ void Engine::find_holding_torque() {
     while (end < table_.run_begin[static_cast<std::size_t>(r) + 1] && table_.time[end] < model::kSeenAtRest) {
       ++end;
     }
+    const MatrixXd left = table_.tau.middleRows(begin, end - begin) - predicted(begin, end - begin);
     for (int j = 0; j < table_.num_joints; ++j) {
       const bool rests = end > begin && motion_.qd.col(j).segment(begin, end - begin).cwiseAbs().maxCoeff() <
                                             model::kRestSpeed;
-      held_(r, j) =
-          rests ? left.col(j).segment(begin, end - begin).mean() : std::numeric_limits<double>::quiet_NaN();
+      held_(r, j) = rests ? left.col(j).mean() : std::numeric_limits<double>::quiet_NaN();
     }
     for (std::size_t e = 0; e < accepted.size(); ++e) {
       Candidate& effect = accepted[e];
@@ -393,21 +452,27 @@ model::Robot Engine::robot() const {
   return robot;
 }
 
-MatrixXd Engine::predicted() const {
+VectorXd Engine::base_parameters() const {
   VectorXd beta = problem_->theta().head(base_.columns());
   for (const Candidate& e : accepted) {
-    if (e.replaces >= 0) beta[e.replaces] = 0.0;  // its column holds other values now
+    if (e.replaces >= 0) beta[e.replaces] = 0.0;
   }
-  MatrixXd tau = base_.torque(rows_, beta);
+  return beta;
+}
+
+MatrixXd Engine::predicted() const { return predicted(0, table_.rows()); }
+
+MatrixXd Engine::predicted(Index begin, Index count) const {
+  MatrixXd tau = base_.torque(*rows_, base_parameters(), begin, count);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     const Candidate& effect = accepted[e];
     if (first_column_[e] < 0) continue;
     if (effect.effect.is<ElasticJoint>()) {
-      tau.col(effect.joint) += motion_.qdd.col(effect.joint) * fitted(e)[0];
+      tau.col(effect.joint) += motion_.qdd.col(effect.joint).segment(begin, count) * fitted(e)[0];
       continue;
     }
     for (std::size_t a = 0; a < effect.columns.joints.size(); ++a) {
-      tau.col(effect.columns.joints[a]) += effect.columns.values[a] * fitted(e);
+      tau.col(effect.columns.joints[a]) += effect.columns.values[a].middleRows(begin, count) * fitted(e);
     }
   }
   return tau;
@@ -416,19 +481,20 @@ MatrixXd Engine::predicted() const {
 std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
                                        const std::function<void(double)>& done) const {
   const Workbench bench = this->bench();
-  std::vector<Candidate> found;
-  const int n = table_.num_joints;
-  for (int j = 0; j < n; ++j) {
-    if (!joints[static_cast<std::size_t>(j)]) continue;
-    for (Candidate& c : joint_candidates(bench, j)) found.push_back(std::move(c));
-    if (done) done((j + 1.0) / (n + 4.0));
+  std::vector<std::function<std::vector<Candidate>()>> searches;
+  for (int j = 0; j < table_.num_joints; ++j) {
+    if (joints[static_cast<std::size_t>(j)])
+      searches.emplace_back([&bench, j] { return joint_candidates(bench, j); });
   }
-  double tried = n;
   for_each_arm_effect([&](auto type) {
-    for (Candidate& c : search_of(type).propose(bench, joints)) found.push_back(std::move(c));
-    tried += 4.0 / static_cast<double>(std::tuple_size_v<ArmEffectTypes>);
-    if (done) done(tried / (n + 4.0));
+    searches.emplace_back(
+        [&bench, &joints, propose = search_of(type).propose] { return propose(bench, joints); });
   });
+  std::vector<std::vector<Candidate>> of_each(searches.size());
+  host::for_each_parallel(searches.size(), [&](std::size_t s) { of_each[s] = searches[s](); });
+  if (done) done(1.0);
+  std::vector<Candidate> found;
+  for (std::vector<Candidate>& some : of_each) std::move(some.begin(), some.end(), std::back_inserter(found));
   return found;
 }
 

@@ -10,13 +10,26 @@
 
 namespace heft::diagnose {
 
+/// The base alone on the rows of a table: what every model of these starts from.
+struct BaseFit {
+  std::shared_ptr<const BaseModel> base;
+  std::shared_ptr<const MotionTable> table;
+  std::vector<GearCoupling<double>> pairs;  ///< of joints that may share a motor
+  std::shared_ptr<const BaseRows> rows;
+  std::shared_ptr<const Problem> fitted;
+  model::Robot robot;          ///< with the fitted parameters
+  Eigen::MatrixXd load, held;  ///< see Workbench
+};
+
 /// Base model and accepted effects on training logs.
 class Engine {
  public:
+  /// Fits the base alone.
   /// @param pairs   of joints that may share a motor
-  /// @param steady  weight of the robot's own values, see Problem; 0: chosen
   Engine(std::shared_ptr<const BaseModel> base, std::shared_ptr<const MotionTable> table,
-         std::vector<GearCoupling<double>> pairs, double steady = 0.0);
+         std::vector<GearCoupling<double>> pairs);
+  /// Another model of the same base and table. build() comes after it.
+  explicit Engine(std::shared_ptr<const BaseFit> fit);
   Engine(const Engine&) = delete;  // the problem points into it
   Engine& operator=(const Engine&) = delete;
 
@@ -53,7 +66,7 @@ class Engine {
   /// Joint whose standstill counts even if no friction that remembers is in place; -1: none.
   int standing_counts{-1};
 
-  std::shared_ptr<const BaseModel> shared_base() const { return shared_base_; }
+  const std::shared_ptr<const BaseFit>& base_fit() const { return fit_; }
   const Problem& problem() const { return *problem_; }
   const MotionTable& table() const { return table_; }
   /// Rows that count, m × n: those of the table, with the standstill of joints whose friction remembers and without
@@ -81,15 +94,20 @@ class Engine {
   /// The memory that an accepted one is second to, or that is second to it; -1: none.
   std::ptrdiff_t first_memory(std::size_t index) const;
   std::ptrdiff_t second_memory(std::size_t index) const;
-  double steady() const { return steady_; }
 
  private:
   Workbench bench() const;
   void refit(bool deflect);
+  void note_fit();
+  /// Torque of some rows.
+  Eigen::MatrixXd predicted(Eigen::Index begin, Eigen::Index count) const;
+  /// Base parameters; 0 where the column holds other values now.
+  Eigen::VectorXd base_parameters() const;
   /// Of the columns.
   Eigen::VectorXd fitted(std::size_t index) const;
   void deflect_links();
   Eigen::VectorXd hold() const;
+  Eigen::VectorXd prior() const;
   bool is_out(int column) const;
   double held_at(int column) const;
   void set_up_base();
@@ -104,11 +122,12 @@ class Engine {
   std::vector<GearCoupling<double>> pairs_;
   Eigen::MatrixXd keep_;  ///< see keep()
   Motion motion_;
-  std::vector<Eigen::MatrixXd> rows_;  ///< of the base model, also those that do not count
-  std::unique_ptr<Problem>
-      plain_;                   ///< of the base alone, where motion and rows that count are those of `rows_`
-  Eigen::VectorXd plain_hold_;  ///< what it holds, see hold()
-  double delay_{0.0};           ///< of `motion_` [s]
+  std::shared_ptr<const BaseRows> rows_;        ///< along `motion_`
+  std::shared_ptr<const BaseRows> rigid_rows_;  ///< the same where no link deflects
+  std::shared_ptr<const Problem> plain_;        ///< of the base alone on `rigid_rows_` and rows that count
+  Eigen::VectorXd plain_hold_;                  ///< what it holds, see hold()
+  std::shared_ptr<const BaseFit> fit_;
+  double delay_{0.0};       ///< of `motion_` [s]
   Eigen::VectorXd anchor_;  ///< values that base columns are held at; empty: those of the fit without effects
   std::vector<bool> anchored_;  ///< which of them; empty: none
   double anchor_weight_{0.0};

@@ -118,28 +118,37 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   const auto part = [&](double shape, Displacement by) {
     return columns_of<Effect>(bench, joint, shape, {false, by}, first.level);
   };
-  /// Columns of both: what the second takes over from the first, and the first.
-  const auto pair_of = [&](const MatrixXd& own, const MatrixXd& other) -> MatrixXd {
-    MatrixXd values(own.rows(), 2);
-    values << own - other, other;
-    if (first.replaces >= 0) values.col(1) += bench.motion->direction.col(joint);
+  /// Columns of each distance, then that of the Coulomb friction, which the first one holds if it replaces it.
+  const auto columns_at = [&](const std::vector<double>& owns, const std::vector<double>& others) {
+    MatrixXd values(bench.table->rows(), static_cast<Index>(owns.size() + others.size()) + 1);
+    Index at = 0;
+    for (const double own : owns) values.col(at++) = part(own, displacement);
+    for (const double other : others) values.col(at++) = part(other, first.displacement);
+    values.col(at) = bench.motion->direction.col(joint);
     return values;
   };
+  /// Of these the columns of both: what the second takes over from the first, and the first.
+  const auto pair_of = [&](Index columns, Index own, Index other) {
+    MatrixXd pair = MatrixXd::Zero(columns, 2);
+    pair(own, 0) = 1.0;
+    pair(other, 0) = -1.0;
+    pair(other, 1) = 1.0;
+    if (first.replaces >= 0) pair(columns - 1, 1) = 1.0;
+    return pair;
+  };
   const auto best_of = [&](const std::vector<double>& owns, const std::vector<double>& others) {
-    std::vector<MatrixXd> of_others;
-    for (const double other : others) of_others.push_back(part(other, first.displacement));
-    std::pair<double, double> best;
-    double most = -1.0;
-    for (const double own : owns) {
-      const MatrixXd of_own = part(own, displacement);
-      std::vector<Columns> list;
-      for (const MatrixXd& other : of_others) list.push_back({{joint}, {pair_of(of_own, other)}});
-      c.tried += static_cast<int>(list.size());
-      const std::vector<double> gains = bench.problem->gains(list, in_place.column);
-      const auto top = std::max_element(gains.begin(), gains.end());
-      if (*top > most) most = *top, best = {own, others[static_cast<std::size_t>(top - gains.begin())]};
+    const MatrixXd values = columns_at(owns, others);
+    std::vector<MatrixXd> pairs;
+    for (std::size_t own = 0; own < owns.size(); ++own) {
+      for (std::size_t other = 0; other < others.size(); ++other) {
+        pairs.push_back(
+            pair_of(values.cols(), static_cast<Index>(own), static_cast<Index>(owns.size() + other)));
+      }
     }
-    return best;
+    c.tried += static_cast<int>(pairs.size());
+    const std::vector<double> gains = bench.problem->gains(joint, values, pairs, in_place.column);
+    const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
+    return std::pair(owns[top / others.size()], others[top % others.size()]);
   };
   // Every second distance of the grids, then finer steps around the best pair.
   const auto coarse = [&](Displacement by) {
@@ -152,7 +161,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   for (int k = 0; k < 4; ++k, step = std::sqrt(step)) {
     std::tie(own, other) = best_of({own / step, own, own * step}, {other / step, other, other * step});
   }
-  c.columns.values = {pair_of(part(own, displacement), part(other, first.displacement))};
+  c.columns.values = {columns_at({own}, {other}) * pair_of(3, 0, 1)};
   c.shape = own;
   c.second = other;
   c.replaces = in_place.column;

@@ -44,15 +44,12 @@ MatrixXd Engine::effect_torque(std::size_t index) const {
   MatrixXd torque = MatrixXd::Zero(table_.rows(), table_.num_joints);
   if (effect.effect.is<ElasticJoint>()) {
     // With its deflection less with a rigid joint that has the same motor.
-    VectorXd beta = problem_->theta().head(base_.columns());
-    for (const Candidate& e : accepted) {
-      if (e.replaces >= 0) beta[e.replaces] = 0.0;
-    }
+    const VectorXd beta = base_parameters();
     Motion rigid = motion_;
     rigid.link_q.col(effect.joint) = rigid.q.col(effect.joint);
     rigid.link_qd.col(effect.joint) = rigid.qd.col(effect.joint);
     rigid.link_qdd.col(effect.joint) = rigid.qdd.col(effect.joint);
-    torque = base_.torque(rows_, beta) - base_.torque(base_.rows(rigid), beta);
+    torque = base_.torque(*rows_, beta) - base_.torque(base_.rows(rigid), beta);
     if (first_column_[index] >= 0)
       torque.col(effect.joint) += motion_.qdd.col(effect.joint) * fitted(index)[0];
     return torque;

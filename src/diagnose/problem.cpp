@@ -5,7 +5,9 @@
 #include <limits>
 
 #include "heft/host/decompositions.hpp"
+#include "heft/host/parallel.hpp"
 #include "moments.hpp"
+#include "products.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -17,35 +19,30 @@ using Eigen::VectorXd;
 /// Least weight of the prior: keeps directions that the motion does not show where the prior has them.
 constexpr double kLeastSteady = 1e-8;
 
-/// Aᵀ B. Not inlined: every other shape of block would have the compiler compile the product again.
-[[gnu::noinline]] MatrixXd transposed_times(const Eigen::Ref<const MatrixXd>& A,
-                                            const Eigen::Ref<const MatrixXd>& B) {
-  return A.transpose() * B;
-}
-
 }  // namespace
 
-Problem::Problem(const MotionTable& table, const MatrixXd& keep, std::vector<MatrixXd> rows,
+Problem::Problem(const MotionTable& table, const MatrixXd& keep, std::shared_ptr<const BaseRows> rows,
                  std::vector<std::vector<int>> places, const VectorXd& prior, double steady,
-                 const MatrixXd& tau, const VectorXd& hold)
+                 const MatrixXd& tau, const VectorXd& hold, const Problem* like)
     : table_(&table),
       keep_(&keep),
       rows_(std::move(rows)),
+      own_(places.size(), MatrixXd(table.rows(), 0)),
+      own_at_(places.size()),
       places_(std::move(places)),
       columns_(static_cast<int>(prior.size())),
       prior_(prior),
       steady_(steady > 0.0 ? steady : kLeastSteady),
       tau_(tau.cwiseProduct(keep)),
-      moments_(table.blocks.size(), std::vector<MatrixXd>(rows_.size())),
+      moments_(table.blocks.size(), std::vector<MatrixXd>(places_.size())),
       counted_(keep.colwise().sum().transpose()),
       noise_(VectorXd::Zero(num_joints())),
       ridge_(hold.size() > 0 ? hold : VectorXd(VectorXd::Zero(prior.size()))) {
   for (int j = 0; j < num_joints(); ++j) {
     const auto s = static_cast<std::size_t>(j);
-    rows_[s].array().colwise() *= keep.col(j).array();
-    tau_.col(j) -= rows_[s] * prior_(places_[s]);
+    tau_.col(j) -= ((*rows_)[s] * prior_(places_[s])).cwiseProduct(keep.col(j));
   }
-  for (int j = 0; j < num_joints(); ++j) collect(j);
+  host::for_each_parallel(table.blocks.size(), [&](std::size_t b) { collect(b, like); });
   reweight();
   if (!(steady > 0.0)) choose_steady();
 }
@@ -57,12 +54,9 @@ void Problem::choose_steady() {
     VectorXd error = VectorXd::Zero(num_joints());
     for (std::size_t out = 0; out < folds_.size(); ++out) {
       const VectorXd theta = solve(total_ - folds_[out], -1, steady_, ridge_, false).theta;
-      for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-        if (static_cast<std::size_t>(table_->blocks[b].fold) != out) continue;
-        for (int j = 0; j < num_joints(); ++j) {
-          const auto s = static_cast<std::size_t>(j);
-          error[j] += squared_error(moments_[b][s], places_[s], theta, nullptr, b, -1, columns_);
-        }
+      for (int j = 0; j < num_joints(); ++j) {
+        const auto s = static_cast<std::size_t>(j);
+        error[j] += squared_error(moments_of_fold_[out][s], places_[s], theta, nullptr, 0, -1, columns_);
       }
     }
     double sum = 0.0;
@@ -73,21 +67,47 @@ void Problem::choose_steady() {
   reweight();
 }
 
-void Problem::collect(int joint) {
-  const auto j = static_cast<std::size_t>(joint);
-  const MatrixXd& X = rows_[j];
-  const Index p = X.cols();
-  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-    const Block& block = table_->blocks[b];
-    const auto Xb = X.middleRows(block.begin, block.count);
-    const auto yb = tau_.col(joint).segment(block.begin, block.count);
+bool Problem::has_same_rows(const Problem* like, const Block& block, int joint) const {
+  return like != nullptr && like->rows_ == rows_ &&
+         like->keep_->col(joint).segment(block.begin, block.count) ==
+             keep_->col(joint).segment(block.begin, block.count);
+}
+
+void Problem::collect(std::size_t block, const Problem* like) {
+  const Block& at = table_->blocks[block];
+  for (int joint = 0; joint < num_joints(); ++joint) {
+    const auto j = static_cast<std::size_t>(joint);
+    const auto Xb = (*rows_)[j].middleRows(at.begin, at.count);
+    const auto keep = keep_->col(joint).segment(at.begin, at.count);
+    const auto yb = tau_.col(joint).segment(at.begin, at.count);
+    const Index p = Xb.cols();
     MatrixXd M(p + 1, p + 1);
-    M.topLeftCorner(p, p) = transposed_times(Xb, Xb);
+    if (has_same_rows(like, at, joint)) {
+      M.topLeftCorner(p, p) = like->moments_[block][j].topLeftCorner(p, p);
+    } else if (keep.minCoeff() == 1.0) {
+      M.topLeftCorner(p, p) = gram_of(Xb);
+    } else {
+      M.topLeftCorner(p, p) = gram_of((Xb.array().colwise() * keep.array()).matrix());
+    }
     M.col(p).head(p) = transposed_times(Xb, yb);
     M.row(p).head(p) = M.col(p).head(p).transpose();
     M(p, p) = yb.squaredNorm();
-    moments_[b][j] = std::move(M);
+    moments_[block][j] = std::move(M);
   }
+}
+
+MatrixXd Problem::counted_of(int joint, const MatrixXd& values) const {
+  return values.array().colwise() * keep_->col(joint).array();
+}
+
+MatrixXd Problem::rows_times(int joint, Index begin, Index count, const Eigen::Ref<const MatrixXd>& C) const {
+  const auto j = static_cast<std::size_t>(joint);
+  const MatrixXd& base = (*rows_)[j];
+  MatrixXd product(static_cast<Index>(places_[j].size()), C.cols());
+  product.topRows(base.cols()) = transposed_times(base.middleRows(begin, count), C);
+  if (own_[j].cols() > 0)
+    product(own_at_[j], Eigen::all) = transposed_times(own_[j].middleRows(begin, count), C);
+  return product;
 }
 
 VectorXd Problem::noise_alone() const {
@@ -97,8 +117,9 @@ VectorXd Problem::noise_alone() const {
   for (int j = 0; j < num_joints(); ++j) {
     if (!(counted_[j] > 0.0)) continue;
     const auto s = static_cast<std::size_t>(j);
-    MatrixXd own = MatrixXd::Zero(rows_[s].cols() + 1, rows_[s].cols() + 1);
-    for (const auto& block : moments_) own += block[s];
+    const auto p = static_cast<Index>(places_[s].size());
+    MatrixXd own = MatrixXd::Zero(p + 1, p + 1);
+    for (const auto& fold : moments_of_fold_) own += fold[s];
     const double error = solve(own, -1, std::max(steady_, kSteadyAlone), {}, false).error;
     noise[j] = std::sqrt(std::max(0.0, error) / counted_[j]);
   }
@@ -111,45 +132,86 @@ VectorXd Problem::white_std() const {
 
 int Problem::append(const Columns& columns) {
   const int first = columns_;
+  const Index k = columns.count();
   for (std::size_t a = 0; a < columns.joints.size(); ++a) {
-    const auto j = static_cast<std::size_t>(columns.joints[a]);
-    MatrixXd wider(rows_[j].rows(), rows_[j].cols() + columns.count());
-    wider << rows_[j], columns.values[a];
-    for (int c = 0; c < columns.count(); ++c) {
-      wider.col(rows_[j].cols() + c).array() *= keep_->col(columns.joints[a]).array();
-      places_[j].push_back(first + c);
+    const int joint = columns.joints[a];
+    const auto j = static_cast<std::size_t>(joint);
+    const MatrixXd C = counted_of(joint, columns.values[a]);
+    const auto p = static_cast<Index>(places_[j].size());
+    for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+      const Block& block = table_->blocks[b];
+      const auto Cb = C.middleRows(block.begin, block.count);
+      const MatrixXd& narrow = moments_[b][j];
+      MatrixXd M(p + k + 1, p + k + 1);
+      M.topLeftCorner(p, p) = narrow.topLeftCorner(p, p);
+      M.block(0, p, p, k) = rows_times(joint, block.begin, block.count, Cb);
+      M.block(p, p, k, k) = gram_of(Cb);
+      M.col(p + k).head(p) = narrow.col(p).head(p);
+      M.col(p + k).segment(p, k) = transposed_times(Cb, tau_.col(joint).segment(block.begin, block.count));
+      M.block(p, 0, k, p) = M.block(0, p, p, k).transpose();
+      M.row(p + k).head(p + k) = M.col(p + k).head(p + k).transpose();
+      M(p + k, p + k) = narrow(p, p);
+      moments_[b][j] = std::move(M);
     }
-    rows_[j] = std::move(wider);
-    collect(columns.joints[a]);
+    const Index had = own_[j].cols();
+    own_[j].conservativeResize(Eigen::NoChange, had + k);
+    own_[j].rightCols(k) = C;
+    for (Index c = 0; c < k; ++c) {
+      own_at_[j].push_back(p + c);
+      places_[j].push_back(first + static_cast<int>(c));
+    }
   }
-  columns_ += columns.count();
+  columns_ += static_cast<int>(k);
   prior_.conservativeResize(columns_);
-  prior_.tail(columns.count()).setZero();
+  prior_.tail(k).setZero();
   ridge_.conservativeResize(columns_);
-  ridge_.tail(columns.count()).setZero();
+  ridge_.tail(k).setZero();
   return first;
 }
 
 void Problem::replace(int joint, int column, const VectorXd& values) {
   const auto j = static_cast<std::size_t>(joint);
-  for (std::size_t c = 0; c < places_[j].size(); ++c) {
-    if (places_[j][c] == column) {
-      rows_[j].col(static_cast<Index>(c)) = values.cwiseProduct(keep_->col(joint));
-    }
+  const auto found = std::find(places_[j].begin(), places_[j].end(), column);
+  if (found == places_[j].end()) return;
+  const Index at = found - places_[j].begin(), p = static_cast<Index>(places_[j].size());
+  const auto known = std::find(own_at_[j].begin(), own_at_[j].end(), at) - own_at_[j].begin();
+  if (known == static_cast<std::ptrdiff_t>(own_at_[j].size())) {
+    own_[j].conservativeResize(Eigen::NoChange, known + 1);
+    own_at_[j].push_back(at);
   }
-  collect(joint);
+  own_[j].col(known) = values.cwiseProduct(keep_->col(joint));
+  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    const Block& block = table_->blocks[b];
+    const auto Cb = own_[j].col(known).segment(block.begin, block.count);
+    MatrixXd& M = moments_[b][j];
+    M.col(at).head(p) = rows_times(joint, block.begin, block.count, Cb);
+    M(p, at) = Cb.dot(tau_.col(joint).segment(block.begin, block.count));
+    M.row(at) = M.col(at).transpose();
+  }
+}
+
+/// Weights are found in passes, of which each needs no more than the sums of the folds.
+void Problem::sum_folds() {
+  int folds = 0;
+  for (const Block& block : table_->blocks) folds = std::max(folds, block.fold + 1);
+  moments_of_fold_.assign(static_cast<std::size_t>(folds), {});
+  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    std::vector<MatrixXd>& sums = moments_of_fold_[static_cast<std::size_t>(table_->blocks[b].fold)];
+    if (sums.empty()) {
+      sums = moments_[b];
+      continue;
+    }
+    for (std::size_t j = 0; j < sums.size(); ++j) sums[j] += moments_[b][j];
+  }
 }
 
 void Problem::sum_base() {
   total_.setZero(columns_ + 1, columns_ + 1);
-  int folds = 0;
-  for (const Block& block : table_->blocks) folds = std::max(folds, block.fold + 1);
-  folds_.assign(static_cast<std::size_t>(folds), MatrixXd::Zero(columns_ + 1, columns_ + 1));
-  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-    MatrixXd& fold = folds_[static_cast<std::size_t>(table_->blocks[b].fold)];
+  folds_.assign(moments_of_fold_.size(), MatrixXd::Zero(columns_ + 1, columns_ + 1));
+  for (std::size_t f = 0; f < folds_.size(); ++f) {
     for (int j = 0; j < num_joints(); ++j) {
       const auto s = static_cast<std::size_t>(j);
-      add_moments(moments_[b][s], places_[s], weight(j), fold);
+      add_moments(moments_of_fold_[f][s], places_[s], weight(j), folds_[f]);
     }
   }
   for (const MatrixXd& fold : folds_) total_ += fold;
@@ -170,6 +232,8 @@ void Problem::sum_base() {
 }
 
 void Problem::reweight() {
+  sum_folds();
+  left_out_ = new_left_out();
   if (!(noise_.minCoeff() > 0.0)) {
     // A first guess: rms torque, so that large joints do not drown small ones.
     for (int j = 0; j < num_joints(); ++j) {
@@ -186,9 +250,8 @@ void Problem::reweight() {
     for (int j = 0; j < num_joints(); ++j) {
       const auto s = static_cast<std::size_t>(j);
       double squares = 0.0;
-      for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-        squares += squared_error(moments_[b][s], places_[s], theta_, nullptr, b, -1, columns_);
-      }
+      for (const auto& fold : moments_of_fold_)
+        squares += squared_error(fold[s], places_[s], theta_, nullptr, 0, -1, columns_);
       const double least = least_noise_.size() > 0 ? least_noise_[j] : 1e-9;
       const double rms = std::max(std::sqrt(std::max(0.0, squares) / std::max(1.0, counted_[j])), least);
       change = std::max(change, std::abs(rms / noise_[j] - 1.0));
@@ -200,8 +263,15 @@ void Problem::reweight() {
 
 MatrixXd Problem::residual() const {
   MatrixXd result = tau_;
-  for (std::size_t j = 0; j < rows_.size(); ++j) {
-    result.col(static_cast<Index>(j)) -= rows_[j] * theta_(places_[j]);
+  for (int joint = 0; joint < num_joints(); ++joint) {
+    const auto j = static_cast<std::size_t>(joint);
+    const MatrixXd& base = (*rows_)[j];
+    const VectorXd theta = theta_(places_[j]);
+    VectorXd of_base = theta.head(base.cols());
+    for (const Index at : own_at_[j]) {
+      if (at < base.cols()) of_base[at] = 0.0;  // another column is in its place
+    }
+    result.col(joint) -= (base * of_base).cwiseProduct(keep_->col(joint)) + own_[j] * theta(own_at_[j]);
   }
   return result;
 }
@@ -209,8 +279,8 @@ MatrixXd Problem::residual() const {
 std::vector<std::pair<double, VectorXd>> Problem::scan(int joint, const MatrixXd& values, int each) const {
   const auto j = static_cast<std::size_t>(joint);
   const double w = weight(joint);
-  const MatrixXd C = values.array().colwise() * keep_->col(joint).array();
-  MatrixXd own = transposed_times(rows_[j], C);
+  const MatrixXd C = counted_of(joint, values);
+  const MatrixXd own = rows_times(joint, 0, C.rows(), C);
   MatrixXd B = MatrixXd::Zero(columns_, C.cols());
   for (Index r = 0; r < own.rows(); ++r) {
     const int place = places_[j][static_cast<std::size_t>(r)];
@@ -238,38 +308,37 @@ std::vector<std::pair<double, VectorXd>> Problem::scan(int joint, const MatrixXd
 }
 
 ColumnMoments Problem::moments(const Columns& columns) const {
-  return std::move(moments_of({&columns, 1}).front());
+  return std::move(moments_of({&columns, 1}, table_->blocks).front());
 }
 
-std::vector<ColumnMoments> Problem::moments_of(std::span<const Columns> candidates) const {
+std::vector<ColumnMoments> Problem::moments_of(std::span<const Columns> candidates,
+                                               std::span<const Block> blocks) const {
   const Columns& first = candidates.front();
   const Index k = first.count();
-  const std::size_t blocks = table_->blocks.size();
   ColumnMoments empty;
   empty.count = static_cast<int>(k);
   empty.joints = first.joints;
-  empty.cross.resize(blocks);
-  empty.square.resize(blocks);
+  empty.cross.resize(blocks.size());
+  empty.square.resize(blocks.size());
   std::vector<ColumnMoments> all(candidates.size(), empty);
   MatrixXd C(table_->rows(), k * static_cast<Index>(candidates.size()));
   for (std::size_t a = 0; a < first.joints.size(); ++a) {
     const int joint = first.joints[a];
-    const auto j = static_cast<std::size_t>(joint);
     for (std::size_t i = 0; i < candidates.size(); ++i) {
       C.middleCols(k * static_cast<Index>(i), k) =
           candidates[i].values[a].array().colwise() * keep_->col(joint).array();
     }
-    for (std::size_t b = 0; b < blocks; ++b) {
-      const Block& block = table_->blocks[b];
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      const Block& block = blocks[b];
       const auto Cb = C.middleRows(block.begin, block.count);
-      const MatrixXd cross = transposed_times(rows_[j].middleRows(block.begin, block.count), Cb);
+      const MatrixXd cross = rows_times(joint, block.begin, block.count, Cb);
       const MatrixXd torque = transposed_times(tau_.col(joint).segment(block.begin, block.count), Cb);
       for (std::size_t i = 0; i < candidates.size(); ++i) {
         const Index at = k * static_cast<Index>(i);
         MatrixXd own(cross.rows() + 1, k);
         own << cross.middleCols(at, k), torque.middleCols(at, k);
         all[i].cross[b].push_back(std::move(own));
-        all[i].square[b].push_back(transposed_times(Cb.middleCols(at, k), Cb.middleCols(at, k)));
+        all[i].square[b].push_back(gram_of(Cb.middleCols(at, k)));
       }
     }
   }
@@ -288,23 +357,36 @@ ColumnMoments Problem::moments_from(Index row, const Columns& columns, const Col
       const MatrixXd Cb = columns.values[a].middleRows(from, count).array().colwise() *
                           keep_->col(joint).segment(from, count).array();
       MatrixXd& cross = m.cross[b][a];
-      cross << transposed_times(rows_[static_cast<std::size_t>(joint)].middleRows(from, count), Cb),
-          transposed_times(tau_.col(joint).segment(from, count), Cb);
-      m.square[b][a] = transposed_times(Cb, Cb);
+      cross << rows_times(joint, from, count, Cb), transposed_times(tau_.col(joint).segment(from, count), Cb);
+      m.square[b][a] = gram_of(Cb);
     }
   }
   return m;
 }
 
 std::vector<double> Problem::gains(const std::vector<Columns>& candidates, int without) const {
+  const Block all{.begin = 0, .count = table_->rows()};
   std::vector<double> result;
-  for (const ColumnMoments& m : moments_of(candidates)) result.push_back(gain(m, without));
+  for (const ColumnMoments& m : moments_of(candidates, {&all, 1})) result.push_back(gain(m, without));
+  return result;
+}
+
+std::vector<double> Problem::gains(int joint, const MatrixXd& values,
+                                   const std::vector<MatrixXd>& combinations, int without) const {
+  const Block all{.begin = 0, .count = table_->rows()};
+  const Columns columns{{joint}, {values}};
+  const ColumnMoments of_each = std::move(moments_of({&columns, 1}, {&all, 1}).front());
+  std::vector<double> result;
+  for (const MatrixXd& T : combinations) {
+    const MatrixXd cross = of_each.cross[0][0] * T, square = T.transpose() * of_each.square[0][0] * T;
+    result.push_back(gain({static_cast<int>(T.cols()), {joint}, {{cross}}, {{square}}}, without));
+  }
   return result;
 }
 
 double Problem::gain(const ColumnMoments& m, int without) const {
   MatrixXd whole = widened(total_, m.count);
-  for (std::size_t b = 0; b < table_->blocks.size(); ++b) add_columns(m, b, places_, noise_, columns_, whole);
+  for (std::size_t b = 0; b < m.cross.size(); ++b) add_columns(m, b, places_, noise_, columns_, whole);
   return std::max(0.0, error_ - solve(whole, without, steady_, ridge_, false).error);
 }
 

@@ -3,12 +3,14 @@
 /// model and judged on blocks they were not fitted to, without reading a row again.
 #pragma once
 
+#include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "motion_table.hpp"
+#include "base_model.hpp"
 
 namespace heft::diagnose {
 
@@ -23,7 +25,7 @@ struct Columns {
 struct ColumnMoments {
   int count{0};
   std::vector<int> joints;
-  /// [block][place in joints]: (p_j + 1) × k, the last row with the torque; and k × k.
+  /// [block][place in joints]: (p_j + 1) × k, the last row with the torque; and k × k. A single block is all rows.
   std::vector<std::vector<Eigen::MatrixXd>> cross, square;
 };
 
@@ -46,22 +48,23 @@ struct Trial {
   bool valid{false};             ///< false: the base explains the columns, nothing can be said
 };
 
-/// Rows of base model and accepted effects.
+/// Rows of base model and accepted effects. Copies share the rows of the base.
 class Problem {
  public:
   /// @param keep  m × n, 1 or 0: the row counts; has to outlive the problem
-  /// @param rows  for each joint m × p_j; those that do not count are left out here
   /// @param places  for each joint the global columns of its rows
   /// @param prior   values of the base's columns that the fit leans on where the motion shows little
   /// @param steady  how much: part of each column's squared norm that the prior weighs; 0 chooses it by the error on
   ///                left-out blocks
   /// @param hold    p: the same on top, column by column; far above 1 keeps a column where the prior has it. Empty: 0
-  Problem(const MotionTable& table, const Eigen::MatrixXd& keep, std::vector<Eigen::MatrixXd> rows,
+  /// @param like    another problem of the same table, without further columns: where it has the same rows, their moments
+  ///                are taken from it; nullptr: none
+  Problem(const MotionTable& table, const Eigen::MatrixXd& keep, std::shared_ptr<const BaseRows> rows,
           std::vector<std::vector<int>> places, const Eigen::VectorXd& prior, double steady,
-          const Eigen::MatrixXd& tau, const Eigen::VectorXd& hold = {});
+          const Eigen::MatrixXd& tau, const Eigen::VectorXd& hold = {}, const Problem* like = nullptr);
   double steady() const { return steady_; }
 
-  int num_joints() const { return static_cast<int>(rows_.size()); }
+  int num_joints() const { return static_cast<int>(places_.size()); }
   /// Adds columns to the base for good; returns the global number of the first. What is fitted is the old base until
   /// reweight().
   int append(const Columns& columns);
@@ -101,6 +104,11 @@ class Problem {
   /// gain() of each of several candidates that reach the same joints with the same number of columns: the base's
   /// rows are read once for all of them.
   std::vector<double> gains(const std::vector<Columns>& candidates, int without = -1) const;
+  /// The same of candidates that are linear combinations of some columns of one joint, which are read once.
+  /// @param values  m × c
+  /// @param combinations  c × k each
+  std::vector<double> gains(int joint, const Eigen::MatrixXd& values,
+                            const std::vector<Eigen::MatrixXd>& combinations, int without = -1) const;
   /// Fall of the weighted squared error on the rows of the fit.
   /// @param without  column of the base that the candidate replaces; -1: none
   double gain(const ColumnMoments& moments, int without = -1) const;
@@ -109,34 +117,52 @@ class Problem {
   double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }
 
  private:
-  std::vector<ColumnMoments> moments_of(std::span<const Columns> candidates) const;
+  std::vector<ColumnMoments> moments_of(std::span<const Columns> candidates,
+                                        std::span<const Block> blocks) const;
   void choose_steady();
-  void collect(int joint);
+  void collect(std::size_t block, const Problem* like);
+  bool has_same_rows(const Problem* like, const Block& block, int joint) const;
+  void sum_folds();
   void sum_base();
+  /// Xᵀ C of some rows of a joint, p_j × k.
+  /// @param C  rows × k; 0 where a row does not count
+  Eigen::MatrixXd rows_times(int joint, Eigen::Index begin, Eigen::Index count,
+                             const Eigen::Ref<const Eigen::MatrixXd>& C) const;
+  Eigen::MatrixXd counted_of(int joint, const Eigen::MatrixXd& values) const;
 
   /// Base and candidate together.
   struct Joint;
-  bool test_coefficients(const Joint& joint, int tested, Trial& trial) const;
-  double drift_of(const Joint& joint) const;
+  /// Base alone, fitted without each fold.
+  struct LeftOut;
+  const LeftOut& left_out() const;
+  static std::shared_ptr<LeftOut> new_left_out();
+  Eigen::MatrixXd scores_of(const Joint& joint) const;
+  bool test_coefficients(const Joint& joint, const Eigen::MatrixXd& scores, int tested, Trial& trial) const;
+  double drift_of(const Joint& joint, const Eigen::MatrixXd& scores) const;
   void cross_validate(const Joint& joint, Trial& trial) const;
 
   const MotionTable* table_;
   const Eigen::MatrixXd* keep_;
-  std::vector<Eigen::MatrixXd> rows_;
+  std::shared_ptr<const BaseRows> rows_;
+  /// n: m × columns that are not the base's, appended or in the place of one of the base's; 0 where a row does not count.
+  std::vector<Eigen::MatrixXd> own_;
+  std::vector<std::vector<Eigen::Index>> own_at_;  ///< n: where they are among the joint's columns
   std::vector<std::vector<int>> places_;
   int columns_;
   Eigen::VectorXd prior_;  ///< p; the fit is of the rest
   double steady_;
-  Eigen::MatrixXd tau_;  ///< less what the prior says
-  std::vector<std::vector<Eigen::MatrixXd>> moments_;
-  Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: in addition to the prior
-  Eigen::VectorXd least_noise_;              ///< see hold_weights(); empty: any
-  Eigen::VectorXd ridge_;                    ///< p: see `hold` of the constructor
+  Eigen::MatrixXd tau_;                                        ///< less what the prior says
+  std::vector<std::vector<Eigen::MatrixXd>> moments_;          ///< [block][joint]
+  std::vector<std::vector<Eigen::MatrixXd>> moments_of_fold_;  ///< [fold][joint]: sums of these
+  Eigen::VectorXd counted_, noise_, theta_;                    ///< theta_: in addition to the prior
+  Eigen::VectorXd least_noise_;                                ///< see hold_weights(); empty: any
+  Eigen::VectorXd ridge_;                                      ///< p: see `hold` of the constructor
   double error_{0.0};
   Eigen::VectorXd scale_;               ///< p: column norms, weighted
   Eigen::MatrixXd total_;               ///< (p + 1)², weighted, unscaled
   std::vector<Eigen::MatrixXd> folds_;  ///< the same, one fold's blocks only
   Eigen::MatrixXd factor_;              ///< lower Cholesky factor of the scaled, steadied total
+  std::shared_ptr<LeftOut> left_out_;   ///< of the present weights; filled when first asked for
 };
 
 }  // namespace heft::diagnose

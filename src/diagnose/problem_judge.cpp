@@ -23,6 +23,33 @@ struct Problem::Joint {
   Solved fit;
 };
 
+struct Problem::LeftOut {
+  std::once_flag once;
+  /// [block][joint]: squared error of the fit without the block's fold.
+  std::vector<VectorXd> errors;
+};
+
+std::shared_ptr<Problem::LeftOut> Problem::new_left_out() { return std::make_shared<LeftOut>(); }
+
+/// What every candidate is held against.
+const Problem::LeftOut& Problem::left_out() const {
+  std::call_once(left_out_->once, [this] {
+    std::vector<VectorXd> thetas;
+    for (const MatrixXd& fold : folds_)
+      thetas.push_back(solve(total_ - fold, -1, steady_, ridge_, false).theta);
+    for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+      const VectorXd& theta = thetas[static_cast<std::size_t>(table_->blocks[b].fold)];
+      VectorXd errors(num_joints());
+      for (int j = 0; j < num_joints(); ++j) {
+        const auto s = static_cast<std::size_t>(j);
+        errors[j] = squared_error(moments_[b][s], places_[s], theta, nullptr, b, -1, columns_);
+      }
+      left_out_->errors.push_back(std::move(errors));
+    }
+  });
+  return *left_out_;
+}
+
 Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
   const int k = m.count;
   Trial trial;
@@ -42,17 +69,46 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
   trial.gain = error_ - joint.fit.error;
   trial.coefficients = joint.fit.theta.tail(k);
   trial.base = joint.fit.theta.head(columns_) + prior_;
-  if (!test_coefficients(joint, tested, trial)) return trial;
-  trial.drift = drift_of(joint);
+  const MatrixXd scores = scores_of(joint);
+  if (!test_coefficients(joint, scores, tested, trial)) return trial;
+  trial.drift = drift_of(joint, scores);
   cross_validate(joint, trial);
   trial.valid = true;
   return trial;
 }
 
-/// Robust covariance: scores s_b = X_bᵀ W r_b of each block, V = A⁻¹ (Σ s_b s_bᵀ) A⁻¹ B/(B-1), and Hotelling's test with
-/// it (H. Hotelling, Ann. Math. Statist. 2 (1931) 360).
+/// Scores s_b = X_bᵀ W r_b of each block, p + k × blocks, X with the candidate's columns.
+MatrixXd Problem::scores_of(const Joint& joint) const {
+  const ColumnMoments& m = joint.candidate;
+  const VectorXd& theta = joint.fit.theta;
+  const int k = m.count;
+  MatrixXd scores = MatrixXd::Zero(columns_ + k, static_cast<Index>(table_->blocks.size()));
+  for (int j = 0; j < num_joints(); ++j) {
+    const auto s = static_cast<std::size_t>(j);
+    const double w = weight(j);
+    const auto p = static_cast<Index>(places_[s].size());
+    const auto a =
+        static_cast<std::size_t>(std::find(m.joints.begin(), m.joints.end(), j) - m.joints.begin());
+    VectorXd own(p + 1), r(p);
+    own.head(p) = -theta(places_[s]);
+    own[p] = 1.0;
+    for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+      auto score = scores.col(static_cast<Index>(b));
+      r.noalias() = moments_[b][s].topRows(p) * own;
+      if (a < m.joints.size()) {
+        r.noalias() -= m.cross[b][a].topRows(p) * theta.tail(k);
+        score.tail(k) += w * (m.cross[b][a].transpose() * own - m.square[b][a] * theta.tail(k));
+      }
+      for (Index c = 0; c < p; ++c) score[places_[s][static_cast<std::size_t>(c)]] += w * r[c];
+    }
+  }
+  return scores;
+}
+
+/// Robust covariance V = A⁻¹ (Σ s_b s_bᵀ) A⁻¹ B/(B-1), and Hotelling's test with it (H. Hotelling, Ann. Math. Statist. 2
+/// (1931) 360).
 /// @return false where the base explains the columns, or there are too few blocks
-bool Problem::test_coefficients(const Joint& joint, int tested, Trial& trial) const {
+bool Problem::test_coefficients(const Joint& joint, const MatrixXd& scores, int tested, Trial& trial) const {
   const ColumnMoments& m = joint.candidate;
   const Solved& fit = joint.fit;
   const int k = m.count;
@@ -65,24 +121,8 @@ bool Problem::test_coefficients(const Joint& joint, int tested, Trial& trial) co
   MatrixXd naive = tail;
   const MatrixXd bottom = fit.inverse.bottomRows(k);
   int used = 0;
-  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-    VectorXd score = VectorXd::Zero(columns_ + k);
-    for (int j = 0; j < num_joints(); ++j) {
-      const auto s = static_cast<std::size_t>(j);
-      const double w = weight(j);
-      const Index p = static_cast<Index>(places_[s].size());
-      VectorXd own(p + 1);
-      own.head(p) = -fit.theta(places_[s]);
-      own[p] = 1.0;
-      VectorXd r = moments_[b][s].topRows(p) * own;
-      for (std::size_t a = 0; a < m.joints.size(); ++a) {
-        if (m.joints[a] != j) continue;
-        r -= m.cross[b][a].topRows(p) * fit.theta.tail(k);
-        score.tail(k) += w * (m.cross[b][a].transpose() * own - m.square[b][a] * fit.theta.tail(k));
-      }
-      for (Index c = 0; c < p; ++c) score[places_[s][static_cast<std::size_t>(c)]] += w * r[c];
-    }
-    if (score.squaredNorm() > 0.0) shares.col(used++) = bottom * score;
+  for (Index b = 0; b < scores.cols(); ++b) {
+    if (scores.col(b).squaredNorm() > 0.0) shares.col(used++) = bottom * scores.col(b);
   }
   if (used < 4) return false;
   const MatrixXd meat = statistics::sandwich_covariance(shares.leftCols(used));
@@ -103,42 +143,30 @@ bool Problem::test_coefficients(const Joint& joint, int tested, Trial& trial) co
 
 /// Does the first coefficient hold all the time? In each quarter of the blocks the part of the column that the rest does
 /// not explain, c̃ = c - X a, gives its own correction Σ c̃ᵀ r / Σ c̃ᵀ c̃.
-double Problem::drift_of(const Joint& joint) const {
+double Problem::drift_of(const Joint& joint, const MatrixXd& scores) const {
   const ColumnMoments& m = joint.candidate;
-  const VectorXd& theta = joint.fit.theta;
   const int k = m.count;
-  const double coefficient = theta[columns_];
+  const double coefficient = joint.fit.theta[columns_];
   if (!(std::abs(coefficient) > 0.0)) return 0.0;
   const MatrixXd bottom = joint.fit.inverse.bottomRows(k);
   const VectorXd a =
       bottom.row(0).transpose() / bottom(0, columns_);  // c̃ = [X C] a, a = 1 for the column itself
-  /// Sums of one block: c̃ᵀ r and c̃ᵀ c̃.
-  const auto sums_of = [&](std::size_t b, double& down) {
-    double up = 0.0;
+  /// Square of the column in one block.
+  const auto square_of = [&](std::size_t b) {
+    double sum = 0.0;
     for (int j = 0; j < num_joints(); ++j) {
       const auto s = static_cast<std::size_t>(j);
-      const Index p = static_cast<Index>(places_[s].size());
-      MatrixXd M = MatrixXd::Zero(p + k + 1, p + k + 1);
-      M.topLeftCorner(p, p) = moments_[b][s].topLeftCorner(p, p);
-      M.col(p + k).head(p) = moments_[b][s].col(p).head(p);
-      VectorXd ca = VectorXd::Zero(p + k + 1), r = VectorXd::Zero(p + k + 1);
+      const auto p = static_cast<Index>(places_[s].size());
+      const VectorXd of_base = a(places_[s]);
+      double own = of_base.dot(moments_[b][s].topLeftCorner(p, p) * of_base);
       for (std::size_t q = 0; q < m.joints.size(); ++q) {
         if (m.joints[q] != j) continue;
-        M.block(0, p, p, k) = m.cross[b][q].topRows(p);
-        M.block(p, 0, k, p) = m.cross[b][q].topRows(p).transpose();
-        M.block(p, p, k, k) = m.square[b][q];
-        M.col(p + k).segment(p, k) = m.cross[b][q].row(p).transpose();
+        own += 2.0 * of_base.dot(m.cross[b][q].topRows(p) * a.tail(k)) +
+               a.tail(k).dot(m.square[b][q] * a.tail(k));
       }
-      ca.head(p) = a(places_[s]);
-      r.head(p) = -theta(places_[s]);
-      ca.segment(p, k) = a.tail(k);
-      r.segment(p, k) = -theta.tail(k);
-      r[p + k] = 1.0;
-      const VectorXd Mr = M * r, Mc = M * ca;
-      up += weight(j) * ca.head(p + k).dot(Mr.head(p + k));
-      down += weight(j) * ca.head(p + k).dot(Mc.head(p + k));
+      sum += weight(j) * own;
     }
-    return up;
+    return sum;
   };
   constexpr std::size_t kParts = 4;
   const std::size_t blocks = table_->blocks.size();
@@ -147,7 +175,8 @@ double Problem::drift_of(const Joint& joint) const {
     double up = 0.0, down = 0.0, scatter = 0.0;
     const std::size_t from = blocks * part / kParts, to = blocks * (part + 1) / kParts;
     for (std::size_t b = from; b < to; ++b) {
-      const double own = sums_of(b, down);
+      const double own = a.dot(scores.col(static_cast<Index>(b)));
+      down += square_of(b);
       up += own;
       scatter += own * own;
     }
@@ -171,8 +200,8 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
   std::vector<int> place_of_joint(static_cast<std::size_t>(n), -1);
   for (std::size_t a = 0; a < m.joints.size(); ++a)
     place_of_joint[static_cast<std::size_t>(m.joints[a])] = static_cast<int>(a);
+  const std::vector<VectorXd>& alone = left_out().errors;
   for (std::size_t out = 0; out < folds_.size(); ++out) {
-    const Solved alone = solve(total_ - folds_[out], -1, steady_, ridge_, false);
     const Solved with = solve(joint.whole - joint.folds[out], joint.without, steady_, ridge_, false);
     for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
       const Block& block = table_->blocks[b];
@@ -182,8 +211,7 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
         const auto s = static_cast<std::size_t>(j);
         const double rows = keep_->col(j).segment(block.begin, block.count).sum();
         if (!(rows > 0.0)) continue;
-        const double before =
-            squared_error(moments_[b][s], places_[s], alone.theta, nullptr, b, -1, columns_);
+        const double before = alone[b][j];
         const double after =
             squared_error(moments_[b][s], places_[s], with.theta, &m, b, place_of_joint[s], columns_);
         trial.joint_before[j] += before;

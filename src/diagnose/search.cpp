@@ -233,8 +233,7 @@ std::unique_ptr<Engine> Search::rebuilt_without(std::size_t index) const {
 
 std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
                                         int standing_counts) const {
-  auto other = std::make_unique<Engine>(engine().shared_base(), start_.train->shared_table(), start_.pairs,
-                                        engine().steady());
+  auto other = std::make_unique<Engine>(engine().base_fit());
   other->weights_held = weights_held;
   other->masses_held = masses_held;
   other->standing_counts = standing_counts;
@@ -243,7 +242,7 @@ std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_hel
     if (own != without && (without < 0 || engine().first_memory(e) != without))
       other->accepted.push_back(engine().accepted[e]);
   }
-  if (!other->accepted.empty() || standing_counts >= 0) other->build();
+  other->build();
   return other;
 }
 

@@ -48,12 +48,14 @@ bool is_worse(const std::vector<VectorXd>& errors, const std::vector<VectorXd>& 
 }  // namespace
 
 WrittenModel::WrittenModel(Search& search, const Identified& identified)
-    : search_(search), identified_(identified) {
+    : search_(search),
+      identified_(identified),
+      fit_(Engine(identified.base, search.start().train->shared_table(), search.start().pairs).base_fit()) {
   limit_ = logs(true).errors_by_kind(logs(true).predicted(identified.robot), search.start().band);
   const std::vector<bool> all(search.engine().accepted.size(), true);
   std::vector<Version> versions;
   for (const double weight : kWeights) {
-    const std::shared_ptr<const Engine> engine = built(all, weight, 0.0);
+    const std::shared_ptr<const Engine> engine = built(all, weight);
     for (const bool ordinary : {true, false}) {
       Version version{weight, ordinary, all, engine, {}, 0, 1.0, {}};
       judge(version);
@@ -113,11 +115,9 @@ std::vector<bool> WrittenModel::anchored(const Engine& engine) const {
   return held;
 }
 
-std::unique_ptr<Engine> WrittenModel::built(const std::vector<bool>& kept, double weight,
-                                            double steady) const {
+std::unique_ptr<Engine> WrittenModel::built(const std::vector<bool>& kept, double weight) const {
   const Engine& found = search_.engine();
-  const Start& start = search_.start();
-  auto engine = std::make_unique<Engine>(identified_.base, start.train->shared_table(), start.pairs, steady);
+  auto engine = std::make_unique<Engine>(fit_);
   engine->weights_held = found.weights_held;
   engine->masses_held = found.masses_held;
   for (std::size_t e = 0; e < found.accepted.size(); ++e) {
@@ -222,7 +222,7 @@ WrittenModel::Version WrittenModel::dropped(const Version& version, const std::v
         e, fmt::format("predicts joint {} worse than the identified model on {}", joint + 1,
                        logs(true).table().runs[row / JudgedMotion::kKinds]));
   }
-  other.engine = built(other.kept, other.weight, other.engine->steady());
+  other.engine = built(other.kept, other.weight);
   judge(other);
   return other;
 }
@@ -253,7 +253,7 @@ std::string WrittenModel::why_not(std::size_t effect) const {
 std::unique_ptr<Engine> WrittenModel::with(std::size_t effect, bool in_place) const {
   std::vector<bool> kept = chosen_.kept;
   kept[effect] = in_place;
-  return built(kept, chosen_.weight, chosen_.engine->steady());
+  return built(kept, chosen_.weight);
 }
 
 VectorXd WrittenModel::coefficients(std::size_t effect) const {

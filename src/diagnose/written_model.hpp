@@ -63,7 +63,7 @@ class WrittenModel {
   };
 
   const JudgedMotion& logs(bool ordinary) const;
-  std::unique_ptr<Engine> built(const std::vector<bool>& kept, double weight, double steady) const;
+  std::unique_ptr<Engine> built(const std::vector<bool>& kept, double weight) const;
   std::vector<bool> anchored(const Engine& engine) const;
   model::Robot robot_of(const Version& version) const;
   void judge(Version& version) const;
@@ -77,6 +77,7 @@ class WrittenModel {
 
   const Search& search_;
   Identified identified_;
+  std::shared_ptr<const BaseFit> fit_;  ///< what every version starts from
   std::vector<Eigen::VectorXd> limit_;  ///< errors of identify's model
   Version chosen_;
 };

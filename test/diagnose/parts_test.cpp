@@ -1,6 +1,7 @@
 // The parts of the diagnosis against closed forms.
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <random>
 
@@ -11,6 +12,7 @@
 #include "heft/data/motion_stream.hpp"
 #include "motion_table.hpp"
 #include "problem.hpp"
+#include "products.hpp"
 #include "residual_structure.hpp"
 
 namespace heft::diagnose {
@@ -118,7 +120,12 @@ struct Small {
       tau(i, 0) = 2.0 - 0.1 * table.time[i] + size * column[i] + noise(random);
     }
   }
-  Problem problem() const { return {table, table.keep, {rows}, {{0, 1}}, VectorXd::Zero(2), 1e-9, tau}; }
+  std::shared_ptr<const BaseRows> shared_rows() const {
+    return std::make_shared<const BaseRows>(BaseRows{rows});
+  }
+  Problem problem() const {
+    return {table, table.keep, shared_rows(), {{0, 1}}, VectorXd::Zero(2), 1e-9, tau};
+  }
 };
 
 TEST(Problem, CandidateIsFittedTogetherWithTheBase) {
@@ -194,11 +201,69 @@ TEST(Problem, MomentsFromARowAreThoseOfColumnsThatBeginThere) {
 TEST(Problem, HeldColumnsStayWhereThePriorHasThem) {
   const Small data(0.8, 5);
   const VectorXd prior = (VectorXd(2) << 0.0, -0.25).finished(), hold = (VectorXd(2) << 0.0, 1e6).finished();
-  const Problem problem(data.table, data.table.keep, {data.rows}, {{0, 1}}, prior, 1e-9, data.tau, hold);
+  const Problem problem(data.table, data.table.keep, data.shared_rows(), {{0, 1}}, prior, 1e-9, data.tau,
+                        hold);
   EXPECT_NEAR(problem.theta()[1], -0.25, 1e-6);
   // The constant makes the best of it: the mean of what the ramp leaves.
   const double left = (data.tau.col(0) + 0.25 * data.rows.col(1)).mean();
   EXPECT_NEAR(problem.theta()[0], left, 1e-3);
+}
+
+/// Numbers that a problem holds, one after the other.
+VectorXd numbers_of(const Problem& problem, const VectorXd& column) {
+  const Trial trial = problem.judge(problem.moments({{0}, {column}}));
+  VectorXd all(problem.theta().size() + 4);
+  all << problem.theta(), problem.noise()[0], trial.gain, trial.cv_gain, trial.coefficients[0];
+  return all;
+}
+
+TEST(Problem, AppendedAndReplacedColumnsAreAsIfTheyHadBeenTheBases) {
+  const Small data(0.8, 6);
+  MatrixXd keep = data.table.keep;
+  keep.middleRows(700, 250).setZero();
+  const VectorXd other = data.column.array().square(), tried = (0.9 * data.table.time.array()).sin();
+  BaseRows whole{MatrixXd(4000, 3)};
+  whole[0] << data.rows.col(0), other, data.column;
+  Problem expected(data.table, keep, std::make_shared<const BaseRows>(whole), {{0, 1, 2}}, VectorXd::Zero(3),
+                   1e-9, data.tau);
+  Problem found(data.table, keep, data.shared_rows(), {{0, 1}}, VectorXd::Zero(2), 1e-9, data.tau);
+  EXPECT_EQ(found.append({{0}, {data.column}}), 2);
+  found.replace(0, 1, data.column);  // what is replaced twice holds the last values
+  found.replace(0, 1, other);
+  found.reweight();
+  expected.reweight();
+  const VectorXd a = numbers_of(expected, tried), b = numbers_of(found, tried);
+  EXPECT_LT((a - b).cwiseAbs().maxCoeff(), 1e-7 * a.cwiseAbs().maxCoeff()) << a.transpose();
+  EXPECT_LT((expected.residual() - found.residual()).cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(Problem, WhatIsTakenFromAnotherProblemIsAsIfItHadBeenCollected) {
+  const Small data(0.8, 7);
+  MatrixXd keep = data.table.keep;
+  keep.middleRows(700, 250).setZero();
+  const auto rows = data.shared_rows();
+  const VectorXd prior = (VectorXd(2) << 1.0, -0.25).finished(), hold = (VectorXd(2) << 0.0, 1.0).finished();
+  const Problem like(data.table, data.table.keep, rows, {{0, 1}}, VectorXd::Zero(2), 1e-9, data.tau);
+  const Problem expected(data.table, keep, rows, {{0, 1}}, prior, 1e-9, data.tau, hold);
+  const Problem found(data.table, keep, rows, {{0, 1}}, prior, 1e-9, data.tau, hold, &like);
+  EXPECT_EQ(numbers_of(expected, data.column), numbers_of(found, data.column));  // to the last bit
+}
+
+TEST(Products, AreThoseOfTheFactorsWhateverTheirShape) {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  const MatrixXd all = MatrixXd::NullaryExpr(1200, 20, [&] { return any(random); });
+  for (const Index rows : {0, 1, 3, 4, 7, 255, 256, 600}) {
+    for (const Index p : {1, 3, 4, 5, 11}) {
+      const auto A = all.block(5, 1, rows, p);
+      for (const Index k : {1, 2, 5, 8}) {
+        const auto B = all.block(600, 12, rows, k);
+        EXPECT_LT((transposed_times(A, B) - A.transpose() * B).cwiseAbs().maxCoeff(), 1e-12)
+            << rows << p << k;
+      }
+      EXPECT_EQ(gram_of(A), transposed_times(A, A)) << rows << p;  // to the last bit
+    }
+  }
 }
 
 TEST(Problem, ChanceIsCalledChance) {

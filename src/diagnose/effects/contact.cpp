@@ -115,12 +115,13 @@ std::pair<Index, Index> with_margin(const Touch& touch, const ForceSums& sums) {
 }
 
 /// Touches of a log by itself, the clearest first.
-std::vector<Touch> touches_of(const ForceSums& sums) {
+/// @param first  its best_touch()
+std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
   std::vector<Touch> touches;
   std::vector<std::pair<Index, Index>> taken;
   double next = 0.0;
   for (int event = 0; event < kMostTouches; ++event) {
-    const Touch best = best_touch(sums, taken);
+    const Touch best = taken.empty() ? first : best_touch(sums, taken);
     if (best.count == 0) break;
     next = best.statistic;
     if (best.statistic < kTouch || best.share < kOneForce) break;
@@ -139,20 +140,22 @@ std::vector<Touch> touches_of(const ForceSums& sums) {
 /// a touch has to stand. Without such runs, or where most runs would be touched, each log is judged by itself.
 std::vector<std::vector<Touch>> touches_beside_free_runs(const std::vector<ForceSums>& runs) {
   std::vector<std::vector<Touch>> touches(runs.size());
+  std::vector<Touch> first(runs.size());
   std::size_t free = 0;
   double largest = 1.0;
-  for (const ForceSums& sums : runs) {
-    const Touch best = best_touch(sums, {});
+  for (std::size_t run = 0; run < runs.size(); ++run) {
+    const Touch& best = first[run] = best_touch(runs[run], {});
     if (best.count > 0 && best.p_value < kUnlikely) continue;
     ++free;
     largest = std::max(largest, best.statistic);
   }
   for (std::size_t run = 0; run < runs.size(); ++run) {
-    touches[run] = touches_of(runs[run]);
-    if (!touches[run].empty() || 2 * free < runs.size()) continue;
+    touches[run] = touches_of(runs[run], first[run]);
+    // A single run that is free holds nothing beyond its own.
+    if (!touches[run].empty() || runs.size() < 2 || 2 * free < runs.size()) continue;
     std::vector<std::pair<Index, Index>> taken;
     for (int event = 0; event < kMostTouchesBesideFreeRuns; ++event) {
-      const Touch best = best_touch(runs[run], taken);
+      const Touch best = taken.empty() ? first[run] : best_touch(runs[run], taken);
       if (best.count == 0 || best.p_value > kUnlikely || best.statistic < kAboveFreeRuns * largest) break;
       taken.push_back(with_margin(best, runs[run]));
       if (best.share >= kOneForceBesideFreeRuns) touches[run].push_back(best);
@@ -181,12 +184,14 @@ void sort_events(Candidate& contact) {
     return std::pair(contact.event_runs[a], contact.events[a].first) <
            std::pair(contact.event_runs[b], contact.events[b].first);
   });
-  const Candidate was = contact;
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    contact.events[k] = was.events[order[k]];
-    contact.forces[k] = was.forces[order[k]];
-    contact.event_runs[k] = was.event_runs[order[k]];
-  }
+  const auto sorted = [&](const auto& list) {
+    auto result = list;
+    for (std::size_t k = 0; k < order.size(); ++k) result[k] = list[order[k]];
+    return result;
+  };
+  contact.events = sorted(contact.events);
+  contact.forces = sorted(contact.forces);
+  contact.event_runs = sorted(contact.event_runs);
 }
 
 std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {

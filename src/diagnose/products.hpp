@@ -1,0 +1,18 @@
+/// @file
+/// Products of tall matrices, where a diagnosis spends much of its time.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace heft::diagnose {
+
+/// Aᵀ B, p × k, summed over the rows in an order that depends on their number only: the last bit is the same on every
+/// processor, whatever its vector unit.
+/// @param A  m × p
+/// @param B  m × k
+Eigen::MatrixXd transposed_times(const Eigen::Ref<const Eigen::MatrixXd>& A,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& B);
+/// Aᵀ A, p × p, at half the cost.
+Eigen::MatrixXd gram_of(const Eigen::Ref<const Eigen::MatrixXd>& A);
+
+}  // namespace heft::diagnose
