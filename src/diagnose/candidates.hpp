@@ -35,8 +35,9 @@ struct Candidate {
   Columns columns;
   int replaces{-1};  ///< base column that its column replaces; -1: it comes on top of the base
   Trial trial;
-  bool stale{false};          ///< judged before another effect was taken
-  std::vector<int> entries;   ///< payload change: inertial parameters that the coefficients are
+  bool stale{false};         ///< judged before another effect was taken
+  double at_turns{0.0};      ///< part of its gain in rows where its joint turns back, see turns_that_matter()
+  std::vector<int> entries;  ///< payload change: inertial parameters that the coefficients are
   GearCoupling<double> pair;  ///< wrist coupling: which joints, and the ratio
   double second{0.0};         ///< another shape (damping; next to a first memory: that one's distance)
   double level{0.0};          ///< friction that it makes up in the last fit [N·m, N]
@@ -50,7 +51,15 @@ struct Candidate {
   std::vector<int> event_runs;
 
   bool has_memory() const { return joint_effect_has_memory(effect.joint_effect()); }
+  /// Friction that the low-pass alone could make up, as it leaves open when the joint turns back: so many times
+  /// MotionTable::turn_seconds from there on it cannot. A curve over speed may bend anywhere, so that it follows the
+  /// flanks of what is left there as well. 0: other effects.
+  double turns_that_matter() const { return has_memory() ? 1.0 : effect.is<FrictionCurve>() ? 2.0 : 0.0; }
 };
+
+/// Judges a candidate with its columns.
+/// @param tested  see Problem::judge()
+void judge(const Problem& problem, const MotionTable& table, Candidate& candidate, int tested = 0);
 
 /// The same effect in the same place, whatever its form.
 inline bool same_place(const Candidate& a, const Candidate& b) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
@@ -22,6 +21,8 @@ constexpr double kMostOfIt = 0.5;
 constexpr double kPartOfIt = 0.1;
 /// Cut-offs below are lower than the highest that the search tries: a higher one did worse [Hz].
 constexpr double kLowered = 21.0;
+/// Highest cut-off that the search tries, in parts of the sample rate.
+constexpr double kHighest = 0.4;
 /// Validation logs that leave so many times the residual of the training logs hold something else (a load, a contact),
 /// beside which the ceiling does not show what is left of the training logs.
 constexpr double kOther = 2.0;
@@ -60,19 +61,6 @@ const char* to_string(Cause cause) {
   return "unknown";
 }
 
-VectorXd encoder_steps(const data::Log& log) {
-  VectorXd steps = VectorXd::Zero(log.q.cols());
-  for (Index j = 0; j < log.q.cols(); ++j) {
-    double least = std::numeric_limits<double>::infinity();
-    for (Index i = 1; i < log.q.rows(); ++i) {
-      const double moved = std::abs(log.q(i, j) - log.q(i - 1, j));
-      if (moved > 1e-9) least = std::min(least, moved);  // below: rounding of one and the same position
-    }
-    if (std::isfinite(least)) steps[j] = least;
-  }
-  return steps;
-}
-
 VectorXd quantisation_error(const model::Robot& robot, const Traces& motion, const VectorXd& steps,
                             double cutoff) {
   data::Log smooth;
@@ -99,7 +87,10 @@ void name_causes(const std::vector<data::Log>& train, Diagnosis& diagnosis) {
   const VectorXd steps = encoder_steps(train.front());
   // Coarse steps show twice: as noise, and as the motion that is lost to the low-pass that keeps this noise out. So
   // they are judged by the noise of the next cut-off, which was refused.
-  const double cutoff = diagnosis.cutoff < kLowered ? 2.0 * diagnosis.cutoff : diagnosis.cutoff;
+  const VectorXd& time = diagnosis.train.front().time;
+  const double rate = static_cast<double>(time.size() - 1) / (time[time.size() - 1] - time[0]);
+  const double next = std::min(2.0 * diagnosis.cutoff, kHighest * rate);
+  const double cutoff = diagnosis.cutoff < kLowered ? std::max(diagnosis.cutoff, next) : diagnosis.cutoff;
   const VectorXd quantisation = quantisation_error(diagnosis.after, diagnosis.train.front(), steps, cutoff);
   for (Unexplained& u : diagnosis.unexplained) {
     if (u.joint < 0 || static_cast<std::size_t>(u.joint) >= diagnosis.ceilings.size()) continue;

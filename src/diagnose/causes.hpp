@@ -11,10 +11,6 @@
 
 namespace heft::diagnose {
 
-/// Smallest step between the positions of each joint [rad, m], n: of an encoder that is coarse, its resolution; of one
-/// that is not, next to nothing.
-Eigen::VectorXd encoder_steps(const data::Log& log);
-
 /// Rms torque error that the encoders' steps cause: the motion that the model was fitted to, with positions rounded to
 /// these steps and read as a log is, against the same motion as it is. n [N·m, N]
 /// @param robot   the fitted model

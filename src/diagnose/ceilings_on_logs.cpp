@@ -3,6 +3,7 @@
 #include "causes.hpp"
 #include "ceiling.hpp"
 #include "curves.hpp"
+#include "heft/data/sample_times.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::diagnose {
@@ -31,8 +32,9 @@ CeilingOnLog ceiling_on(const Diagnosis& diagnosis, const data::LogSet& logs, do
   if (logs.judge().size() != 1 || logs.train().empty())
     throw DataError("a ceiling is judged on one log, and learns from one or more others");
   const Reading reading = reading_of(diagnosis);
-  const JudgedMotion others(diagnosis.after, data::read(logs.train()), reading),
-      judged(diagnosis.after, data::read(logs.judge()), reading);
+  std::vector<std::string> notes;  // those of the diagnosis
+  const JudgedMotion others(diagnosis.after, data::read_with_sample_times(logs.train(), notes), reading),
+      judged(diagnosis.after, data::read_with_sample_times(logs.judge(), notes), reading);
   const CeilingEstimate estimate =
       ceiling_of(diagnosis.after, residuals_of(diagnosis, others), residuals_of(diagnosis, judged));
   const MatrixXd predicted = judged.predicted(diagnosis.after);

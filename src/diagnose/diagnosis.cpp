@@ -5,6 +5,7 @@
 #include "ceilings_on_logs.hpp"
 #include "findings.hpp"
 #include "guards.hpp"
+#include "heft/data/sample_times.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/couplings.hpp"
 #include "refit.hpp"
@@ -68,14 +69,15 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   model::refuse_wrong_couplings(robot, asked.couplings);
   DiagnoseOptions options = asked;
   options.joint_sensor = asked.joint_sensor || logs.torque_at() == data::TorqueAt::kJoint;
-  const std::vector<data::Log> train = data::read(logs.train()), validate = data::read(logs.judge());
+  Diagnosis result;
+  const std::vector<data::Log> train = data::read_with_sample_times(logs.train(), result.notes),
+                               validate = data::read_with_sample_times(logs.judge(), result.notes);
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
   Start start = start_of(robot, train, validate, options);
   Search search(start, options);
   const JudgedMotion &fitted = *start.train, &judged = *start.judged;
-  Diagnosis result;
-  result.notes = start.notes;
+  result.notes.insert(result.notes.end(), start.notes.begin(), start.notes.end());
   result.joint_sensor = options.joint_sensor;
   result.cutoff = start.cutoff;
   result.sign_width = fitted.table().sign_width.maxCoeff();

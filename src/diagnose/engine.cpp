@@ -503,10 +503,8 @@ std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {
 }
 
 void Engine::judge_again(Candidate& candidate) const {
-  if (candidate.stale && !candidate.effect.is<Contact>() && candidate.columns.count() > 0) {
-    candidate.trial =
-        problem_->judge(problem_->moments(candidate.columns), candidate.replaces, candidate.beside ? 1 : 0);
-  }
+  if (candidate.stale && !candidate.effect.is<Contact>() && candidate.columns.count() > 0)
+    judge(*problem_, table_, candidate, candidate.beside ? 1 : 0);
   candidate.stale = false;
 }
 

@@ -165,7 +165,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   c.shape = own;
   c.second = other;
   c.replaces = in_place.column;
-  c.trial = bench.problem->judge(bench.problem->moments(c.columns), c.replaces, 1);
+  judge(*bench.problem, *bench.table, c, 1);
   const VectorXd& parts = c.trial.coefficients;
   if (!(parts[0] > 0.0)) c.refused = "would be negative";
   const bool too_much =
@@ -228,7 +228,7 @@ class Search {
     candidate.level = level_;
     if (form_.whole) candidate.replaces = bench_.base->coulomb(joint_);
     if (candidate.refused.empty()) {
-      candidate.trial = bench_.problem->judge(bench_.problem->moments(candidate.columns), candidate.replaces);
+      judge(*bench_.problem, *bench_.table, candidate);
       for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
         if (Effect::kNotNegative[static_cast<std::size_t>(c)] &&
             candidate.trial.coefficients[c] < -2.0 * candidate.trial.std[c]) {
@@ -303,6 +303,13 @@ class Search {
 };
 
 }  // namespace
+
+void judge(const Problem& problem, const MotionTable& table, Candidate& c, int tested) {
+  c.trial = problem.judge(problem.moments(c.columns), c.replaces, tested);
+  c.at_turns = 0.0;
+  if (const double times = c.turns_that_matter(); times > 0.0 && c.trial.valid)
+    c.at_turns = problem.part_of_fall(c.columns, c.trial, c.joint, table.turns(c.joint, times));
+}
 
 MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape, FrictionForm form,
                               double level) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "heft/data/differentiate.hpp"
 #include "heft/model/motion_torque.hpp"
@@ -35,7 +36,8 @@ std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, c
 namespace {
 
 std::shared_ptr<const MotionTable> table_of(const model::Robot& robot,
-                                            const std::vector<data::MotionStream>& streams) {
+                                            const std::vector<data::MotionStream>& streams,
+                                            const std::vector<data::Log>& logs) {
   std::vector<const data::MotionStream*> list;
   for (const auto& s : streams) list.push_back(&s);
   std::vector<bool> prismatic;
@@ -45,7 +47,12 @@ std::shared_ptr<const MotionTable> table_of(const model::Robot& robot,
   for (const data::MotionStream* log : list) seconds += log->summary().end - log->summary().begin;
   // Long blocks hold what is correlated together; a short log needs enough of them.
   options.block_seconds = std::clamp(seconds / 30.0, 0.15, 1.0);
-  return std::make_shared<const MotionTable>(make_table(list, prismatic, options));
+  MotionTable table = make_table(list, prismatic, options);
+  for (const data::Log& log : logs) {
+    const VectorXd steps = encoder_steps(log);
+    table.encoder_step = table.encoder_step.size() > 0 ? VectorXd(table.encoder_step.cwiseMin(steps)) : steps;
+  }
+  return std::make_shared<const MotionTable>(std::move(table));
 }
 
 /// Rows of one log of a table.
@@ -64,7 +71,7 @@ std::vector<Run> runs_of(const MotionTable& table) {
 JudgedMotion::JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs,
                            const Reading& reading)
     : streams_(streams_of(logs, reading)),
-      table_(table_of(robot, streams_)),
+      table_(table_of(robot, streams_, logs)),
       sign_width_(reading.ordinary ? validate::kSignWidth : table_->sign_width.maxCoeff()) {}
 
 MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "heft/core/effects/displacement.hpp"
 #include "heft/core/friction/friction.hpp"
@@ -44,6 +46,25 @@ Collected collect(const data::MotionStream& log, int n) {
 }
 
 }  // namespace
+
+VectorXd MotionTable::turns(int joint, double times) const {
+  const auto speed = qd.col(joint).cwiseAbs().array();
+  const double rests = 2.0 * sign_width[joint];
+  return (speed > rests && speed < times * turn_seconds * qdd.col(joint).cwiseAbs().array()).cast<double>();
+}
+
+VectorXd encoder_steps(const data::Log& log) {
+  VectorXd steps = VectorXd::Zero(log.q.cols());
+  for (Index j = 0; j < log.q.cols(); ++j) {
+    double least = std::numeric_limits<double>::infinity();
+    for (Index i = 1; i < log.q.rows(); ++i) {
+      const double moved = std::abs(log.q(i, j) - log.q(i - 1, j));
+      if (moved > 1e-9) least = std::min(least, moved);  // below: rounding of one and the same position
+    }
+    if (std::isfinite(least)) steps[j] = least;
+  }
+  return steps;
+}
 
 MatrixXd earlier(const MotionTable& table, const MatrixXd& signal, double delay) {
   MatrixXd result(signal.rows(), signal.cols());
@@ -168,7 +189,12 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
     const data::StreamSummary& summary = logs[r]->summary();
     const Index count = static_cast<Index>(part.time.size()) / group, last = first + count;
     const double rate = summary.sample_rate / static_cast<double>(group);
-    if (r == 0) table.sample_rate = rate;
+    if (r == 0) {
+      table.sample_rate = rate;
+      table.logged_rate = summary.sample_rate;
+    }
+    if (summary.cutoff > 0.0)
+      table.turn_seconds = std::max(table.turn_seconds, 0.5 * std::numbers::inv_pi / summary.cutoff);
     table.runs.push_back(summary.path);
     table.run_seconds.push_back(summary.end - summary.begin);
     table.run_begin.push_back(first);

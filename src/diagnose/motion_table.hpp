@@ -22,7 +22,8 @@ struct Block {
 /// Samples of one or several logs on their even grids, one after the other.
 struct MotionTable {
   int num_joints{0};
-  double sample_rate{0.0};        ///< of the first log [Hz]
+  double sample_rate{0.0};        ///< of the rows of the first log [Hz]
+  double logged_rate{0.0};        ///< of that log [Hz]: its rows may be means of several samples
   std::vector<std::string> runs;  ///< names of the logs
   std::vector<double> run_seconds;
   std::vector<Eigen::Index> run_begin;  ///< first row of each log, and one past the last
@@ -39,8 +40,14 @@ struct MotionTable {
   Eigen::MatrixXd standing;
   std::vector<Block> blocks;
   Eigen::VectorXd sign_width;  ///< n: of the smooth sign [rad/s, m/s]
+  /// Time within which the low-pass of the motion leaves open when a joint turns back, and with it the sign of its
+  /// velocity: 1/(2 pi cut-off), of the log where it is longest [s]; 0: no low-pass.
+  double turn_seconds{0.0};
+  Eigen::VectorXd encoder_step;  ///< n: see encoder_steps(); no rows: not known
 
   Eigen::Index rows() const { return time.size(); }
+  /// m, 1 or 0: the joint moves, and turns back within `times` turn_seconds.
+  Eigen::VectorXd turns(int joint, double times) const;
 };
 
 struct TableOptions {
@@ -57,6 +64,10 @@ struct TableOptions {
 /// first rows of each log, which have nothing earlier, take its first one.
 /// @param signal  m × columns
 Eigen::MatrixXd earlier(const MotionTable& table, const Eigen::MatrixXd& signal, double delay);
+
+/// Smallest step between the positions of each joint [rad, m], n: of an encoder that is coarse, its resolution; of one
+/// that is not, next to nothing.
+Eigen::VectorXd encoder_steps(const data::Log& log);
 
 /// Reads logs into a table.
 MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const std::vector<bool>& prismatic,

@@ -261,18 +261,20 @@ void Problem::reweight() {
   sum_base();
 }
 
-MatrixXd Problem::residual() const {
-  MatrixXd result = tau_;
-  for (int joint = 0; joint < num_joints(); ++joint) {
-    const auto j = static_cast<std::size_t>(joint);
-    const MatrixXd& base = (*rows_)[j];
-    const VectorXd theta = theta_(places_[j]);
-    VectorXd of_base = theta.head(base.cols());
-    for (const Index at : own_at_[j]) {
-      if (at < base.cols()) of_base[at] = 0.0;  // another column is in its place
-    }
-    result.col(joint) -= (base * of_base).cwiseProduct(keep_->col(joint)) + own_[j] * theta(own_at_[j]);
+VectorXd Problem::residual_of(int joint, const VectorXd& all) const {
+  const auto j = static_cast<std::size_t>(joint);
+  const MatrixXd& base = (*rows_)[j];
+  const VectorXd theta = all(places_[j]);
+  VectorXd of_base = theta.head(base.cols());
+  for (const Index at : own_at_[j]) {
+    if (at < base.cols()) of_base[at] = 0.0;  // another column is in its place
   }
+  return tau_.col(joint) - ((base * of_base).cwiseProduct(keep_->col(joint)) + own_[j] * theta(own_at_[j]));
+}
+
+MatrixXd Problem::residual() const {
+  MatrixXd result(tau_.rows(), tau_.cols());
+  for (int joint = 0; joint < num_joints(); ++joint) result.col(joint) = residual_of(joint, theta_);
   return result;
 }
 

@@ -114,9 +114,17 @@ class Problem {
   double gain(const ColumnMoments& moments, int without = -1) const;
   /// @param tested  how many of the first coefficients chance is asked of; 0: all
   Trial judge(const ColumnMoments& moments, int without = -1, int tested = 0) const;
+  /// Part of the fall of a joint's squared error that lies in some of its rows; 0 where the error does not fall.
+  /// @param trial  of the columns, by this problem
+  /// @param where  m, 1 or 0
+  double part_of_fall(const Columns& columns, const Trial& trial, int joint,
+                      const Eigen::VectorXd& where) const;
   double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }
 
  private:
+  /// Residual of a joint's rows that count; others 0.
+  /// @param theta  p, in addition to the prior
+  Eigen::VectorXd residual_of(int joint, const Eigen::VectorXd& theta) const;
   std::vector<ColumnMoments> moments_of(std::span<const Columns> candidates,
                                         std::span<const Block> blocks) const;
   void choose_steady();

@@ -247,4 +247,17 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
   trial.cv_t = error > 0.0 ? mean / error : 0.0;
 }
 
+double Problem::part_of_fall(const Columns& columns, const Trial& trial, int joint,
+                             const VectorXd& where) const {
+  const VectorXd before = residual_of(joint, theta_);
+  VectorXd after = residual_of(joint, trial.base - prior_);
+  for (std::size_t a = 0; a < columns.joints.size(); ++a) {
+    if (columns.joints[a] == joint)
+      after -= (columns.values[a] * trial.coefficients).cwiseProduct(keep_->col(joint));
+  }
+  const VectorXd fall = before.cwiseAbs2() - after.cwiseAbs2();
+  const double all = fall.sum();
+  return all > 0.0 ? fall.dot(where) / all : 0.0;
+}
+
 }  // namespace heft::diagnose

@@ -43,6 +43,10 @@ std::string own_objection(const Candidate& c, const MotionTable& table, bool joi
   if (c.effect.is<FrictionCurve>() &&
       std::accumulate(table.run_seconds.begin(), table.run_seconds.end(), 0.0) < kCurveSeconds)
     return "needs half a minute of motion";
+  if (c.has_memory() && table.encoder_step.size() > 0 && c.shape < table.encoder_step[c.joint])
+    return "its memory length is below one step of the encoder";
+  if (c.effect.is<Delay>() && c.shape * table.logged_rate < kShortestDelay)
+    return "below half a sample period: channels of one log may be that far apart";
   if (joint_sensor && c.effect.is<RotorInertia>()) return "a sensor behind the gear does not feel the rotor";
   return {};
 }
@@ -104,6 +108,8 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   if (std::string own = own_objection(c, engine->table(), joint_sensor); !own.empty()) return own;
   if (!(c.trial.p_value * round.tried < kLevel)) return "chance explains it";
   if (c.effect.is<Contact>()) return {};
+  if (c.at_turns > (c.effect.is<FrictionCurve>() ? kCurveAtTurns : kAtTurns))
+    return "shows only around reversals, whose instant the low-pass leaves open";
   const bool in_time = c.effect.is<PayloadChange>() || c.effect.is<FrictionDrift>();
   if (!in_time && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
   if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";

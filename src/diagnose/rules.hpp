@@ -26,6 +26,13 @@ inline constexpr double kNamingShare = 0.2;
 inline constexpr double kNamingShareInRuns = 0.05;
 /// Most that its coefficient may differ in a quarter of the time, in parts of it.
 inline constexpr double kHolds = 0.6;
+/// Most of the gain of friction with a memory, or over speed, that may lie where its joint turns back and the low-pass
+/// leaves open when. More than half: instantaneous friction, misplaced by so much, looks the same.
+inline constexpr double kAtTurns = 0.5;
+/// The same of a free curve over speed, within twice that time: it has nothing to do with turning back.
+inline constexpr double kCurveAtTurns = 1.0 / 3.0;
+/// Shortest delay, in samples: drives that average over a sample, or hold one, differ by half of one.
+inline constexpr double kShortestDelay = 0.5;
 /// Shortest time constant of a joint that warms up [s].
 inline constexpr double kQuickestWarming = 3.0;
 /// A simpler effect on the same joint with this part of the gain goes before.

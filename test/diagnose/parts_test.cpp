@@ -52,6 +52,42 @@ TEST(Deflection, FollowsTheResonanceOfALinearOscillator) {
   EXPECT_NEAR(e.acceleration.tail(4000).maxCoeff(), w * w * amplitude, 4e-3 * w * w * amplitude);
 }
 
+TEST(Table, KnowsWhereTheLowPassLeavesOpenWhenAJointTurnsBack) {
+  // qd = t around a turn at constant acceleration: 10 ms of it to either side, but not where it rests.
+  MotionTable table = even_table(1001, 1, 1000.0, 8);
+  table.qd.col(0) = table.time.array() - 0.5;
+  table.qdd.setOnes();
+  table.turn_seconds = 0.01;
+  const VectorXd once = table.turns(0, 1.0), twice = table.turns(0, 2.0);
+  EXPECT_NEAR(once.sum(), 20.0 - 5.0, 2.0)
+      << "two widths of the sign of 1 mrad/s to either side count as rest";
+  EXPECT_NEAR(twice.sum(), 40.0 - 5.0, 2.0);
+  EXPECT_EQ(once[500], 0.0);
+  EXPECT_EQ(once[506], 1.0);
+  EXPECT_EQ(once[515], 0.0);
+}
+
+TEST(Problem, SaysWhereTheErrorFalls) {
+  // A column that is missing in the first tenth of the rows, and another one in all of them, twice as large in square.
+  MotionTable table = even_table(4000, 1, 100.0, 16);
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  Columns columns{{0}, {MatrixXd::Zero(4000, 1)}};
+  VectorXd first = VectorXd::Zero(4000);
+  first.head(400).setOnes();
+  for (Index i = 0; i < 4000; ++i) {
+    columns.values[0](i, 0) = i < 400 ? 3.0 * normal(random) : normal(random);
+    table.tau(i, 0) = 1.0 + columns.values[0](i, 0) + 0.1 * normal(random);
+  }
+  const auto rows = std::make_shared<const BaseRows>(BaseRows{MatrixXd(MatrixXd::Ones(4000, 1))});
+  const Problem problem(table, table.keep, rows, {{0}}, VectorXd::Zero(1), 1e-8, table.tau);
+  const Trial trial = problem.judge(problem.moments(columns));
+  ASSERT_TRUE(trial.valid);
+  EXPECT_NEAR(problem.part_of_fall(columns, trial, 0, first), 0.5, 0.05)
+      << "a tenth of the rows, nine times as large";
+  EXPECT_NEAR(problem.part_of_fall(columns, trial, 0, VectorXd::Ones(4000)), 1.0, 1e-12);
+}
+
 TEST(Table, TellsStandstillBesideTheMotionApart) {
   // One joint rests for 3 s at either end, the other one in the middle as well.
   data::Log log;

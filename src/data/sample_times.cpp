@@ -1,0 +1,219 @@
+#include "heft/data/sample_times.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "heft/data/differentiate.hpp"
+#include "resample.hpp"
+
+namespace heft::data {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+/// Rows to both sides through which the even clock is a line: long against the scatter, short against the drift of clocks.
+constexpr Index kReach = 100;
+/// Less scatter, in periods, is that of an even clock; see is_uniform().
+constexpr double kEven = 0.01;
+/// Standard deviation of the part that positions follow, from which on they do not decide.
+constexpr double kUndecided = 0.1;
+/// Positions that follow less of the scatter lie nearer to the even clock than to the stamps.
+constexpr double kFollow = 0.5;
+/// Scatter worth a note when the positions do not decide, in periods.
+constexpr double kWorthNoting = 0.05;
+/// Fourth difference: it leaves nothing of a cubic.
+constexpr std::array<double, 5> kFourth{1.0, -4.0, 6.0, -4.0, 1.0};
+constexpr Index kHalf = 2;
+
+/// Rows of a log as a clock with an even beat counts them.
+struct Beats {
+  double period{0.0};          ///< [s]
+  std::vector<double> number;  ///< of each row; lost rows count
+  std::vector<Index> begin;    ///< first row of each stretch without a long gap, and one past the last
+};
+
+Beats count_beats(const VectorXd& time) {
+  Beats beats;
+  const double median = 1.0 / median_sample_rate(time);
+  double sum = 0.0;
+  int count = 0;
+  for (Index k = 1; k < time.size(); ++k) {
+    const double step = time[k] - time[k - 1];
+    if (step > 0.5 * median && step < 1.5 * median) sum += step, ++count;
+  }
+  // Stamps of few digits have a median far from the mean.
+  beats.period = count > 0 ? sum / count : median;
+  // Stamps pull the clock slowly, so that no single one counts a row twice.
+  constexpr double kPull = 0.1;
+  double clock = time[0];
+  beats.number = {0.0};
+  beats.begin = {0};
+  for (Index k = 1; k < time.size(); ++k) {
+    const double passed = std::max(1.0, std::round((time[k] - clock) / beats.period));
+    beats.number.push_back(beats.number.back() + passed);
+    if (time[k] - time[k - 1] > kGapFactor * median) {
+      beats.begin.push_back(k);
+      clock = time[k];
+      continue;
+    }
+    clock += passed * beats.period;
+    clock += kPull * std::clamp(time[k] - clock, -0.5 * beats.period, 0.5 * beats.period);
+  }
+  beats.begin.push_back(time.size());
+  return beats;
+}
+
+/// Lines through what stamps are ahead of evenly spaced beats, each read in its middle.
+VectorXd line_through(const Beats& beats, const VectorXd& ahead) {
+  VectorXd line(ahead.size());
+  for (std::size_t s = 0; s + 1 < beats.begin.size(); ++s) {
+    const Index begin = beats.begin[s], end = beats.begin[s + 1];
+    double n = 0.0, x = 0.0, xx = 0.0, y = 0.0, xy = 0.0;
+    const double origin = beats.number[static_cast<std::size_t>(begin)];
+    const auto count = [&](Index k, double sign) {
+      const double at = beats.number[static_cast<std::size_t>(k)] - origin;
+      n += sign, x += sign * at, xx += sign * at * at, y += sign * ahead[k], xy += sign * at * ahead[k];
+    };
+    Index from = begin, to = begin;
+    for (Index k = begin; k < end; ++k) {
+      while (to < std::min(end, k + kReach + 1)) count(to++, 1.0);
+      while (from < k - kReach) count(from++, -1.0);
+      const double scatter = xx - x * x / n;
+      const double slope = scatter > 0.0 ? (xy - x * y / n) / scatter : 0.0;
+      line[k] = y / n + slope * (beats.number[static_cast<std::size_t>(k)] - origin - x / n);
+    }
+  }
+  return line;
+}
+
+/// When an even clock beat at each row.
+VectorXd even_clock(const VectorXd& time, const Beats& beats) {
+  VectorXd ahead(time.size());
+  for (Index k = 0; k < time.size(); ++k)
+    ahead[k] = time[k] - time[0] - beats.period * beats.number[static_cast<std::size_t>(k)];
+  VectorXd line = line_through(beats, ahead);
+  // Once more, so that a stamp that came late by many periods does not pull.
+  const VectorXd off = (ahead - line).cwiseMax(-0.5 * beats.period).cwiseMin(0.5 * beats.period);
+  line = line_through(beats, line + off);
+  return time - ahead + line;
+}
+
+/// Fourth differences of a joint's positions, and what they are if the samples lie where the stamps say.
+struct Differences {
+  std::vector<double> seen, expected;
+  std::vector<Index> row;
+};
+
+Differences differences_of(const Eigen::Ref<const VectorXd>& q, const VectorXd& even, const VectorXd& off,
+                           const Beats& beats) {
+  Differences d;
+  const auto shift = [&](Index k) {
+    return off[k] * (q[k + kHalf] - q[k - kHalf]) / (even[k + kHalf] - even[k - kHalf]);
+  };
+  for (Index k = 2 * kHalf; k + 2 * kHalf < q.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    if (beats.number[at + kHalf] - beats.number[at - kHalf] != 2.0 * kHalf) continue;  // a row is lost there
+    double seen = 0.0, expected = 0.0;
+    for (Index m = -kHalf; m <= kHalf; ++m) {
+      const double weight = kFourth[static_cast<std::size_t>(m + kHalf)];
+      seen += weight * (q[k + m] - q[k]);
+      expected += weight * shift(k + m);
+    }
+    d.seen.push_back(seen);
+    d.expected.push_back(expected);
+    d.row.push_back(k);
+  }
+  return d;
+}
+
+/// Slope of all joints' differences over what is expected, each joint weighted by what it leaves.
+void fit_followed(const std::vector<Differences>& joints, const VectorXd& even, SampleTimes& result) {
+  std::vector<double> weights;
+  for (const Differences& d : joints) {
+    double xx = 0.0, xy = 0.0, yy = 0.0;
+    for (std::size_t k = 0; k < d.seen.size(); ++k) {
+      xx += d.expected[k] * d.expected[k];
+      xy += d.expected[k] * d.seen[k];
+      yy += d.seen[k] * d.seen[k];
+    }
+    const double left = xx > 0.0 ? yy - xy * xy / xx : yy;
+    weights.push_back(left > 0.0 ? static_cast<double>(d.seen.size()) / left : 0.0);
+  }
+  double down = 0.0, up = 0.0;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    for (std::size_t k = 0; k < joints[j].seen.size(); ++k) {
+      down += weights[j] * joints[j].expected[k] * joints[j].expected[k];
+      up += weights[j] * joints[j].expected[k] * joints[j].seen[k];
+    }
+  }
+  if (!(down > 0.0)) return;
+  result.followed = up / down;
+  std::vector<double> scores(static_cast<std::size_t>(even[even.size() - 1] - even[0]) + 2, 0.0);
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const Differences& d = joints[j];
+    for (std::size_t k = 0; k < d.seen.size(); ++k) {
+      const double left = d.seen[k] - result.followed * d.expected[k];
+      const double second = std::max(0.0, even[d.row[k]] - even[0]);
+      scores[std::min(scores.size() - 1, static_cast<std::size_t>(second))] +=
+          weights[j] * d.expected[k] * left;
+    }
+  }
+  double squares = 0.0;
+  for (const double score : scores) squares += score * score;
+  result.std = std::sqrt(squares) / down;
+}
+
+}  // namespace
+
+bool SampleTimes::known() const { return std::isfinite(followed) && std < kUndecided; }
+
+SampleTimes sample_times(const Log& log) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  SampleTimes result{log.time, 0.0, kNone, kNone};
+  if (log.time.size() <= 4 * kHalf || is_uniform(log.time)) return result;
+  const Beats beats = count_beats(log.time);
+  const VectorXd even = even_clock(log.time, beats);
+  const VectorXd off = log.time - even;
+  result.scatter = std::sqrt(off.squaredNorm() / static_cast<double>(off.size())) / beats.period;
+  if (result.scatter < kEven) return result;
+  std::vector<Differences> joints;
+  for (Index j = 0; j < log.q.cols(); ++j) joints.push_back(differences_of(log.q.col(j), even, off, beats));
+  fit_followed(joints, even, result);
+  if (!result.known() || result.followed > kFollow) return result;
+  const VectorXd time = even + std::max(0.0, result.followed) * off;
+  const Index rows = time.size() - 1;
+  if ((time.tail(rows) - time.head(rows)).minCoeff() > 0.0) result.time = time;
+  return result;
+}
+
+Log with_sample_times(Log log, std::vector<std::string>& notes) {
+  const SampleTimes times = sample_times(log);
+  const double percent = 100.0 * times.scatter;
+  if (times.known() && times.followed <= kFollow) {
+    notes.push_back(fmt::format(
+        "{}: time stamps scatter by {:.2g} % of a period about an even clock, and the positions follow {:.0f} % of it: "
+        "samples are placed accordingly",
+        log.path, percent, 100.0 * std::clamp(times.followed, 0.0, 1.0)));
+    log.time = times.time;
+  } else if (!times.known() && times.scatter > kWorthNoting) {
+    notes.push_back(fmt::format(
+        "{}: time stamps scatter by {:.2g} % of a period about an even clock, and the motion does not show whether the "
+        "samples do: the stamps are used as they are",
+        log.path, percent));
+  }
+  return log;
+}
+
+std::vector<Log> read_with_sample_times(const std::vector<LogSource>& sources,
+                                        std::vector<std::string>& notes) {
+  std::vector<Log> logs;
+  for (const LogSource& source : sources) logs.push_back(with_sample_times(read(source), notes));
+  return logs;
+}
+
+}  // namespace heft::data

@@ -1,0 +1,114 @@
+// When samples were taken, where time stamps scatter: told from the positions alone.
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "heft/data/sample_times.hpp"
+
+namespace heft::data {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kPeriod = 0.002;  // [s]
+
+/// Two joints in smooth motion, encoders of 20 µrad, sampled at one time and stamped with another; every hundredth row is
+/// lost.
+struct Recording {
+  Log log;
+  VectorXd taken;  ///< [s]
+};
+
+using Times = std::function<double(double even, double jitter)>;
+
+Recording record(const Times& taken_at, const Times& stamped_at, double amplitude = 0.8) {
+  constexpr double kStep = 2e-5;
+  constexpr Index kRows = 6000;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-0.2 * kPeriod, 0.2 * kPeriod);
+  std::vector<double> taken, stamps;
+  for (Index k = 0; k < kRows; ++k) {
+    const double even = kPeriod * static_cast<double>(k), jitter = uniform(random);
+    if (k % 100 == 37) continue;
+    taken.push_back(taken_at(even, jitter));
+    stamps.push_back(stamped_at(even, jitter));
+  }
+  Recording r;
+  r.taken = Eigen::Map<const VectorXd>(taken.data(), static_cast<Index>(taken.size()));
+  r.log.path = "a.csv";
+  r.log.time = Eigen::Map<const VectorXd>(stamps.data(), static_cast<Index>(stamps.size()));
+  r.log.q.resize(r.taken.size(), 2);
+  for (Index k = 0; k < r.taken.size(); ++k) {
+    for (int j = 0; j < 2; ++j) {
+      const double q = amplitude * std::sin(2.0 * std::numbers::pi * (0.4 + 0.3 * j) * r.taken[k]);
+      r.log.q(k, j) = std::round(q / kStep) * kStep;
+    }
+  }
+  return r;
+}
+
+const Times kEven = [](double even, double) { return even; };
+const Times kJitters = [](double even, double jitter) { return even + jitter; };
+
+double root_mean_square(const VectorXd& x) {
+  return std::sqrt(x.squaredNorm() / static_cast<double>(x.size()));
+}
+
+TEST(SampleTimes, AreTheStampsOfAnEvenClock) {
+  Log log;
+  log.time = VectorXd::LinSpaced(100, 0.0, 0.198);
+  log.q = VectorXd::LinSpaced(100, 0.0, 1.0);
+  const SampleTimes times = sample_times(log);
+  EXPECT_EQ(times.time, log.time);
+  EXPECT_FALSE(times.known());
+  EXPECT_EQ(times.scatter, 0.0);
+}
+
+TEST(SampleTimes, AreThoseOfTheEvenClockThatThePositionsFollow) {
+  const Recording r = record(kEven, kJitters);
+  const SampleTimes times = sample_times(r.log);
+  EXPECT_NEAR(times.scatter, 0.4 / std::sqrt(12.0), 0.01) << "uniform, 40 % of a period wide";
+  EXPECT_NEAR(times.followed, 0.0, 0.03);
+  EXPECT_LT(times.std, 0.02);
+  EXPECT_LT(root_mean_square(times.time - r.taken), 0.15 * root_mean_square(r.log.time - r.taken));
+  std::vector<std::string> notes;
+  EXPECT_EQ(with_sample_times(r.log, notes).time, times.time);
+  EXPECT_EQ(notes.size(), 1U);
+}
+
+TEST(SampleTimes, AreTheStampsThatThePositionsFollow) {
+  const Recording r = record(kJitters, kJitters);
+  const SampleTimes times = sample_times(r.log);
+  EXPECT_NEAR(times.followed, 1.0, 0.03);
+  std::vector<std::string> notes;
+  EXPECT_EQ(with_sample_times(r.log, notes).time, r.log.time);
+  EXPECT_TRUE(notes.empty());
+}
+
+TEST(SampleTimes, SeeThroughStampsOfFewDigits) {
+  // 2.3 ms between samples, stamps in whole milliseconds: 2, 2, 3, 2, 2, 3, ... of which none is a period.
+  const Recording r = record([](double even, double) { return 1.15 * even; },
+                             [](double even, double) { return std::round(1e3 * 1.15 * even) * 1e-3; });
+  const SampleTimes times = sample_times(r.log);
+  EXPECT_NEAR(times.followed, 0.0, 0.05);
+  EXPECT_LT(root_mean_square(times.time - r.taken), 0.2 * root_mean_square(r.log.time - r.taken));
+}
+
+TEST(SampleTimes, AreNotKnownOfAnArmThatRests) {
+  const Recording r = record(kEven, kJitters, 0.0);
+  const SampleTimes times = sample_times(r.log);
+  EXPECT_FALSE(times.known());
+  std::vector<std::string> notes;
+  EXPECT_EQ(with_sample_times(r.log, notes).time, r.log.time);
+  ASSERT_EQ(notes.size(), 1U) << "nobody knows, and that is said";
+  EXPECT_NE(notes[0].find("does not show"), std::string::npos) << notes[0];
+}
+
+}  // namespace
+}  // namespace heft::data
