@@ -13,6 +13,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "heft/data/log_part.hpp"
 #include "heft/data/log_set.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/identify/identify.hpp"
@@ -107,18 +108,9 @@ std::string in_words(const std::vector<Stretch>& stretches) {
 
 /// Rows of a log between two shares of its length.
 data::Log stretch_of(const data::Log& log, const Stretch& s) {
-  const auto rows = static_cast<double>(log.time.size());
-  const auto first = static_cast<Eigen::Index>(s.from * rows), last = static_cast<Eigen::Index>(s.to * rows);
-  data::Log part;
-  part.path = fmt::format("{} [{:.0f} to {:.0f} %]", log.path, 100.0 * s.from, 100.0 * s.to);
-  part.time = log.time.segment(first, last - first);
-  const auto rows_of = [&](const Eigen::MatrixXd& all) -> Eigen::MatrixXd {
-    return all.size() > 0 ? Eigen::MatrixXd(all.middleRows(first, last - first)) : Eigen::MatrixXd();
-  };
-  part.q = rows_of(log.q);
-  part.qd = rows_of(log.qd);
-  part.tau = rows_of(log.tau);
-  return part;
+  constexpr double kBeyond = 1.0;  // [s]: the last row as well
+  const double begin = log.time[0], span = log.time[log.time.size() - 1] - begin;
+  return data::part_of(log, begin + s.from * span, begin + s.to * span + (s.to < 1.0 ? 0.0 : kBeyond));
 }
 
 std::vector<data::Log> read(const fs::path& folder, const std::vector<Stretch>& stretches, int joints) {

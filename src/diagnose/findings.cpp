@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -94,6 +95,14 @@ bool given_has(const model::Robot& given, const Candidate& e) {
          (e.effect.is<RotorInertia>() && actuation.rotor_inertia != 0.0);
 }
 
+/// Whether an effect would have been found in each half of the blocks: a half leaves the mean gain over its standard error
+/// smaller by the root of two.
+std::optional<bool> is_stable(const Candidate& e) {
+  if (e.effect.is<Contact>() || e.effect.is<PayloadChange>() || e.effect.is<FrictionDrift>()) return {};
+  const double least = kSteadyGain / std::numbers::sqrt2;
+  return e.trial.half_t[0] > least && e.trial.half_t[1] > least;
+}
+
 /// Torque that the effect adds on the rows that count.
 void put_torque(const Engine& engine, std::size_t index, Finding& f) {
   const MatrixXd torque = engine.effect_torque(index);
@@ -141,6 +150,7 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.validate_before = (written.has(e) ? other : as_written)[main];
     f.validate_after = (written.has(e) ? as_written : other)[main];
     f.left_out = written.why_not(e);
+    f.stable = is_stable(with_rest);
     f.seen = seen_of(written.engine(), own.joint);
     add_rivals(own, trial.cv_gain, candidates, tried, robot, f);
     put_torque(engine, e, f);

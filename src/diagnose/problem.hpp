@@ -44,9 +44,13 @@ struct Trial {
   /// Largest deviation of the first coefficient in a quarter of the time from that of the whole, in parts of it;
   /// only what exceeds three standard errors counts.
   double drift{0.0};
+  double half_t[2]{0.0, 0.0};    ///< cv_t of the blocks of the first and of the second half
   std::vector<double> run_gain;  ///< of each log: rows times fall of ln(squared error) on its left-out blocks
   bool valid{false};             ///< false: the base explains the columns, nothing can be said
 };
+
+/// Mean of gains over its standard error [1]; 0: nothing can be said.
+double steadiness(const Eigen::Ref<const Eigen::VectorXd>& gains);
 
 /// Rows of base model and accepted effects. Copies share the rows of the base.
 class Problem {

@@ -189,6 +189,14 @@ double Problem::drift_of(const Joint& joint, const MatrixXd& scores) const {
   return drift;
 }
 
+double steadiness(const Eigen::Ref<const VectorXd>& gains) {
+  const auto count = static_cast<double>(gains.size());
+  if (gains.size() < 2) return 0.0;
+  const double scatter = (gains.array() - gains.mean()).square().sum();
+  const double error = std::sqrt(scatter / (count - 1.0) / count);
+  return error > 0.0 ? gains.mean() / error : 0.0;
+}
+
 /// Left-out blocks. Gains count by n ln(before / after), the fall of the log-likelihood with the noise of each block its
 /// own: a few violent blocks would drown all others otherwise.
 void Problem::cross_validate(const Joint& joint, Trial& trial) const {
@@ -196,7 +204,7 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
   const int n = num_joints();
   const auto runs = static_cast<Index>(table_->runs.size());
   MatrixXd run_before = MatrixXd::Zero(runs, n), run_after = run_before, run_rows = run_before;
-  std::vector<double> gains;
+  VectorXd gains(static_cast<Index>(table_->blocks.size()));
   std::vector<int> place_of_joint(static_cast<std::size_t>(n), -1);
   for (std::size_t a = 0; a < m.joints.size(); ++a)
     place_of_joint[static_cast<std::size_t>(m.joints[a])] = static_cast<int>(a);
@@ -223,7 +231,7 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
         const double floor = 1e-4 * noise_[j] * noise_[j] * rows;
         gain += rows * std::log(std::max(before, floor) / std::max(after, floor));
       }
-      gains.push_back(gain);
+      gains[static_cast<Index>(b)] = gain;
     }
   }
   trial.run_gain.assign(table_->runs.size(), 0.0);
@@ -239,12 +247,10 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
       trial.cv_gain += counted_[j] * std::log(trial.joint_before[j] / trial.joint_after[j]);
     }
   }
-  double mean = 0.0, scatter = 0.0;
-  const auto count = static_cast<double>(gains.size());
-  for (const double g : gains) mean += g / count;
-  for (const double g : gains) scatter += (g - mean) * (g - mean);
-  const double error = std::sqrt(scatter / std::max(1.0, count - 1.0) / count);
-  trial.cv_t = error > 0.0 ? mean / error : 0.0;
+  const Index half = gains.size() / 2;
+  trial.cv_t = steadiness(gains);
+  trial.half_t[0] = steadiness(gains.head(half));
+  trial.half_t[1] = steadiness(gains.tail(gains.size() - half));
 }
 
 double Problem::part_of_fall(const Columns& columns, const Trial& trial, int joint,

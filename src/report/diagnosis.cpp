@@ -55,6 +55,8 @@ std::string findings_in_words(const Diagnosis& diagnosis) {
                            change_percent(finding.validate_before, finding.validate_after))
              : "");
     line("left out", finding.left_out.empty() ? "" : finding.left_out + ": not in the model written");
+    line("stability",
+         finding.stable.value_or(true) ? "" : "not stable: it shows in one half of the training logs only");
     line("seen at", finding.seen ? range_in_words(finding, robot) : "");
     line("rivals", rivals_in_words(finding.rivals, true));
     line("the same as", rivals_in_words(finding.equivalent, false));

@@ -91,6 +91,7 @@ nlohmann::ordered_json effect_json(const Finding& finding, const model::Robot& r
                               {"rivals", rivals_json(finding.rivals, true)},
                               {"equivalent", rivals_json(finding.equivalent, false)},
                               {"shown_by", shown_by(finding)},
+                              {"stable", finding.stable ? nlohmann::ordered_json(*finding.stable) : nullptr},
                               {"in_model", finding.left_out.empty()}};
   if (!finding.left_out.empty()) json["left_out"] = finding.left_out;
   if (finding.seen) {

@@ -199,6 +199,26 @@ INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
                            return name;
                          });
 
+// Shown by a part of the logs only -----------------------------------------------------------------------------
+
+TEST(Stability, IsDeniedWhatOneHalfOfTheLogDoesNotShow) {
+  UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
+  const auto stable = [&] {
+    const Diagnosis d = diagnosed(c);
+    const auto found = std::find_if(d.findings.begin(), d.findings.end(),
+                                    [&](const Finding& f) { return names(f, c.effects.front()); });
+    return found == d.findings.end() ? std::nullopt : found->stable;
+  };
+  EXPECT_EQ(stable(), true);
+  // The first half without the effect, as if it had come up later.
+  const JudgedMotion motion(c.complete, {c.train}, Reading{.cutoff = 0.0, .ordinary = true});
+  const Eigen::MatrixXd effect = motion.predicted(c.complete) - motion.predicted(c.truth);
+  const Eigen::Index half = c.train.tau.rows() / 2;
+  ASSERT_EQ(effect.rows(), c.train.tau.rows());
+  c.train.tau.topRows(half) -= effect.topRows(half);
+  EXPECT_NE(stable(), true);
+}
+
 // Fitted once more to all logs --------------------------------------------------------------------------------
 
 TEST(Refit, LowersTheErrorOnALogThatNeitherFitHasSeen) {

@@ -66,6 +66,9 @@ struct Finding {
   double torque_peak{std::numeric_limits<double>::quiet_NaN()};
   int torque_joint{-1};  ///< that joint, counted from 0; -1: none
   std::vector<Rival> rivals, equivalent;
+  /// Whether it lowers the error on left-out stretches in both halves of the training logs, each taken for itself. False:
+  /// another recording of the robot may end without it. None: it comes at one time (contact, change of load, warming).
+  std::optional<bool> stable;
   /// Why the model written is without it although it was found: which joint it would predict worse than the identified
   /// model does, and on which log. Empty: it is in the model.
   std::string left_out;
