@@ -334,13 +334,6 @@ Log read(const LogSource& source, std::vector<std::string>* notes) {
   return log;
 }
 
-std::vector<Log> read(const std::vector<LogSource>& sources) {
-  std::vector<Log> logs;
-  logs.reserve(sources.size());
-  for (const LogSource& source : sources) logs.push_back(read(source));
-  return logs;
-}
-
 MotionLog read_motion(const LogSource& source, bool acceleration, std::vector<std::string>* notes) {
   MotionLog result{read(source, notes), {}};
   if (!acceleration || (result.log.qd.cols() > 0 && result.log.qdd.cols() > 0)) return result;

@@ -102,8 +102,6 @@ MotionStream stream(const LogSource& source, const StreamOptions& options = {});
 /// The log as a whole. Logged velocities and accelerations that contradict the positions are left out.
 /// @param notes  gets what is worth telling; may be null
 Log read(const LogSource& source, std::vector<std::string>* notes = nullptr);
-/// Each of them as a whole.
-std::vector<Log> read(const std::vector<LogSource>& sources);
 
 /// A log as a whole with velocity and acceleration, derived where the log has none.
 struct MotionLog {
