@@ -108,7 +108,8 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   if (std::string own = own_objection(c, engine->table(), joint_sensor); !own.empty()) return own;
   if (!(c.trial.p_value * round.tried < kLevel)) return "chance explains it";
   if (c.effect.is<Contact>()) return {};
-  if (c.at_turns > (c.effect.is<FrictionCurve>() ? kCurveAtTurns : kAtTurns))
+  const bool at_turns = c.at_turns > (c.effect.is<FrictionCurve>() ? kCurveAtTurns : kAtTurns);
+  if (at_turns && squared(fall(c.trial).maxCoeff()) < kBothSides)
     return "shows only around reversals, whose instant the low-pass leaves open";
   const bool in_time = c.effect.is<PayloadChange>() || c.effect.is<FrictionDrift>();
   if (!in_time && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";

@@ -29,6 +29,9 @@ inline constexpr double kHolds = 0.6;
 /// Most of the gain of friction with a memory, or over speed, that may lie where its joint turns back and the low-pass
 /// leaves open when. More than half: instantaneous friction, misplaced by so much, looks the same.
 inline constexpr double kAtTurns = 0.5;
+/// Unless it takes more than this part of the squared error of its joint on left-out blocks: a low-pass without phase errs on
+/// both sides of the reversal alike, and friction that comes later takes one of them.
+inline constexpr double kBothSides = 0.6;
 /// The same of a free curve over speed, within twice that time: it has nothing to do with turning back.
 inline constexpr double kCurveAtTurns = 1.0 / 3.0;
 /// Shortest delay, in samples: drives that average over a sample, or hold one, differ by half of one.
@@ -55,6 +58,8 @@ inline constexpr double kRival = 0.3, kEquivalent = 0.97;
 
 /// Fall of each joint's rms error, as a share; on left-out blocks, for a contact in its stretches.
 Eigen::VectorXd fall(const Trial& trial);
+/// The same part of the squared error.
+inline double squared(double fall) { return 1.0 - (1.0 - fall) * (1.0 - fall); }
 /// Robust chi-square of the coefficients against what they cost.
 /// @param candidates  tried, shapes counted
 double bic_of(const Candidate& c, int candidates);

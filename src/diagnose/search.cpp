@@ -16,9 +16,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// Share of the squared error that goes with a fall of the rms error.
-double squared(double fall) { return 1.0 - std::pow(1.0 - fall, 2); }
-
 }  // namespace
 
 Search::Search(Start& start, const DiagnoseOptions& options) : start_(start), options_(options) {}
