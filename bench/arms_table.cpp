@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -131,8 +132,9 @@ struct JointErrors {
   std::vector<double> raw, in_band;
 };
 
-enum Column { kUrdf, kPlain, kIdentify, kIdentifyAll, kDiagnose, kCeiling, kColumns };
-constexpr const char* kNames[kColumns] = {"URDF", "plain", "identify", "identify all", "diagnose", "ceiling"};
+enum Column { kUrdf, kPlain, kIdentify, kIdentifyAll, kDiagnose, kRefitted, kCeiling, kColumns };
+constexpr const char* kNames[kColumns] = {"URDF",     "plain",   "identify", "identify all",
+                                          "diagnose", "--refit", "ceiling"};
 
 struct JudgedRun {
   std::string name;
@@ -206,7 +208,7 @@ Outcome outcome_of(const Arm& arm, const fs::path& data) {
   const identify::Identification of_all =
       identified(robot, data::log_set(specs, both, judged, arm.torque_at), false);
   start = std::chrono::steady_clock::now();
-  const diagnose::Diagnosis diagnosis = diagnose::diagnose(robot, set);
+  diagnose::Diagnosis diagnosis = diagnose::diagnose(robot, set, {.refit = true});
   outcome.seconds_diagnose = seconds_since(start);
   for (const diagnose::Finding& f : diagnosis.findings)
     outcome.effects += fmt::format("{}{} {}{}", outcome.effects.empty() ? "" : ", ", f.effect.id(),
@@ -237,8 +239,10 @@ Outcome outcome_of(const Arm& arm, const fs::path& data) {
   fill_fit(kPlain, plain);
   fill_fit(kIdentify, fit);
   fill_fit(kIdentifyAll, of_all);
+  const std::optional<model::Robot> refitted = std::exchange(diagnosis.refitted, std::nullopt);
   const model::ModelFile file = diagnosis.model_file();
   fill(kDiagnose, diagnosis.after, &*file.fit);
+  fill(kRefitted, refitted.value_or(diagnosis.after), &*file.fit);
   fill_ceiling(diagnosis, both, judged, arm.torque_at, outcome);
   return outcome;
 }
@@ -304,8 +308,8 @@ void print_means(const std::vector<Outcome>& outcomes) {
   fmt::print(
       "\nAll arms: geometric means of ratios over the joints of the judged runs; joints over 1 % worse\n");
   page::Table table({"arm", "in band: diagnose / identify", "worse", "of", "diagnose / identify all", "worse",
-                     "ceiling / identify", "as logged: diagnose / identify", "worse", "identify [s]",
-                     "diagnose [s]"});
+                     "--refit / identify", "worse", "ceiling / identify", "as logged: diagnose / identify",
+                     "worse", "identify [s]", "diagnose [s]"});
   const auto add_mean = [&](const std::string& name, const std::vector<const Outcome*>& of) {
     const auto mean = [&](Column above, Column below, bool in_band) {
       double sum = 0.0;
@@ -313,17 +317,19 @@ void print_means(const std::vector<Outcome>& outcomes) {
         sum += std::log(mean_ratio(*o, above, below, in_band)) / static_cast<double>(of.size());
       return fmt::format("{:.3f}", std::exp(sum));
     };
-    int joints = 0, in_band = 0, all = 0, raw = 0;
+    int joints = 0, in_band = 0, all = 0, refitted = 0, raw = 0;
     double identify = 0.0, diagnose = 0.0;
     for (const Outcome* o : of) {
       in_band += count_worse(*o, kDiagnose, kIdentify, true, &joints);
       all += count_worse(*o, kDiagnose, kIdentifyAll, true);
+      refitted += count_worse(*o, kRefitted, kIdentify, true);
       raw += count_worse(*o, kDiagnose, kIdentify, false);
       identify += o->seconds_identify;
       diagnose += o->seconds_diagnose;
     }
     table.add_row({name, mean(kDiagnose, kIdentify, true), fmt::format("{}", in_band),
                    fmt::format("{}", joints), mean(kDiagnose, kIdentifyAll, true), fmt::format("{}", all),
+                   mean(kRefitted, kIdentify, true), fmt::format("{}", refitted),
                    mean(kCeiling, kIdentify, true), mean(kDiagnose, kIdentify, false), fmt::format("{}", raw),
                    fmt::format("{:.1f}", identify), fmt::format("{:.1f}", diagnose)});
   };

@@ -19,8 +19,10 @@ namespace {
 
 using Eigen::MatrixXd;
 
-/// A set of logs as the search reads it and as anyone reads it for a model that does not say how.
+/// A set of logs as the search reads it, with a cut-off for each joint; as anyone reads it for a model file that holds the
+/// cut-off; and for a model that does not say how.
 struct Motions {
+  const JudgedMotion& searched;
   const JudgedMotion& own;
   const JudgedMotion& ordinary;
 };
@@ -33,28 +35,29 @@ struct Scores {
   std::vector<validate::Score> of(const model::Robot& robot, const JudgedMotion& motion) const {
     return motion.scores(motion.predicted(robot), band);
   }
-  /// @param before  prediction along the own motion
+  /// @param before, after  prediction along the motion of the search
   void put_train(const Motions& motion, const MatrixXd& before, const MatrixXd& after) const {
     result.train_given = validate::pool(of(result.given, motion.ordinary));
     result.train_identified = validate::pool(of(result.identified, motion.ordinary));
-    result.train_before = validate::pool(motion.own.scores(before, band));
+    result.train_before = validate::pool(motion.searched.scores(before, band));
+    // What changes with time, a payload or a touch, is in no robot.
     result.train_after = validate::pool(result.ordinary_motion ? of(result.after, motion.ordinary)
-                                                               : motion.own.scores(after, band));
-    result.train = motion.own.traces(before, after);
+                                                               : motion.searched.scores(after, band));
+    result.train = motion.searched.traces(before, after);
   }
   void put_validate(const Motions& motion, const MatrixXd& before) const {
     const JudgedMotion& judged = result.ordinary_motion ? motion.ordinary : motion.own;
     result.validate_each_given = of(result.given, motion.ordinary);
     result.validate_each_identified = of(result.identified, motion.ordinary);
-    result.validate_each_before = motion.own.scores(before, band);
+    result.validate_each_before = motion.searched.scores(before, band);
     result.validate_each_after = of(result.after, judged);
     result.validate_given = validate::pool(result.validate_each_given);
     result.validate_identified = validate::pool(result.validate_each_identified);
     result.validate_before = validate::pool(result.validate_each_before);
     result.validate_after = validate::pool(result.validate_each_after);
     const MatrixXd nothing = MatrixXd::Zero(before.rows(), before.cols());
-    result.validate_torque = validate::pool(motion.own.scores(nothing, band));
-    result.validate = motion.own.traces(before, motion.own.predicted(result.after));
+    result.validate_torque = validate::pool(motion.searched.scores(nothing, band));
+    result.validate = motion.searched.traces(before, motion.searched.predicted(result.after));
   }
 };
 
@@ -80,6 +83,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.notes.insert(result.notes.end(), start.notes.begin(), start.notes.end());
   result.joint_sensor = options.joint_sensor;
   result.cutoff = start.cutoff;
+  result.joint_cutoffs = start.cutoffs;
   result.sign_width = fitted.table().sign_width.maxCoeff();
   result.before = search.engine().robot();
   const MatrixXd train_before = search.engine().predicted();
@@ -107,8 +111,9 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.ordinary_motion = written.is_ordinary();
   result.parameters = written.engine().parameter_record();
   const Scores scores{result, start.band};
-  scores.put_train({fitted, ordinary_train}, train_before, written.engine().predicted());
-  scores.put_validate({judged, ordinary_judged}, judged_before);
+  scores.put_train({fitted, *start.train_as_filed, ordinary_train}, train_before,
+                   written.engine().predicted());
+  scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, judged_before);
 
   if (options.refit) {
     const auto again = refit(written, *identified.base, train, validate, reading_of(result));
@@ -128,7 +133,8 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.check_joints();
   result.not_explained = search.wrong_joints();
   result.unexplained = unexplained_of(search, written.engine());
-  put_ceilings(written.is_ordinary() ? ordinary_train : fitted, written.judged(), train, result);
+  put_ceilings(written.is_ordinary() ? ordinary_train : *start.train_as_filed, written.judged(), train,
+               result);
   result.refusals = search.refusals(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "heft/data/differentiate.hpp"
@@ -70,9 +71,30 @@ std::vector<Run> runs_of(const MotionTable& table) {
 
 JudgedMotion::JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs,
                            const Reading& reading)
-    : streams_(streams_of(logs, reading)),
-      table_(table_of(robot, streams_, logs)),
+    : streams_(std::make_shared<const std::vector<data::MotionStream>>(streams_of(logs, reading))),
+      table_(table_of(robot, *streams_, logs)),
       sign_width_(reading.ordinary ? validate::kSignWidth : table_->sign_width.maxCoeff()) {}
+
+JudgedMotion JudgedMotion::with_joint_of(const JudgedMotion& other, int joint) const {
+  JudgedMotion mixed = *this;
+  MotionTable table = *table_;
+  table.take_motion(*other.table_, joint);
+  mixed.table_ = std::make_shared<const MotionTable>(std::move(table));
+  return mixed;
+}
+
+JudgedMotion motion_of(const model::Robot& robot, const std::vector<data::Log>& logs,
+                       const VectorXd& cutoffs) {
+  const double lowest = cutoffs.minCoeff();
+  JudgedMotion motion(robot, logs, Reading{lowest});
+  std::map<double, JudgedMotion> at;
+  for (Index j = 0; j < cutoffs.size(); ++j) {
+    if (cutoffs[j] == lowest) continue;
+    const auto own = at.try_emplace(cutoffs[j], robot, logs, Reading{cutoffs[j]}).first;
+    motion = motion.with_joint_of(own->second, static_cast<int>(j));
+  }
+  return motion;
+}
 
 MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
   const MotionTable& t = *table_;
@@ -92,7 +114,7 @@ std::vector<validate::Score> JudgedMotion::scores(const MatrixXd& predicted, dou
   const MotionTable& t = *table_;
   std::vector<validate::Score> scores;
   for (const auto [begin, count] : runs_of(t)) {
-    const data::StreamSummary& summary = streams_[scores.size()].summary();
+    const data::StreamSummary& summary = (*streams_)[scores.size()].summary();
     validate::TorqueScorer::Setup setup;
     setup.log = summary.path;
     setup.begin = t.time[begin];

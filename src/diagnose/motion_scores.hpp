@@ -30,8 +30,10 @@ std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, c
 class JudgedMotion {
  public:
   JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs, const Reading& reading);
+  /// The same logs, the motion of one joint as another reading of them has it.
+  JudgedMotion with_joint_of(const JudgedMotion& other, int joint) const;
 
-  const std::vector<data::MotionStream>& streams() const { return streams_; }
+  const std::vector<data::MotionStream>& streams() const { return *streams_; }
   const MotionTable& table() const { return *table_; }
   std::shared_ptr<const MotionTable> shared_table() const { return table_; }
 
@@ -53,10 +55,15 @@ class JudgedMotion {
   Eigen::VectorXd rms_error(const Eigen::MatrixXd& predicted) const;
 
  private:
-  std::vector<data::MotionStream> streams_;
+  std::shared_ptr<const std::vector<data::MotionStream>> streams_;
   std::shared_ptr<const MotionTable> table_;
   double sign_width_;  ///< of friction [rad/s, m/s]
 };
+
+/// Logs read with a cut-off for each joint.
+/// @param cutoffs  n, above 0 [Hz]
+JudgedMotion motion_of(const model::Robot& robot, const std::vector<data::Log>& logs,
+                       const Eigen::VectorXd& cutoffs);
 
 /// Root of the mean square of several rms errors, n.
 Eigen::VectorXd pooled(const std::vector<Eigen::VectorXd>& errors);

@@ -50,7 +50,15 @@ Collected collect(const data::MotionStream& log, int n) {
 VectorXd MotionTable::turns(int joint, double times) const {
   const auto speed = qd.col(joint).cwiseAbs().array();
   const double rests = 2.0 * sign_width[joint];
-  return (speed > rests && speed < times * turn_seconds * qdd.col(joint).cwiseAbs().array()).cast<double>();
+  return (speed > rests && speed < times * turn_seconds[joint] * qdd.col(joint).cwiseAbs().array())
+      .cast<double>();
+}
+
+void MotionTable::take_motion(const MotionTable& other, int joint) {
+  for (MatrixXd MotionTable::*of : {&MotionTable::q, &MotionTable::qd, &MotionTable::qdd,
+                                    &MotionTable::direction, &MotionTable::keep, &MotionTable::standing})
+    (this->*of).col(joint) = (other.*of).col(joint);
+  turn_seconds[joint] = other.turn_seconds[joint];
 }
 
 VectorXd encoder_steps(const data::Log& log) {
@@ -161,6 +169,7 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
   const int n = static_cast<int>(prismatic.size());
   table.num_joints = n;
   table.sign_width.resize(n);
+  table.turn_seconds.setZero(n);
   for (int j = 0; j < n; ++j) table.sign_width[j] = prismatic[static_cast<std::size_t>(j)] ? 5e-4 : 1e-3;
 
   std::vector<Collected> parts;
@@ -194,7 +203,7 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
       table.logged_rate = summary.sample_rate;
     }
     if (summary.cutoff > 0.0)
-      table.turn_seconds = std::max(table.turn_seconds, 0.5 * std::numbers::inv_pi / summary.cutoff);
+      table.turn_seconds = table.turn_seconds.cwiseMax(0.5 * std::numbers::inv_pi / summary.cutoff);
     table.runs.push_back(summary.path);
     table.run_seconds.push_back(summary.end - summary.begin);
     table.run_begin.push_back(first);

@@ -40,14 +40,16 @@ struct MotionTable {
   Eigen::MatrixXd standing;
   std::vector<Block> blocks;
   Eigen::VectorXd sign_width;  ///< n: of the smooth sign [rad/s, m/s]
-  /// Time within which the low-pass of the motion leaves open when a joint turns back, and with it the sign of its
+  /// n: time within which the low-pass of its motion leaves open when a joint turns back, and with it the sign of its
   /// velocity: 1/(2 pi cut-off), of the log where it is longest [s]; 0: no low-pass.
-  double turn_seconds{0.0};
+  Eigen::VectorXd turn_seconds;
   Eigen::VectorXd encoder_step;  ///< n: see encoder_steps(); no rows: not known
 
   Eigen::Index rows() const { return time.size(); }
   /// m, 1 or 0: the joint moves, and turns back within `times` turn_seconds.
   Eigen::VectorXd turns(int joint, double times) const;
+  /// Takes the motion of one joint from another table of the same logs, whose low-pass has another cut-off.
+  void take_motion(const MotionTable& other, int joint);
 };
 
 struct TableOptions {

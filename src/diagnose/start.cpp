@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -13,7 +15,6 @@
 namespace heft::diagnose {
 namespace {
 
-using Eigen::Index;
 using Eigen::VectorXd;
 
 /// Takes effects out of a robot.
@@ -53,52 +54,104 @@ std::vector<GearCoupling<double>> pairs_of(const model::Robot& robot, const Diag
   return pairs;
 }
 
-/// Training logs at one cut-off and the fit to them.
-void fit_at(double cutoff, const std::shared_ptr<const BaseModel>& base, const std::vector<data::Log>& train,
-            Start& start) {
-  start.train = std::make_unique<JudgedMotion>(start.robot, train, Reading{cutoff});
-  start.engine = std::make_unique<Engine>(base, start.train->shared_table(), start.pairs);
-}
+/// Sum over joints of ln(error): no joint counts more than another.
+double sum_of_logs(const VectorXd& rms) { return rms.cwiseMax(1e-12).array().log().sum(); }
 
-/// The cut-off that leaves the smallest residual: a low one loses motion, a high one lets encoder noise in.
-void choose_cutoff(const std::vector<data::Log>& train, const DiagnoseOptions& options, Start& start) {
-  double from_motion = 0.0, highest = 0.0, bandwidth = 0.0;
-  for (const data::MotionStream& stream : streams_of(train, {})) {
-    if (highest == 0.0) highest = 0.4 * stream.summary().sample_rate;
-    from_motion = std::max(from_motion, stream.summary().cutoff);
-    bandwidth = std::max(bandwidth, stream.summary().bandwidth);
-  }
-  start.band = options.band > 0.0 ? options.band : validate::default_band(bandwidth);
-  start.cutoff = options.cutoff;
-  const auto base = std::make_shared<const BaseModel>(start.robot, searched_structure());
-  if (start.cutoff > 0.0) return fit_at(start.cutoff, base, train, start);
-  // Motion that is cut off cannot say what the torque does in the band that was asked for.
-  const double lowest = options.band < highest ? options.band : 0.0;
-  double least = 0.0, tried = -1.0;
-  int step = 0;
-  Start at;
-  at.robot = start.robot;
-  at.pairs = start.pairs;
-  for (double hz : {from_motion, 6.0, 12.0, 20.0, 32.0}) {
-    if (options.progress) options.progress("motion", 0.05 * step++ / 5.0);  // the effects take the rest
-    hz = std::max(hz, lowest);
-    if (hz == tried || hz >= highest) continue;
-    tried = hz;
-    fit_at(hz > 0.0 ? hz : 5.0, base, train, at);
-    double logs = 0.0;
-    const VectorXd rms = at.train->rms_error(at.engine->predicted());
-    for (Index j = 0; j < rms.size(); ++j) logs += std::log(std::max(1e-12, rms[j]));
-    if (start.cutoff == 0.0 || logs < least) {
-      least = logs;
-      start.cutoff = hz;
-      start.engine = std::move(at.engine);
-      start.train = std::move(at.train);
+/// Chooses the low-pass of the motion.
+class Cutoffs {
+ public:
+  Cutoffs(const std::vector<data::Log>& train, const DiagnoseOptions& options, Start& start)
+      : train_(train),
+        options_(options),
+        start_(start),
+        base_(std::make_shared<const BaseModel>(start.robot, searched_structure())) {}
+
+  void choose() {
+    double from_motion = 0.0, bandwidth = 0.0;
+    for (const data::MotionStream& stream : streams_of(train_, {})) {
+      if (highest_ == 0.0) highest_ = 0.4 * stream.summary().sample_rate;
+      from_motion = std::max(from_motion, stream.summary().cutoff);
+      bandwidth = std::max(bandwidth, stream.summary().bandwidth);
     }
+    start_.band = options_.band > 0.0 ? options_.band : validate::default_band(bandwidth);
+    start_.cutoff = options_.cutoff;
+    if (!(start_.cutoff > 0.0)) choose_for_all(from_motion);
+    start_.cutoffs.setConstant(start_.robot.num_joints(), start_.cutoff);
+    const JudgedMotion& motion = at(start_.cutoff);
+    start_.train_as_filed = std::make_shared<const JudgedMotion>(motion);
+    start_.train = start_.train_as_filed;
+    if (!(options_.cutoff > 0.0) && start_.cutoff > 0.0) raise_for_each(motion);
+    start_.engine = std::make_unique<Engine>(base_, start_.train->shared_table(), start_.pairs);
   }
-  if (start.cutoff > 0.0) return;
-  start.cutoff = from_motion;
-  fit_at(start.cutoff, base, train, start);
-}
+
+ private:
+  /// The cut-off that leaves the smallest residual: a low one loses motion, a high one lets encoder noise in.
+  void choose_for_all(double from_motion) {
+    // Motion that is cut off cannot say what the torque does in the band that was asked for.
+    const double lowest = options_.band < highest_ ? options_.band : 0.0;
+    double least = 0.0;
+    int step = 0;
+    for (double hz : {from_motion, 6.0, 12.0, 20.0, 32.0, 50.0}) {
+      if (options_.progress) options_.progress("motion", 0.05 * step++ / 6.0);  // the effects take the rest
+      hz = std::max(hz, lowest);
+      if (at_.count(hz) > 0 || hz >= highest_) continue;
+      const Engine engine(base_, at(hz > 0.0 ? hz : kNoMotion).shared_table(), start_.pairs);
+      const double logs = sum_of_logs(at(hz > 0.0 ? hz : kNoMotion).rms_error(engine.predicted()));
+      if (start_.cutoff == 0.0 || logs < least) {
+        least = logs;
+        start_.cutoff = hz;
+        fitted_ = engine.robot();
+      }
+    }
+    if (start_.cutoff == 0.0) start_.cutoff = from_motion;
+  }
+
+  /// Where the position of one joint may pass further up at no cost, it does: what is cut off leaves open when the joint
+  /// turns back.
+  void raise_for_each(const JudgedMotion& common) {
+    JudgedMotion chosen = common;
+    double least = sum_of_logs(chosen.rms_error(chosen.predicted(fitted_)));
+    for (int j = start_.robot.num_joints() - 1; j >= 0; --j) {
+      for (const auto& [hz, motion] : at_) {
+        if (hz < kRaised * start_.cutoff) continue;
+        JudgedMotion raised = chosen.with_joint_of(motion, j);
+        const double logs = sum_of_logs(raised.rms_error(raised.predicted(fitted_)));
+        if (logs > least + kAsGood) break;
+        chosen = std::move(raised);
+        start_.cutoffs[j] = hz;
+        least = std::min(least, logs);
+      }
+    }
+    if (options_.trace) {
+      options_.trace(fmt::format("cut-off {:.3g} Hz, of the joints {:.3g} Hz", start_.cutoff,
+                                 fmt::join(start_.cutoffs, " ")));
+    }
+    if (start_.one_cutoff()) return;
+    start_.cutoff = start_.cutoffs.minCoeff();
+    start_.train = std::make_shared<const JudgedMotion>(std::move(chosen));
+    start_.train_as_filed = std::make_shared<const JudgedMotion>(at(start_.cutoff));
+  }
+
+  /// The training logs behind a cut-off.
+  const JudgedMotion& at(double hz) {
+    return at_.try_emplace(hz, start_.robot, train_, Reading{hz}).first->second;
+  }
+
+  /// Cut-off where the motion says nothing of it [Hz].
+  static constexpr double kNoMotion = 5.0;
+  /// A joint's cut-off is raised by at least this [1].
+  static constexpr double kRaised = 1.3;
+  /// Rise of the sum over joints of ln(error) that is none [1].
+  static constexpr double kAsGood = 0.003;
+
+  const std::vector<data::Log>& train_;
+  const DiagnoseOptions& options_;
+  Start& start_;
+  std::shared_ptr<const BaseModel> base_;
+  double highest_{0.0};  ///< cut-off that the sample rate allows [Hz]
+  std::map<double, JudgedMotion> at_;
+  model::Robot fitted_;  ///< behind the cut-off for all
+};
 
 }  // namespace
 
@@ -118,8 +171,11 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
         fmt::join(taken_out, ", ")));
   }
   refuse_too_few_parameters(start.robot, train);
-  choose_cutoff(train, options, start);
-  start.judged = std::make_unique<JudgedMotion>(start.robot, validate, Reading{start.cutoff});
+  Cutoffs(train, options, start).choose();
+  start.judged_as_filed = std::make_shared<const JudgedMotion>(start.robot, validate, Reading{start.cutoff});
+  start.judged = start.one_cutoff()
+                     ? start.judged_as_filed
+                     : std::make_shared<const JudgedMotion>(motion_of(start.robot, validate, start.cutoffs));
   if (!(start.engine->problem().counted().maxCoeff() > 0.0)) {
     throw NotIdentifiableError(
         "no joint moves in the training logs; expected a motion in which every joint moves; record one, "

@@ -17,11 +17,16 @@ struct Start {
   model::Robot robot;  ///< of it rigid bodies, Coulomb and viscous friction: what a search begins with
   model::Robot own;    ///< of it what the written model has without an effect
   std::vector<GearCoupling<double>> pairs;  ///< of joints that may share a motor
-  double cutoff{0.0};                       ///< of the low-pass on q [Hz]
-  double band{0.0};                         ///< of the figures in band [Hz]
-  std::unique_ptr<const JudgedMotion> train, judged;
+  double cutoff{0.0};  ///< of the low-pass on q, the lowest of all joints; what a model file can hold [Hz]
+  Eigen::VectorXd cutoffs;  ///< n: of the low-pass on each joint's position, for the search [Hz]
+  double band{0.0};         ///< of the figures in band [Hz]
+  std::shared_ptr<const JudgedMotion> train, judged;  ///< a cut-off for each joint
+  /// The same logs with one cut-off for all joints, as they are read for a model file that holds it.
+  std::shared_ptr<const JudgedMotion> train_as_filed, judged_as_filed;
   std::unique_ptr<Engine> engine;  ///< fit without effects
   std::vector<std::string> notes;
+
+  bool one_cutoff() const { return cutoffs.minCoeff() == cutoffs.maxCoeff(); }
 };
 
 /// @throws DataError, NotIdentifiableError

@@ -83,7 +83,7 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
 }
 
 const JudgedMotion& WrittenModel::logs(bool ordinary) const {
-  return ordinary ? *identified_.ordinary : *search_.start().judged;
+  return ordinary ? *identified_.ordinary : *search_.start().judged_as_filed;
 }
 
 int WrittenModel::own_column(std::size_t effect) const {

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include "heft/host/words.hpp"
-
 #include "page_lines.hpp"
 #include "torque_score.hpp"
 
@@ -86,8 +85,9 @@ std::string full(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   scores("Training", diagnosis.train_given, diagnosis.train_identified, diagnosis.train_after);
   if (has_scores(diagnosis.validate_identified, diagnosis.validate_after)) {
     if (diagnosis.validate_torque.rmse_in_band.size() > 0) text += relative_error_in_words(diagnosis) + "\n";
-    text += fmt::format("{} {} The search reads positions through a low-pass of {:.3g} Hz.\n",
-                        score_meaning(diagnosis.validate_after), models_in_words(), diagnosis.cutoff);
+    text +=
+        fmt::format("{} {} The search reads positions through a low-pass of {}.\n",
+                    score_meaning(diagnosis.validate_after), models_in_words(), cutoff_in_words(diagnosis));
   }
   if (diagnosis.validate_each_after.size() > 1) {
     const std::size_t count =

@@ -186,6 +186,7 @@ std::string brief(const Diagnosis& diagnosis) {
            noise;
   }
   std::string text;
+  const std::string left_out = left_out_of(diagnosis.findings);
   if (diagnosis.findings.size() == 1) {
     const Finding& finding = diagnosis.findings.front();
     text = matter(finding);
@@ -215,12 +216,13 @@ std::string brief(const Diagnosis& diagnosis) {
         joints.push_back(fall_in_words(diagnosis, fall.joint));
     }
     if (!joints.empty()) {
-      text += fmt::format(". With all of them the error on the validation log{} falls most in {}",
+      text += fmt::format(". With {} the error on the validation log{} falls most in {}",
+                          left_out.empty() ? "all of them" : "those in the model written",
                           logs > 1 ? "s" : "", list_of(joints));
     }
     text += ".";
   }
-  text += left_out_of(diagnosis.findings);
+  text += left_out;
   if (!left.empty()) text += fmt::format(" Beyond that an unexplained residual remains: {}.", left);
   return text + noise;
 }
@@ -230,8 +232,9 @@ model::ModelFile model_file(const Diagnosis& diagnosis) {
   std::vector<std::string>& notes = file.provenance.notes;
   notes = {brief(diagnosis)};
   for (const Finding& finding : diagnosis.findings) {
-    notes.push_back(fmt::format("{}: {}; {}", finding_in_place(diagnosis, finding),
-                                parameters_in_words(finding, diagnosis.after), evidence_in_words(finding)));
+    notes.push_back(fmt::format("{}: {}; {}{}", finding_in_place(diagnosis, finding),
+                                parameters_in_words(finding, diagnosis.after), evidence_in_words(finding),
+                                finding.left_out.empty() ? "" : "; not in this model: " + finding.left_out));
   }
   notes.insert(notes.end(), diagnosis.notes.begin(), diagnosis.notes.end());
   return file;

@@ -136,6 +136,8 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   const double band = diagnosis.validate_after.band;
   json["band_hz"] = band > 0.0 ? nlohmann::ordered_json(band) : nlohmann::ordered_json(nullptr);
   json["cutoff_hz"] = diagnosis.cutoff;
+  if (diagnosis.joint_cutoffs.size() > 0)
+    json["joint_cutoffs_hz"] = host::json_array(diagnosis.joint_cutoffs);
   json["train"] =
       before_after_json(diagnosis.train_before, diagnosis.train_identified, diagnosis.train_after);
   json["validate"] =

@@ -388,8 +388,8 @@ page::Page page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   page.heading("Again");
   page.preformatted(context.command);
   page.paragraph(fmt::format(
-      "The search reads positions through a zero-phase low-pass of {:.3g} Hz; {:.1f} s of training motion.",
-      diagnosis.cutoff, diagnosis.seconds));
+      "The search reads positions through a zero-phase low-pass of {}; {:.1f} s of training motion.",
+      cutoff_in_words(diagnosis), diagnosis.seconds));
   for (const std::string& line : diagnosis.notes) page.note(line);
   return page;
 }

@@ -67,6 +67,8 @@ page::Table models_table(const validate::Score& given, const validate::Score& id
                          const validate::Score& diagnosed, const model::Robot& robot);
 /// What the columns of models_table() are, as a sentence.
 std::string models_in_words();
+/// "6 Hz", and that of each joint where they differ.
+std::string cutoff_in_words(const diagnose::Diagnosis& diagnosis);
 /// "-1.9 to 1.9 rad/s, load -52 to 61 N·m, position -2.1 to 2.2 rad": where the effect was seen.
 std::string range_in_words(const diagnose::Finding& finding, const model::Robot& robot);
 /// Whether the effect is a value that identify finds as well: rotor inertia, offset.

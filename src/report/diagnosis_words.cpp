@@ -57,6 +57,14 @@ RelativeErrors relative_errors(const Diagnosis& d) {
           moving(d.validate_before), moving(d.validate_identified), moving(d.validate_after)};
 }
 
+std::string cutoff_in_words(const diagnose::Diagnosis& diagnosis) {
+  std::string words = fmt::format("{:.3g} Hz", diagnosis.cutoff);
+  const Eigen::VectorXd& each = diagnosis.joint_cutoffs;
+  if (each.size() > 0 && each.maxCoeff() > each.minCoeff())
+    words += fmt::format(" (joint by joint {:.3g} Hz)", fmt::join(each, ", "));
+  return words;
+}
+
 std::string models_in_words() {
   return "Given: the model handed in. Identified: what heft identify makes of the training logs. Diagnosed: "
          "the same together with the effects.";

@@ -16,10 +16,11 @@ using diagnose::Diagnosis;
 using diagnose::Finding;
 using page::Table;
 
+/// Of the model written: what it does without has no stiffness there.
 std::vector<const Finding*> elastic_findings(const Diagnosis& diagnosis) {
   std::vector<const Finding*> found;
   for (const Finding& finding : diagnosis.findings) {
-    if (finding.effect.is<ElasticJoint>()) found.push_back(&finding);
+    if (finding.effect.is<ElasticJoint>() && finding.left_out.empty()) found.push_back(&finding);
   }
   return found;
 }
@@ -43,6 +44,10 @@ host::Judgement judgement_of(const MotorSideReport& report) {
 
 std::string why_none(const Diagnosis& diagnosis) {
   std::vector<std::string> why;
+  for (const Finding& finding : diagnosis.findings) {
+    if (finding.effect.is<ElasticJoint>() && !finding.left_out.empty())
+      why.push_back(fmt::format("joint {}: {}", finding.joint + 1, finding.left_out));
+  }
   for (const diagnose::Refusal& refusal : diagnosis.refusals) {
     if (refusal.effect.is<ElasticJoint>())
       why.push_back(fmt::format("joint {}: {}", refusal.joint + 1, refusal.why));

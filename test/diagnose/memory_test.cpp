@@ -40,7 +40,8 @@ model::Robot remembering_arm() {
 }
 
 /// Rests, moves for 24 s and rests again; each joint swings back a little as it stops.
-data::Log log_of(const model::Robot& robot, unsigned seed, bool velocities) {
+/// @param coarse  joints whose encoder has steps and noise
+data::Log log_of(const model::Robot& robot, unsigned seed, bool velocities, int coarse = 2) {
   const double moving = 24.0, begin = 2.0, rest = 4.0;
   const auto rows = static_cast<Index>((begin + moving + rest) * kRate);
   std::mt19937 random(seed);
@@ -78,7 +79,7 @@ data::Log log_of(const model::Robot& robot, unsigned seed, bool velocities) {
   for (Index k = 0; k < rows; ++k) {
     for (int j = 0; j < 2; ++j) {
       log.tau(k, j) += 0.05 * noise(random);
-      log.q(k, j) = 2.4e-5 * std::round((log.q(k, j) + 2e-5 * noise(random)) / 2.4e-5);
+      if (j < coarse) log.q(k, j) = 2.4e-5 * std::round((log.q(k, j) + 2e-5 * noise(random)) / 2.4e-5);
     }
   }
   if (!velocities) log.qd.resize(0, 0);
@@ -154,6 +155,22 @@ TEST(Motion, KeepsTheBandThatWasAskedFor) {
   EXPECT_EQ(diagnose(arm(), {log(1)}, {log(2)}, options).cutoff, chosen);
   options.cutoff = 10.0;
   EXPECT_EQ(diagnose(arm(), {log(1)}, {log(2)}, options).cutoff, 10.0);
+}
+
+TEST(Motion, OfAJointWithAQuietEncoderIsCutOffFurtherUp) {
+  // What the encoder of joint 1 adds keeps its cut-off low; that of joint 2 adds nothing.
+  const data::Log train = log_of(arm(), 1, false, 1), judge = log_of(arm(), 2, false, 1);
+  const Diagnosis d = diagnose(arm(), {train}, {judge});
+  ASSERT_EQ(d.joint_cutoffs.size(), 2);
+  EXPECT_GT(d.joint_cutoffs[1], 1.9 * d.joint_cutoffs[0]);
+  EXPECT_EQ(d.cutoff, d.joint_cutoffs.minCoeff());
+  EXPECT_TRUE(d.findings.empty());
+
+  DiagnoseOptions options;
+  options.cutoff = 10.0;
+  const Diagnosis asked = diagnose(arm(), {train}, {judge}, options);
+  EXPECT_EQ(asked.joint_cutoffs.minCoeff(), 10.0);
+  EXPECT_EQ(asked.joint_cutoffs.maxCoeff(), 10.0);
 }
 
 TEST(Size, ThatMattersIsLessWhereThreeRunsAgree) {

@@ -57,7 +57,7 @@ TEST(Table, KnowsWhereTheLowPassLeavesOpenWhenAJointTurnsBack) {
   MotionTable table = even_table(1001, 1, 1000.0, 8);
   table.qd.col(0) = table.time.array() - 0.5;
   table.qdd.setOnes();
-  table.turn_seconds = 0.01;
+  table.turn_seconds.setConstant(1, 0.01);
   const VectorXd once = table.turns(0, 1.0), twice = table.turns(0, 2.0);
   EXPECT_NEAR(once.sum(), 20.0 - 5.0, 2.0)
       << "two widths of the sign of 1 mrad/s to either side count as rest";
@@ -65,6 +65,22 @@ TEST(Table, KnowsWhereTheLowPassLeavesOpenWhenAJointTurnsBack) {
   EXPECT_EQ(once[500], 0.0);
   EXPECT_EQ(once[506], 1.0);
   EXPECT_EQ(once[515], 0.0);
+}
+
+TEST(Table, TakesTheMotionOfOneJointFromAnother) {
+  MotionTable table = even_table(10, 2, 100.0, 2), other = even_table(10, 2, 100.0, 2);
+  table.standing = other.standing = MatrixXd::Zero(10, 2);
+  table.turn_seconds.setConstant(2, 0.02);
+  other.turn_seconds.setConstant(2, 0.01);
+  for (MatrixXd* m : {&other.q, &other.qd, &other.qdd, &other.tau, &other.direction}) m->setOnes();
+  table.take_motion(other, 1);
+  for (const MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.direction}) {
+    EXPECT_EQ(m->col(0).sum(), 0.0);
+    EXPECT_EQ(m->col(1).sum(), 10.0);
+  }
+  EXPECT_EQ(table.tau.sum(), 0.0) << "the torque is no matter of the low-pass";
+  EXPECT_EQ(table.turn_seconds[0], 0.02);
+  EXPECT_EQ(table.turn_seconds[1], 0.01);
 }
 
 TEST(Problem, SaysWhereTheErrorFalls) {

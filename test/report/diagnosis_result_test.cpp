@@ -7,6 +7,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "heft/report/stiffness.hpp"
+
 #include "diagnosis_result.hpp"
 
 namespace heft::tools {
@@ -127,6 +129,30 @@ TEST(DiagnosisVerdict, ListsSeveralEffects) {
       "2 effects are missing: Stribeck friction in joint 1 and a delay of the torque channel. With all "
       "of them the error on the validation log falls most in joint 2 (0.600 → 0.300 N, −50 %) and joint 1 "
       "(0.430 → 0.290 N·m, −33 %).");
+}
+
+TEST(DiagnosisVerdict, SaysWhatTheModelWrittenDoesWithout) {
+  Diagnosis diagnosis = empty_diagnosis();
+  Finding elastic(ElasticJoint{});
+  elastic.joint = 0;
+  elastic.main_joint = 1;
+  elastic.left_out = "predicts joint 2 worse than the identified model on b.csv";
+  diagnosis.findings = {stribeck(), elastic};
+  EXPECT_THAT(report::brief(diagnosis),
+              AllOf(HasSubstr("With those in the model written the error"),
+                    HasSubstr(" Left out of the model written: "),
+                    HasSubstr(", as it predicts joint 2 worse"), Not(HasSubstr("all of them"))));
+  EXPECT_THAT(report::full(diagnosis, kContext), HasSubstr("on b.csv: not in the model written"));
+  const auto effects = nlohmann::json::parse(report::json(diagnosis, kContext)).at("effects");
+  EXPECT_EQ(effects[0].at("in_model"), true);
+  EXPECT_FALSE(effects[0].contains("left_out"));
+  EXPECT_EQ(effects[1].at("in_model"), false);
+  EXPECT_EQ(effects[1].at("left_out"), elastic.left_out);
+  const std::vector<std::string> notes = report::model_file(diagnosis).provenance.notes;
+  EXPECT_THAT(notes.at(1), Not(HasSubstr("not in this model")));
+  EXPECT_THAT(notes.at(2), EndsWith("; not in this model: " + elastic.left_out));
+  // A stiffness that no model has is not reported; the reason is.
+  EXPECT_THAT(report::why_none(diagnosis), HasSubstr("joint 1: predicts joint 2 worse"));
 }
 
 TEST(DiagnosisVerdict, StaysShortWithManyEffectsAndMuchUnexplained) {

@@ -210,7 +210,8 @@ struct Diagnosis {
   std::vector<NotExplained> not_explained;
   std::vector<std::string> notes;
   std::vector<Traces> train, validate;  ///< one a log
-  double cutoff{0.0};                   ///< of the low-pass on q [Hz]
+  double cutoff{0.0};                   ///< of the low-pass on q, the lowest of the joints [Hz]
+  Eigen::VectorXd joint_cutoffs;        ///< n: of the low-pass on each joint's position in the search [Hz]
   double sign_width{0.0};               ///< of friction's sign [rad/s, m/s]
   int candidates{0};                    ///< tried, shapes counted
   double seconds{0.0};                  ///< of training motion
