@@ -79,6 +79,13 @@ struct LiveLog::Impl {
     for (std::size_t k = 0; k < columns.size(); ++k) to[static_cast<Eigen::Index>(k)] = row[columns[k]];
   }
 
+  /// With the first row: units may stand in a line of their own above it.
+  void tell_how_read() {
+    if (told) return;
+    told = true;
+    if (const std::string how = file.how_read(); !how.empty()) tell(how);
+  }
+
   void refuse(const DataError& error) {
     ++refused;
     if (refused <= kMostNotes) tell(fmt::format("{}; the row is left out", error.what()));
@@ -92,6 +99,7 @@ struct LiveLog::Impl {
   std::size_t time{0};
   std::vector<std::size_t> q, qd, tau;
   long refused{0};
+  bool told{false};
 };
 
 LiveLog::LiveLog(const std::string& path, const LogRequirements& needs,
@@ -105,6 +113,7 @@ bool LiveLog::next(LiveRow& row) {
     const std::size_t line = my.file.line();
     try {
       if (!my.file.next(my.row.data())) break;
+      my.tell_how_read();
     } catch (const DataError& error) {
       if (my.file.line() == line) throw;  // of the stream, not of a row
       my.refuse(error);

@@ -40,8 +40,7 @@ std::vector<std::pair<std::string, const double*>> columns_of(const Log& log) {
 
 }  // namespace
 
-Log read_log(const std::string& path, const LogRequirements& needs, std::vector<std::string>* notes) {
-  LogFile file(path, needs);
+Log rows_of(LogFile& file, const std::string& path, std::vector<std::string>* notes) {
   const std::size_t num_columns = file.num_columns();
   std::vector<double> row(num_columns);
   std::vector<std::vector<double>> columns(num_columns);
@@ -77,6 +76,14 @@ Log read_log(const std::string& path, const LogRequirements& needs, std::vector<
   if (notes != nullptr) {
     if (std::string note = file.note(); !note.empty()) notes->push_back(std::move(note));
   }
+  return log;
+}
+
+Log read_log(const std::string& path, const LogRequirements& needs, std::vector<std::string>* notes) {
+  LogFile file(path, needs);
+  Log log = rows_of(file, path, notes);
+  if (std::string how = file.how_read(); notes != nullptr && !how.empty())
+    notes->insert(notes->begin(), std::move(how));
   return log;
 }
 

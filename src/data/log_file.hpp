@@ -1,9 +1,10 @@
 /// @file
-/// A log file read row by row; every check of the format is made here, so that a log read whole and a log
+/// A log file read row by row, whatever its format; every check is made here, so that a log read whole and a log
 /// read piece by piece are refused with the same words.
 #pragma once
 
 #include <array>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,7 +13,9 @@
 
 #include "heft/data/log.hpp"
 #include "heft/host/error.hpp"
-#include "heft/host/file.hpp"
+#include "log_reader.hpp"
+#include "open_log.hpp"
+#include "readers/text_reader.hpp"
 
 namespace heft::data {
 
@@ -34,16 +37,11 @@ inline constexpr std::array<Channel, 8> kChannels{{
     {"temp", &Log::temperature},
 }};
 
-/// How a log is read.
-enum class Reading {
-  kWhole,  ///< a file that has an end
-  kArriving  ///< rows as they arrive: never waits for more than the next line, goes on behind a row that it refuses
-};
-
-/// Reads one log from front to back. Memory: a buffer of a few lines' length, however long the file.
+/// Reads one log from front to back. Memory does not grow with the file.
 class LogFile {
  public:
-  /// Opens the file, reads the header and checks it against `needs`. Every column is wanted at first.
+  /// Opens the file, finds its format by its content, and checks its columns against `needs`. Every column is wanted at
+  /// first. Logs that arrive are text.
   /// @throws DataError
   LogFile(const std::string& path, const LogRequirements& needs, Reading reading = Reading::kWhole);
 
@@ -64,7 +62,10 @@ class LogFile {
   /// Time or part of a complete channel.
   bool is_known(std::size_t column) const { return columns_[column].known; }
   /// Another column, in which text was found so far.
-  bool is_dropped(std::size_t column) const { return columns_[column].dropped; }
+  bool is_dropped(std::size_t column) const {
+    return columns_[column].dropped ||
+           (text_ != nullptr && column < file_columns_ && text_->is_dropped(column));
+  }
 
   /// Skips every column but time and these from now on: their fields are not even looked at.
   void want_only(const std::vector<std::size_t>& columns);
@@ -73,8 +74,9 @@ class LogFile {
   /// @return false at the end of the file
   /// @throws DataError naming the line; of rows that arrive the next call then takes the row behind it
   bool next(double* values);
-  /// Number of the line read last.
-  std::size_t line() const { return line_; }
+  /// Number of the line read last; 0 where there are none.
+  std::size_t line() const { return text_ != nullptr ? text_->line() : 0; }
+  const LogReader& reader() const { return *reader_; }
 
   long num_rows() const { return num_rows_; }
   /// Whether the rows read are as many as needed. @throws DataError
@@ -82,8 +84,11 @@ class LogFile {
   /// A note on columns beyond the known channels, "" when there are none. Columns of `used` are not
   /// mentioned.
   std::string note(const std::vector<std::size_t>& used = {}) const;
+  /// How a file in other words or units than heft's was understood, and what its reader has to tell once it is at its
+  /// end; "" when there is nothing.
+  std::string how_read() const;
   /// Part of the file that was read, 0..1.
-  double part_read() const;
+  double part_read() const { return reader_->part_read(); }
 
  private:
   struct Column {
@@ -93,16 +98,14 @@ class LogFile {
     bool dropped{false};
   };
   template <typename... Args>
-  [[noreturn]] void fail(std::size_t line, fmt::format_string<Args...> format, Args&&... args) const {
-    throw DataError(fmt::format("{}:{}: {}", path_, line, fmt::format(format, std::forward<Args>(args)...)));
+  [[noreturn]] void fail(const std::string& place, fmt::format_string<Args...> format, Args&&... args) const {
+    throw DataError(fmt::format("{}: {}", place, fmt::format(format, std::forward<Args>(args)...)));
   }
 
-  void open();
-  bool fill();
   void check_time(double time);
-  bool next_line();
-  void read_header();
+  void check_finite(const double* values);
   void find_channels();
+  std::string or_map(std::string_view prefix) const;
   void check_required();
   void require_channel(std::string_view prefix, Eigen::MatrixXd Log::*matrix, std::string_view meaning,
                        std::string_view remedy) const;
@@ -110,25 +113,15 @@ class LogFile {
   std::string column_list() const;
   int highest(std::string_view prefix) const;
   int first_missing(std::string_view prefix, int count) const;
-  void refuse_field(std::size_t index, const char* begin, int problem);
-  void look_at_end_of_line();
-  [[noreturn]] void fail_ragged() const;
 
   std::string path_;
   LogRequirements needs_;
   Reading reading_;
-  host::InputFile file_;
-  double file_size_{0.0};
-  double bytes_read_{0.0};
-  std::vector<char> buffer_;
-  std::size_t at_{0};      ///< of the first byte not yet used
-  std::size_t filled_{0};  ///< end of what is in the buffer
-  bool at_end_{false};     ///< the file has no more
-  const char* line_begin_{nullptr};
-  const char* line_end_{nullptr};  ///< its line feed, or the end of the file
-  std::size_t line_{0};            ///< number of that line
-  bool terminated_{true};          ///< that line has a line feed
-  int decimals_{-1};               ///< of the last number of every row so far; -2: not the same in all
+  std::unique_ptr<LogReader> reader_;
+  TextReader* text_{nullptr};    ///< the reader, when the log is text
+  std::string header_;           ///< place of the names of columns
+  std::size_t file_columns_{0};  ///< columns of the file; one more may hold the time that it lacks
+  double rate_{0.0};             ///< [Hz] of a log without time; 0: it has one
   std::vector<Column> columns_;
   std::size_t time_column_{0};
   std::array<bool, kChannels.size()> complete_{};
@@ -136,10 +129,13 @@ class LogFile {
   bool use_current_{false};
   long num_rows_{0};
   double last_time_{0.0};
-  std::size_t last_line_{0};  ///< of the last row taken
+  std::size_t last_line_{0};  ///< of the last row taken; of the header where there is none
   double other_time_{0.0};    ///< of the last row refused for its time [s]
   int other_rows_{0};         ///< rows in a row refused for their time, though it increases among them
-  std::vector<std::string> dropped_;
+  std::vector<std::string> dropped_;  ///< by this class, in a binary log
 };
+
+/// All rows of a log, in memory. @param notes  as of read_log, without how the file was understood
+Log rows_of(LogFile& file, const std::string& path, std::vector<std::string>* notes);
 
 }  // namespace heft::data

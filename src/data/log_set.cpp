@@ -49,9 +49,10 @@ ChannelColumns columns_of(const LogFile& file, const std::string& prefix, bool t
 }
 
 /// Calls `use(time, q, qd, qdd, tau)` for the rows of a file, block by block.
-/// @return LogFile::unused_torque_constants()
+/// @return LogFile::how_read() and unused_torque_constants(), where they say anything
 template <typename Use>
-std::string for_each_block(const std::string& path, const LogRequirements& needs, const Use& use) {
+std::vector<std::string> for_each_block(const std::string& path, const LogRequirements& needs,
+                                        const Use& use) {
   LogFile file(path, needs);
   const bool current = file.torque_from_current();
   const std::array<ChannelColumns, 4> channels{
@@ -82,7 +83,9 @@ std::string for_each_block(const std::string& path, const LogRequirements& needs
   }
   if (rows > 0) hand_over();
   file.check_length();
-  return file.unused_torque_constants();
+  std::vector<std::string> notes{file.how_read(), file.unused_torque_constants()};
+  std::erase(notes, "");
+  return notes;
 }
 
 /// Looks at every row of a log once: unit slips, and what another log could share with it.
@@ -123,11 +126,11 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
     const Log& log = *source.memory;
     inspection.add(log.time, log.q, log.qd, log.qdd, log.tau);
   } else {
-    const std::string unused =
+    const std::vector<std::string> told =
         for_each_block(source.path, source.needs,
                        [&](const auto& time, const auto& q, const auto& qd, const auto& qdd,
                            const auto& tau) { inspection.add(time, q, qd, qdd, tau); });
-    if (!unused.empty()) notes.push_back(unused);
+    notes.insert(notes.end(), told.begin(), told.end());
   }
   inspection.finish(limits, source, notes);
   return source;
@@ -199,6 +202,7 @@ class LogSetBuilder {
     needs_.torque = files.torque;
     needs_.min_samples = files.min_samples;
     needs_.torque_constant = files.torque_constant;
+    needs_.as = files.as;
     set_.torque_at_ = files.torque_at;
     set_.cutoff_ = files.cutoff;
     set_.train_paths_ = files.train;
@@ -324,8 +328,18 @@ MotionStream stream(const LogSource& source, const StreamOptions& options) {
   return MotionStream(source.path, source.needs, wanted);
 }
 
+namespace {
+
+/// How the file was understood was told when it was looked at.
+Log again(const LogSource& source, std::vector<std::string>* notes) {
+  LogFile file(source.path, source.needs);
+  return rows_of(file, source.path, notes);
+}
+
+}  // namespace
+
 Log read(const LogSource& source, std::vector<std::string>* notes) {
-  Log log = source.memory ? *source.memory : read_log(source.path, source.needs, notes);
+  Log log = source.memory ? *source.memory : again(source, notes);
   if (source.unusable_rate.empty()) return log;
   if (notes != nullptr)
     notes->push_back(fmt::format("{}: {}; it is not used", source.path, source.unusable_rate));

@@ -253,7 +253,7 @@ std::vector<double> completed(std::vector<double> values, const std::vector<doub
   return values;
 }
 
-data::LogSet open_logs(const std::vector<std::string>& paths) {
+data::LogSet open_logs(const std::vector<std::string>& paths, const data::ReadAs& as) {
   if (paths.empty())
     throw InputError("no log was given; expected one or more with target torque and current");
   std::error_code ignored;
@@ -261,14 +261,17 @@ data::LogSet open_logs(const std::vector<std::string>& paths) {
   files.train = paths;
   files.split = 0.0;
   files.torque = false;
+  files.as = as;
+  data::LogRequirements needs;
+  needs.as = as;
   if (std::filesystem::is_regular_file(paths.front(), ignored)) {
-    const data::MotionStream first(paths.front(), data::LogRequirements{});
+    const data::MotionStream first(paths.front(), needs);
     return data::open_logs(std::vector<JointSpec>(static_cast<std::size_t>(first.summary().num_joints)),
                            files);
   }
   // What can be read only once is kept in memory.
   std::vector<data::Log> logs;
-  for (const std::string& path : paths) logs.push_back(data::read_log(path, data::LogRequirements{}));
+  for (const std::string& path : paths) logs.push_back(data::read_log(path, needs));
   const std::vector<JointSpec> joints(static_cast<std::size_t>(logs.front().num_joints()));
   return data::log_set(joints, std::move(logs), {});
 }

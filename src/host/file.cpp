@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "heft/host/error.hpp"
+#include "heft/host/file_writer.hpp"
 #include "output_place.hpp"
 #include "temporaries.hpp"
 
@@ -55,12 +56,6 @@ void write_to_descriptor(const std::string& path, int descriptor, std::string_vi
   if (const int reason = write_all(descriptor, content); reason != 0) refuse(path, reason);
 }
 
-void write_through(const std::string& path, const std::string& target, std::string_view content) {
-  const Descriptor file(::open(target.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC));
-  if (!file) refuse(path, std::strerror(errno), "check what this name refers to");
-  if (const int reason = write_all(file.get(), content); reason != 0) refuse(path, reason);
-}
-
 /// Owner first: changing it takes set-user-id bits away.
 void keep_owner_and_mode(int descriptor, const struct stat& old) {
   // A member of the group may keep the group though not the owner; whoever may do neither writes as himself.
@@ -69,26 +64,6 @@ void keep_owner_and_mode(int descriptor, const struct stat& old) {
     errno = 0;
   }
   ::fchmod(descriptor, old.st_mode & 07777);
-}
-
-void replace(const std::string& path, const OutputPlace& place, std::string_view content) {
-  const Descriptor folder(::open(place.folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
-  if (!folder) refuse(path, errno);
-  ScratchFile scratch(folder.get());
-  if (scratch.error() != 0) refuse(path, scratch.error());
-  if (place.exists) keep_owner_and_mode(scratch.descriptor(), place.status);
-  if (const int reason = write_all(scratch.descriptor(), content); reason != 0) {
-    throw InputError(
-        fmt::format("{}: writing failed: {}; {}", path, std::strerror(reason), remedy_for(reason)));
-  }
-  // Without it a power failure may leave an empty file under the new name.
-  if (::fsync(scratch.descriptor()) != 0 && errno != EINVAL && errno != ENOSYS && errno != EROFS) {
-    throw InputError(fmt::format("{}: writing failed: {}; check the disk", path, std::strerror(errno)));
-  }
-  if (const int reason = scratch.rename_to(place.name); reason != 0) {
-    throw InputError(
-        fmt::format("{}: cannot replace the file: {}; choose another name", path, std::strerror(reason)));
-  }
 }
 
 }  // namespace
@@ -196,14 +171,65 @@ OutputPlace output_place(const std::string& path) {
   return place;
 }
 
-void write_file_atomically(const std::string& path, std::string_view content) {
-  const OutputPlace place = output_place(path);
-  if (place.descriptor) return write_to_descriptor(path, *place.descriptor, content);
-  if (place.exists && !S_ISREG(place.status.st_mode)) return write_through(path, place.target, content);
-  if (place.is_protected()) {
-    refuse(path, "the file is write-protected", "choose another name, or allow it with chmod u+w");
+/// Where the content goes: a descriptor of this process, what is written through, or a new file that takes the place of
+/// the old one in the end.
+struct FileWriter::Impl {
+  explicit Impl(const std::string& name) : path(name), place(output_place(name)) {
+    if (place.descriptor) return;
+    if (place.exists && !S_ISREG(place.status.st_mode)) {
+      through = Descriptor(::open(place.target.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC));
+      if (!through) refuse(path, std::strerror(errno), "check what this name refers to");
+      return;
+    }
+    if (place.is_protected())
+      refuse(path, "the file is write-protected", "choose another name, or allow it with chmod u+w");
+    folder = Descriptor(::open(place.folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
+    if (!folder) refuse(path, errno);
+    scratch.emplace(folder.get());
+    if (scratch->error() != 0) refuse(path, scratch->error());
+    if (place.exists) keep_owner_and_mode(scratch->descriptor(), place.status);
   }
-  replace(path, place, content);
+
+  std::string path;
+  OutputPlace place;
+  Descriptor through, folder;
+  std::optional<ScratchFile> scratch;
+};
+
+FileWriter::FileWriter(const std::string& path) : impl_(std::make_unique<Impl>(path)) {}
+FileWriter::~FileWriter() = default;
+
+void FileWriter::write(std::string_view content) {
+  Impl& my = *impl_;
+  if (my.place.descriptor) return write_to_descriptor(my.path, *my.place.descriptor, content);
+  if (my.through) {
+    if (const int reason = write_all(my.through.get(), content); reason != 0) refuse(my.path, reason);
+    return;
+  }
+  if (const int reason = write_all(my.scratch->descriptor(), content); reason != 0) {
+    throw InputError(
+        fmt::format("{}: writing failed: {}; {}", my.path, std::strerror(reason), remedy_for(reason)));
+  }
+}
+
+void FileWriter::finish() {
+  Impl& my = *impl_;
+  if (!my.scratch) return;
+  // Without it a power failure may leave an empty file under the new name.
+  if (::fsync(my.scratch->descriptor()) != 0 && errno != EINVAL && errno != ENOSYS && errno != EROFS) {
+    throw InputError(fmt::format("{}: writing failed: {}; check the disk", my.path, std::strerror(errno)));
+  }
+  if (const int reason = my.scratch->rename_to(my.place.name); reason != 0) {
+    throw InputError(
+        fmt::format("{}: cannot replace the file: {}; choose another name", my.path, std::strerror(reason)));
+  }
+  my.scratch.reset();
+}
+
+void write_file_atomically(const std::string& path, std::string_view content) {
+  FileWriter file(path);
+  file.write(content);
+  file.finish();
 }
 
 }  // namespace heft::host

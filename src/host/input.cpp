@@ -45,16 +45,28 @@ Descriptor unnamed_file() {
   throw InputError(fmt::format("{}: cannot read the {}: {}; {}", path, what, found, remedy));
 }
 
-void copy(const std::string& path, std::string_view what, int from, int to) {
+/// @param endless  `from` is a device such as /dev/zero, which may have no end
+void copy(const std::string& path, std::string_view what, int from, int to, bool endless) {
+  // Some binary formats begin with zeros, none with as many.
+  constexpr std::size_t kMostZeros = std::size_t{1} << 16;
   std::array<char, 1 << 16> block{};
+  std::size_t zeros = 0;
+  bool only_zeros = true;
   for (;;) {
     const ssize_t count = ::read(from, block.data(), block.size());
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) refuse(path, what, std::strerror(errno), "check what writes to it");
     if (count == 0) return;
-    // Also ends at once what never ends, such as /dev/zero.
-    if (std::memchr(block.data(), '\0', static_cast<std::size_t>(count)) != nullptr) {
-      refuse(path, what, "found a zero byte", "expected text; decompress or convert it first");
+    const auto got = static_cast<std::size_t>(count);
+    if (endless && std::memchr(block.data(), '\0', got) != nullptr) {
+      refuse(path, what, "found a zero byte in a device", "expected text, or a binary format through a pipe");
+    }
+    only_zeros =
+        only_zeros && std::all_of(block.data(), block.data() + got, [](char c) { return c == '\0'; });
+    zeros = only_zeros ? zeros + got : 0;
+    if (zeros >= kMostZeros) {
+      refuse(path, what, fmt::format("found nothing but zero bytes in the first {} kB", kMostZeros >> 10),
+             "check what writes to it");
     }
     for (ssize_t done = 0; done < count;) {
       const ssize_t written = ::write(to, block.data() + done, static_cast<std::size_t>(count - done));
@@ -77,6 +89,13 @@ InputFile open_input(const std::string& path) {
   return InputFile(std::fopen(fmt::format("/proc/self/fd/{}", copy->second).c_str(), "rbe"));
 }
 
+InputFile temporary_file() {
+  Descriptor file = unnamed_file();
+  InputFile opened(file ? ::fdopen(file.get(), "w+b") : nullptr);
+  if (opened) file.release();
+  return opened;
+}
+
 void spool_input(const std::string& path, std::string_view what) {
   if (spooled().contains(path)) {
     refuse(path, what, "it was given before, and a pipe can be read once only", "name it once");
@@ -91,7 +110,8 @@ void spool_input(const std::string& path, std::string_view what) {
   if (!from) return;  // the reader says why, in its own words
   Descriptor to = unnamed_file();
   if (!to) refuse(path, what, "no temporary file for a copy", "store it as a file and name that");
-  copy(path, what, from.get(), to.get());
+  const bool endless = S_ISCHR(status.st_mode) && ::isatty(from.get()) == 0;
+  copy(path, what, from.get(), to.get(), endless);
   spooled()[path] = to.release();
 }
 

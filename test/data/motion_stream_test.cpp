@@ -370,7 +370,9 @@ TEST(MotionStream, TellsDisplacementsFromTheVelocitiesAsLogged) {
     const Eigen::MatrixXd pieces = steps_of(200, false);
     ASSERT_EQ(pieces.rows(), rows);
     EXPECT_LT((pieces - steps).colwise().sum().cwiseAbs().maxCoeff(), 12.0 * kStep);
-    EXPECT_LT((steps_of(200, true) - pieces).colwise().sum().cwiseAbs().maxCoeff(), 12.0 * kStep);
+    // The even grid may have a row more or less than the log.
+    EXPECT_LT((steps_of(200, true).colwise().sum() - pieces.colwise().sum()).cwiseAbs().maxCoeff(),
+              12.0 * kStep);
     // A velocity that reads too much runs away alone, and does not where it is held near the position.
     log.qd.array() += 1e-3;
     const Eigen::MatrixXd biased = steps_of(16384, false);

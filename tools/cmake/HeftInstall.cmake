@@ -5,6 +5,11 @@ get_property(rooms GLOBAL PROPERTY HEFT_ROOMS)
 # Packages that are found for a library, in this order, where its name does not say it (PACKAGE::library).
 set(heft_packages_of_fcl ccd octomap fcl)
 set(heft_packages_of_urdfdom::urdfdom_model console_bridge urdfdom)
+set(heft_packages_of_SQLite::SQLite3 SQLite3)
+# Linked by name: the linker finds them, no package does.
+foreach(library lz4 zstd)
+  set(heft_packages_of_${library} "")
+endforeach()
 # The oldest version that serves.
 set(heft_version_of_Eigen3 3.4)
 set(heft_version_of_SUNDIALS 6.4)

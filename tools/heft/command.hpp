@@ -27,6 +27,7 @@ struct Command {
 const std::vector<Command>& commands();
 
 Action set_up_dynamics(CommandLine line);
+Action set_up_log(CommandLine line);
 Action set_up_simulate(CommandLine line);
 Action set_up_excite(CommandLine line);
 Action set_up_validate(CommandLine line);

@@ -99,7 +99,7 @@ Action set_up_diagnose(CommandLine line) {
           "--validate", options->validate,
           "log to judge every effect on, of another motion than the training logs; may be given several "
           "times")
-      .type_name("LOG.csv")
+      .type_name("LOG")
       .names_file(FileUse::kMeasurements);
   line.add_option("--cutoff", options->cutoff,
                   "low-pass on the positions [Hz] (default: the one that leaves the smallest residual)")

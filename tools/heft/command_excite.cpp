@@ -41,6 +41,7 @@ struct ExciteOptions {
   bool payload_only{false};
   bool no_rehearsal{false};
   std::vector<std::string> given;
+  ReadOptions read;
   double band{0.0};
   std::vector<double> start, from, payload;
   double noise_percent{1.0};
@@ -62,6 +63,7 @@ std::vector<excite::Options::Given> given_of(const ExciteOptions& options, const
   files.robot = robot.name;
   files.cutoff = options.band;
   files.torque = false;
+  files.as = read_as(options.read, robot);
   files.min_samples = 10;
   std::vector<std::string> notes;
   std::vector<excite::Options::Given> given = excite::given_motions(open_logs(robot, files), &notes);
@@ -256,11 +258,12 @@ void add_fit_options(CommandLine line, ExciteOptions& options) {
                 "for a fit of the last link's ten parameters only, the arm being known");
   line.add_option("--given", options.given,
                   "log already recorded; the motion is designed to complement it; may be given several times")
-      .type_name("LOG.csv")
+      .type_name("LOG")
       .names_file(FileUse::kMeasurements);
   line.add_option("--band", options.band, "low-pass for derived motion of given logs [Hz] (default: chosen)")
       .type_name("HZ")
       .positive();
+  add_read_options(line, options.read);
 }
 
 void add_arm_options(CommandLine line, ExciteOptions& options) {

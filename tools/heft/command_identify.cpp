@@ -122,7 +122,7 @@ Action set_up_identify(CommandLine line) {
   add_accept_torque_option(line, options->log);
   line.add_option("--validate", options->validate,
                   "log to judge the model on, not used for the fit; may be given several times")
-      .type_name("LOG.csv")
+      .type_name("LOG")
       .names_file(FileUse::kMeasurements);
   line.add_option("--split", options->split,
                   "fraction of a single log used for fitting when --validate is missing; the rest is used "

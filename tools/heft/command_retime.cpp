@@ -17,6 +17,7 @@ namespace {
 
 struct RetimeOptions {
   RobotOptions robot;
+  ReadOptions read;
   std::string log, waypoints, output;
   std::vector<double> payload;
   double rounding{0.0};
@@ -30,10 +31,12 @@ retime::Path path_of(const RetimeOptions& options, const model::Robot& robot) {
     data::LogRequirements needs;
     needs.num_joints = robot.num_joints();
     needs.robot_name = robot.name;
+    needs.as = read_as(options.read, robot);
     return retime::through(robot, data::read_log(options.waypoints, needs), options.rounding);
   }
   LogOptions log;
   log.logs = {options.log};
+  log.read = options.read;
   data::LogFiles files = files_of(log, robot);
   files.judge.swap(files.train);
   files.torque = false;
@@ -87,12 +90,13 @@ Action set_up_retime(CommandLine line) {
   auto options = std::make_shared<RetimeOptions>();
   add_robot_options(line, options->robot);
   line.add_option("--log", options->log, "log whose path is taken, without its time")
-      .type_name("LOG.csv")
+      .type_name("LOG")
       .names_file(FileUse::kMeasurements);
   line.add_option("--waypoints", options->waypoints,
                   "points that the path goes through, as a log: a row a point; `time` only numbers them")
       .type_name("POINTS.csv")
       .names_file(FileUse::kInput);
+  add_read_options(line, options->read);
   line.add_option(
           "--rounding", options->rounding,
           "straight lines between the points of --waypoints, corners cut from so far before a point to so far behind "

@@ -23,6 +23,7 @@ struct SimulateOptions {
   RobotOptions robot;
   std::string scenario, replay;
   std::string output;
+  ReadOptions read;
   ResultOptions result;
   bool example{false};
 };
@@ -33,6 +34,7 @@ sim::Simulation replay(const SimulateOptions& options) {
   files.judge = {options.replay};
   files.robot = robot.name;
   files.torque = false;
+  files.as = read_as(options.read, robot);
   std::vector<std::string> notes;
   const data::Log motion = data::read_motion(open_logs(robot, files).judge().front(), true, &notes).log;
   for (const std::string& text : notes) note(text);
@@ -66,6 +68,7 @@ Action set_up_simulate(CommandLine line) {
                   "computed torque")
       .type_name("MOTION.csv")
       .names_file(FileUse::kMeasurements);
+  add_read_options(line, options->read);
   add_robot_options(line, options->robot);
   add_output_option(line, options->output, "the log (CSV); - is standard output", false);
   add_result_options(line, options->result);

@@ -1,7 +1,10 @@
 /// @file
 /// heft stiffness: joint stiffness from load and deflection measurements or from the encoders of a log, and what follows
 /// from it for the tool.
+#include <charconv>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "command.hpp"
 #include "stiffness_jobs.hpp"
@@ -35,7 +38,7 @@ void add_encoder_options(CommandLine line, StiffnessCommandOptions& options) {
       "log with link-side encoders qlink1.. in addition to q1.. (stiffness, hysteresis), or of the motor "
       "side alone (then with --validate); may be given several times");
   line.add_option("--validate", options.validate, "motor side alone: log to judge the elasticity on")
-      .type_name("LOG.csv")
+      .type_name("LOG")
       .names_file(FileUse::kMeasurements);
   line.add_option(
           "--rotor-inertia", options.rotor_inertia,
@@ -60,7 +63,7 @@ void add_tool_options(CommandLine line, StiffnessCommandOptions& options) {
       .delimiter(',')
       .expected(3);
   line.add_option("--path", options.path, "log whose positions q1.. the loaded tool is to keep to")
-      .type_name("LOG.csv")
+      .type_name("LOG")
       .names_file(FileUse::kInput);
   line.add_option("--compensated", options.compensated,
                   "write that log with positions that compensate for the sag")
@@ -73,11 +76,10 @@ void add_plan_options(CommandLine line, StiffnessCommandOptions& options) {
                   "choose this many poses to measure at under --pull; -o writes a file to be filled in")
       .type_name("N")
       .between(1, 200);
-  line.add_option("--map", options.map, "--plan: two joints of the map of dexterity in the report")
-      .type_name("J,K")
-      .delimiter(',')
-      .expected(2)
-      .capture_default_str();
+  line.get_option("--map").description(
+      "columns of the log that are not recognised, heft's name first: tau=effort,q=position; time=500Hz gives rows without "
+      "time a rate; or a JSON file of the same. With --plan: two joints J,K of the map of dexterity in the report (default: "
+      "2,3)");
   line.add_option(
           "--pull", options.pull,
           "force on the tool [N], base axes, at --com (a weight alone never loads an upright first axis)")
@@ -85,6 +87,21 @@ void add_plan_options(CommandLine line, StiffnessCommandOptions& options) {
       .delimiter(',')
       .expected(3);
   add_pose_options(line, options.safety);
+}
+
+/// --map J,K of --plan.
+void take_joints_of_map(StiffnessCommandOptions& options) {
+  std::vector<std::string>& words = options.log.read.map;
+  if (options.plan == 0 || words.empty()) return;
+  options.map.clear();
+  for (const std::string& word : words) {
+    int joint = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), joint);
+    if (error == std::errc() && end == word.data() + word.size()) options.map.push_back(joint);
+  }
+  if (options.map.size() != 2 || words.size() != 2)
+    throw UsageError("--map of --plan: expected two joints, such as 2,3");
+  words.clear();
 }
 
 void refuse_options_that_do_not_go_together(const StiffnessCommandOptions& options) {
@@ -138,7 +155,10 @@ Action set_up_stiffness(CommandLine line) {
   add_output_option(line, options->model,
                     "model file with the stiffnesses as elastic joints (--plan: the poses)", false);
   add_result_options(line, options->result);
-  line.parse_complete_callback([options] { refuse_options_that_do_not_go_together(*options); });
+  line.parse_complete_callback([options] {
+    refuse_options_that_do_not_go_together(*options);
+    take_joints_of_map(*options);
+  });
   line.footer(kFooter);
   return [options] {
     if (!options->measurements.empty()) return stiffness_from_deflections(*options);

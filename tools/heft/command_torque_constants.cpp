@@ -18,6 +18,7 @@ namespace {
 struct TorqueConstantsOptions {
   RobotOptions robot;
   std::vector<std::string> logs;
+  ReadOptions read;
   std::vector<double> assumed;
   double load_mass{0.0};
   std::vector<double> load_com;
@@ -26,13 +27,14 @@ struct TorqueConstantsOptions {
 
 drive::TorqueConstants constants_of(const TorqueConstantsOptions& options) {
   if (!(options.load_mass > 0.0)) {
-    const data::LogSet logs = drive::open_logs(options.logs);
+    const data::LogSet logs = drive::open_logs(options.logs, read_as(options.read));
     for (const std::string& text : logs.notes()) note(text);
     return drive::from_targets(logs);
   }
   const LoadedRobot loaded = load_robot_and_fit(options.robot);
   LogOptions log;
   log.torque_constant = options.assumed;
+  log.read = options.read;
   data::LogFiles files = files_of(log, loaded.robot, options.logs);
   const data::LogSet logs = open_logs(loaded.robot, files);
   drive::KnownLoad load{options.load_mass, {}};
@@ -56,9 +58,10 @@ Action set_up_torque_constants(CommandLine line) {
           "--log", options->logs,
           "log with the controller's target torque (tauref1..) and its target current (iref1..) or the measured "
           "current (i1..); with --load-mass a log of the arm with that load; may be given several times")
-      .type_name("LOG.csv")
+      .type_name("LOG")
       .names_file(FileUse::kMeasurements)
       .required();
+  add_read_options(line, options->read);
   add_robot_options(line, options->robot);
   line.add_option(
           "--load-mass", options->load_mass,

@@ -4,6 +4,7 @@ namespace heft::tools {
 
 const std::vector<Command>& commands() {
   static const std::vector<Command> all{
+      {"log", "what a log of any format holds and how it is understood; any log as heft's CSV", set_up_log},
       {"dynamics", "torque, gravity torque or regressor for each row of a log", set_up_dynamics},
       {"simulate", "run a scenario on the simulated arm, write a log", set_up_simulate},
       {"excite", "design an exciting motion inside the limits of the arm", set_up_excite},
@@ -19,7 +20,7 @@ const std::vector<Command>& commands() {
       {"retime", "the fastest motion along a path under limits of torque, velocity and acceleration",
        set_up_retime},
       {"stiffness", "joint stiffness from loads and deflections, or from encoders", set_up_stiffness},
-      {"export", "write a robot and a model as a constexpr C++ header for firmware", set_up_export},
+      {"export", "write a robot and a model as a C++ header for firmware, or for a simulator", set_up_export},
       {"reproduce", "rebuild a publication's tables and figures", set_up_reproduce},
       {"demo", "an arm picks up an unknown load; one page of plots", set_up_demo},
   };

@@ -39,7 +39,9 @@ data::LogRequirements live_needs(const LogOptions& options, const model::Robot& 
   needs.num_joints = robot.num_joints();
   needs.robot_name = robot.name;
   needs.torque = true;
-  needs.torque_constant = files_of(options, robot).torque_constant;
+  const data::LogFiles files = files_of(options, robot);
+  needs.torque_constant = files.torque_constant;
+  needs.as = files.as;
   return needs;
 }
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "console.hpp"
+#include "heft/data/read_map.hpp"
 #include "heft/drive/torque_constants.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
@@ -86,9 +87,28 @@ model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at) {
   return robot;
 }
 
+void add_read_options(CommandLine line, ReadOptions& options) {
+  line.add_option(
+          "--map", options.map,
+          "columns of the log that are not recognised, heft's name first: tau=effort,q=position; time=500Hz gives "
+          "rows without time a rate; or a JSON file of the same")
+      .type_name("NAME=COLUMN,...")
+      .delimiter(',');
+  line.add_option("--topic", options.topic, "of a recording with several topics, the one to be read")
+      .type_name("NAME");
+}
+
+data::ReadAs read_as(const ReadOptions& options) { return {options.topic, {}, data::read_map(options.map)}; }
+
+data::ReadAs read_as(const ReadOptions& options, const model::Robot& robot) {
+  data::ReadAs as = read_as(options);
+  for (const model::RobotJoint& joint : robot.joints) as.joint_names.push_back(joint.name);
+  return as;
+}
+
 void add_log_options(CommandLine line, LogOptions& options) {
-  line.add_option("--log", options.logs, "log (CSV); may be given several times")
-      .type_name("LOG.csv")
+  line.add_option("--log", options.logs, "log, in any format that heft log reads; may be given several times")
+      .type_name("LOG")
       .names_file(FileUse::kMeasurements)
       .required();
   line.add_option("--torque-constant", options.torque_constant,
@@ -112,6 +132,7 @@ void add_log_options(CommandLine line, LogOptions& options) {
                   "low-pass cut-off for derived signals [Hz] (default: chosen from the motion)")
       .type_name("HZ")
       .positive();
+  add_read_options(line, options.read);
 }
 
 void add_accept_torque_option(CommandLine line, LogOptions& options) {
@@ -134,6 +155,7 @@ data::LogFiles files_of(const LogOptions& options, const model::Robot& robot,
   files.torque_at = options.measured_at();
   files.cutoff = options.band;
   files.robot = robot.name;
+  files.as = read_as(options.read, robot);
   return files;
 }
 

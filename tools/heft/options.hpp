@@ -54,6 +54,17 @@ using data::TorqueAt;
 /// unless the model was fitted to such a sensor; then friction that it has is friction that the sensor saw.
 model::Robot as_measured(const LoadedRobot& loaded, TorqueAt at);
 
+/// --map and --topic: what a log does not say of itself.
+struct ReadOptions {
+  std::vector<std::string> map;
+  std::string topic;
+};
+void add_read_options(CommandLine line, ReadOptions& options);
+/// What these options say. @throws InputError for a --map that is none
+data::ReadAs read_as(const ReadOptions& options);
+/// The same with the names of the robot's joints, for logs that name theirs.
+data::ReadAs read_as(const ReadOptions& options, const model::Robot& robot);
+
 /// --log, --torque-constant, --torque-at, --band, and --accept-torque where torque is compared with the robot.
 struct LogOptions {
   std::vector<std::string> logs;
@@ -62,6 +73,7 @@ struct LogOptions {
   std::string torque_at{"motor"};
   double band{0.0};           ///< [Hz]; 0: chosen from the motion
   bool accept_torque{false};  ///< torque that contradicts the robot is warned about instead of refused
+  ReadOptions read{};
 
   TorqueAt measured_at() const { return torque_at == "joint" ? TorqueAt::kJoint : TorqueAt::kMotor; }
 };

@@ -19,6 +19,7 @@ data::Log read_path(const StiffnessCommandOptions& options, const model::Robot& 
   data::LogRequirements needs;
   needs.num_joints = robot.num_joints();
   needs.robot_name = robot.name;
+  needs.as = read_as(options.log.read, robot);
   return data::read_log(options.path, needs);
 }
 

@@ -28,6 +28,15 @@ struct Log {
   int num_samples() const { return static_cast<int>(time.size()); }
 };
 
+/// What a file does not say of itself.
+struct ReadAs {
+  std::string topic{};  ///< of a bag with several of joint states; empty: the only one
+  std::vector<std::string>
+      joint_names{};  ///< of the robot, base first, where a log names its joints; empty: in its order
+  /// Columns by the file's names: {heft's name or prefix, the file's}, e.g. {"tau", "effort"}.
+  std::vector<std::pair<std::string, std::string>> map{};
+};
+
 /// What the caller needs of a log.
 struct LogRequirements {
   int num_joints{0};       ///< expected number of joints; 0 accepts any
@@ -38,6 +47,7 @@ struct LogRequirements {
   int min_samples{2};  ///< fewer end in an error that says so
   /// [N·m/A] per joint (one value serves all); used as tau = constant · i when tau is missing.
   std::vector<double> torque_constant;
+  ReadAs as{};
 };
 
 /// Reads and checks a log.

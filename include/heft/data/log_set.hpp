@@ -39,6 +39,7 @@ struct LogFiles {
   bool torque{true};    ///< false: a log may lack torque
   /// Fewer end in an error that says so. 1: rows may be single states; fewer than ten are not checked for units.
   int min_samples{2};
+  ReadAs as{};  ///< what the files do not say of themselves
 };
 
 class LogFingerprint;

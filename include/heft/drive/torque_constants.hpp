@@ -67,7 +67,7 @@ struct TorqueConstants {
 
 /// Opens logs of which nothing but their columns is known: the number of joints is that of the first.
 /// @throws DataError as data::open_logs; for a log without the columns tauref1.. and one of iref1.., i1..
-data::LogSet open_logs(const std::vector<std::string>& paths);
+data::LogSet open_logs(const std::vector<std::string>& paths, const data::ReadAs& as = {});
 
 /// Torque constants from the controller's target torque (`tauref1..`) and its target current (`iref1..`), or the
 /// measured current (`i1..`) where there is no target current.

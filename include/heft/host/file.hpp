@@ -50,11 +50,16 @@ using InputFile = std::unique_ptr<std::FILE, CloseFile>;
 /// @return null when it cannot be opened; errno says why
 InputFile open_input(const std::string& path);
 
+/// An unnamed file to write to and read from, gone when it is closed: on the disk (in TMPDIR), in memory where no folder for
+/// temporary files can be written.
+/// @return null when there can be none
+InputFile temporary_file();
+
 /// What cannot be read twice (a pipe, standard input, `<(zcat log.gz)`) is copied once into an unnamed temporary file,
 /// from which open_input() and read_file() read from then on. A temporary file rather than memory: commands read a
 /// log several times so that it need not fit into memory. Regular files and files that do not exist are left alone.
 /// Lasts until the process ends; meant for a command at its start, before it has threads.
-/// @throws InputError when the pipe was spooled before, when it holds binary data, or when there is no space
+/// @throws InputError when the pipe was spooled before, when it brings nothing but zeros, or when there is no space
 void spool_input(const std::string& path, std::string_view what);
 
 /// Refuses text whose brackets are nested deeper than any file of heft needs: JSON parsers and their destructors call
