@@ -6,8 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "heft/core/physical_body.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/at_sensor.hpp"
+#include "heft/model/point_load.hpp"
 #include "heft/validate/judgement.hpp"
 #include "heft/validate/predict.hpp"
 #include "judgement.hpp"
@@ -137,6 +139,38 @@ bool Payload::answered() const {
 std::string Payload::unanswered() const {
   if (!contradiction.empty()) return fmt::format("{}: {}", log, contradiction);
   return answered() ? "" : fmt::format("{}: the load cannot be determined: {}", log, run.missing);
+}
+
+bool Payload::has_inertia() const {
+  const auto all = [](const std::vector<Estimated>& values) {
+    return std::all_of(values.begin(), values.end(), [](const Estimated& e) { return e.identifiable; });
+  };
+  if (!run.mass.identifiable || !all(run.first_moment) || !all(run.inertia) || run.parameters.size() != 10)
+    return false;
+  InertialParameters<double> found;
+  std::copy(run.parameters.begin(), run.parameters.end(), found.begin());
+  return check_physical(found) == Status::kOk;
+}
+
+InertialParameters<double> Payload::body() const {
+  if (const std::string why = unanswered(); !why.empty()) throw NotIdentifiableError(why);
+  if (!run.mass.identifiable || !(run.mass.lower > 0.0)) {
+    throw NotIdentifiableError(
+        fmt::format("{}: no load is clear of zero ({:.3g} ± {:.2g} kg); there is nothing to write", log,
+                    run.mass.value, run.mass.half_width()));
+  }
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (run.com[k].identifiable) continue;
+    throw NotIdentifiableError(fmt::format(
+        "{}: the centre of mass along {} is not known, which a controller needs; record a motion that tilts the load that "
+        "way against gravity",
+        log, "xyz"[k]));
+  }
+  if (!has_inertia())
+    return model::point_body(run.mass.value, {run.com[0].value, run.com[1].value, run.com[2].value});
+  InertialParameters<double> found;
+  std::copy(run.parameters.begin(), run.parameters.end(), found.begin());
+  return found;
 }
 
 const LiveEvent* Payload::first_stated() const {

@@ -28,6 +28,7 @@ const std::map<std::string, Rooms>& table() {
       {"model", {"core", "host"}},
       {"data", {"core", "host", "statistics"}},
       {"urdf", {"core", "host", "model"}},
+      {"exchange", {"core", "host", "model"}},
       {"sim", {"core", "data", "host", "model"}},
       {"plausibility", {"core", "data", "host", "model", "statistics"}},
       {"collision", {"host", "model"}},
@@ -44,17 +45,17 @@ const std::map<std::string, Rooms>& table() {
       {"compare", {"core", "host", "model", "regression", "statistics"}},
       {"track", {"core", "host", "model", "sim", "statistics", "validate"}},
       {"report",
-       {"compare", "data", "diagnose", "drive", "excite", "host", "identify", "model", "monitor", "page",
-        "payload", "plausibility", "retime", "sim", "statistics", "stiffness", "track", "validate"}},
+       {"compare", "data", "diagnose", "drive", "exchange", "excite", "host", "identify", "model", "monitor",
+        "page", "payload", "plausibility", "retime", "sim", "statistics", "stiffness", "track", "validate"}},
       {"bench",
        {"core", "data", "diagnose", "host", "identify", "model", "page", "regression", "urdf", "validate"}},
       {"tools/studies",
        {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
         "stiffness", "track", "urdf", "validate"}},
       {"tools/heft",
-       {"compare", "data",      "diagnose",      "drive",   "excite",       "host",    "identify",
-        "model",   "monitor",   "page",          "payload", "plausibility", "report",  "retime",
-        "sim",     "stiffness", "tools/studies", "track",   "urdf",         "validate"}}};
+       {"compare",  "data",  "diagnose",  "drive",         "exchange", "excite",       "host",
+        "identify", "model", "monitor",   "page",          "payload",  "plausibility", "report",
+        "retime",   "sim",   "stiffness", "tools/studies", "track",    "urdf",         "validate"}}};
   return rooms;
 }
 

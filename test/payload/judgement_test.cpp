@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heft/host/error.hpp"
 #include "heft/model/model_file.hpp"
 #include "payload/payload_run.hpp"
 #include "payload/recursive_fit.hpp"
@@ -117,6 +118,47 @@ PayloadRun weighed(int joint, double factor, bool loaded = true) {
   options.residual = fit.residual;
   options.model_covariance = fit.model.covariance;
   return run_payload(fitted, carrying, options);
+}
+
+/// A load that is known whole.
+Payload known_load(const InertialParameters<double>& body) {
+  Payload load;
+  load.log = "carrying.csv";
+  load.run = found_body(body);
+  for (std::size_t k = 1; k < 4; ++k)
+    load.run.com.push_back({statistics::Interval::around(body[k] / body[kMass], 0.001, 2.0), true});
+  return load;
+}
+
+TEST(Body, IsWhatWasFoundOrAPointWhereNoBodyHasTheInertia) {
+  Payload load = known_load(kBody);
+  EXPECT_TRUE(load.has_inertia());
+  EXPECT_EQ(load.body(), kBody);
+  load.run.inertia[3].identifiable = false;
+  EXPECT_FALSE(load.has_inertia());
+  load = known_load(kBody);
+  load.run.parameters[kIxx] = -0.01;
+  EXPECT_FALSE(load.has_inertia());
+  const InertialParameters<double> point = load.body();
+  EXPECT_EQ(point[kMass], 2.0);
+  // Of 2 kg at (0.05, 0.1, -0.05): m c, and -m c_y c_z.
+  EXPECT_NEAR(point[kMcy], 0.2, 1e-12);
+  EXPECT_NEAR(point[kIyz], 0.01, 1e-12);
+}
+
+TEST(Body, IsRefusedWhereTheMassIsNotClearOfZeroOrTheCentreIsNotKnown) {
+  Payload load = known_load(kBody);
+  load.run.com[2].identifiable = false;
+  EXPECT_THROW(load.body(), NotIdentifiableError);
+  load = known_load(kBody);
+  load.run.mass.lower = -0.1;
+  EXPECT_THROW(load.body(), NotIdentifiableError);
+  load = known_load(kBody);
+  load.run.mass.identifiable = false;
+  EXPECT_THROW(load.body(), NotIdentifiableError);
+  load = known_load(kBody);
+  load.contradiction = "the load of this log is impossible";
+  EXPECT_THROW(load.body(), NotIdentifiableError);
 }
 
 TEST(TorqueScale, IsOneWhereTheJointsAgree) {

@@ -1,4 +1,5 @@
 /// heft payload as a user runs it: results, files, messages, exit codes.
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <string>
@@ -286,6 +287,81 @@ TEST_F(PayloadCommand, BadInputEndsWithThreeAndWritesNothing) {
   folder_.write("bad.json", model.dump());
   EXPECT_THAT(refused({"--model", path("bad.json"), "--log", path("carrying.csv")}),
               HasSubstr("bad.json: /residual/std/1: found -1; expected a number above 0"));
+}
+
+TEST_F(PayloadCommand, WritesNoLoadThatItDoesNotKnow) {
+  const Outcome plane =
+      run({"--baseline", path("empty.csv"), "--log", path("carrying.csv"), "--write", "kuka"});
+  EXPECT_EQ(plane.exit_code, 4);
+  EXPECT_THAT(plane.err, HasSubstr("carrying.csv: the centre of mass along y is not known"));
+  const Outcome none = run({"--baseline", path("empty.csv"), "--log", path("empty2.csv"), "--write",
+                            "ur-script", "--write-to", path("load.script")});
+  EXPECT_EQ(none.exit_code, 4);
+  EXPECT_THAT(none.err, HasSubstr("no load is clear of zero"));
+  EXPECT_FALSE(std::filesystem::exists(path("load.script")));
+}
+
+/// Numbers of a call of URScript.
+std::vector<double> numbers_of(const std::string& script) {
+  std::vector<double> numbers;
+  for (std::size_t at = 0; (at = script.find_first_of("-0123456789", at)) != std::string::npos;) {
+    std::size_t length = 0;
+    numbers.push_back(std::stod(script.substr(at), &length));
+    at += length;
+  }
+  return numbers;
+}
+
+TEST(PayloadOnUr5e, IsWrittenForEveryController) {
+  const test::TemporaryFolder folder;
+  model::Robot robot = urdf::load_urdf(urdf::resolve_robot("ur5e"));
+  for (model::RobotJoint& joint : robot.joints)
+    joint.actuation = {.rotor_inertia = 0.2, .coulomb_friction = 1.0, .viscous_friction = 1.0};
+  test::SyntheticSettings settings;
+  settings.noise = 0.002;
+  settings.amplitude = 1.0;
+  data::write_log(folder.path("empty.csv"), test::synthetic_log(robot, settings));
+  settings.noise_seed = settings.motion_seed = 2;
+  // The flange is turned like the last link.
+  const std::array<double, 3>& tip = robot.tip_position;
+  const auto load =
+      test::body(2.0, {tip[0] + 0.02, tip[1] - 0.03, tip[2] + 0.08}, {0.01, 0, 0.012, 0, 0, 0.008});
+  data::write_log(folder.path("carrying.csv"), test::synthetic_log(test::carrying(robot, load), settings));
+  const auto run = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"--urdf", "ur5e", "--log", folder.path("carrying.csv")});
+    return run_payload(more);
+  };
+  const Outcome first =
+      run({"--baseline", folder.path("empty.csv"), "-o", folder.path("bare.json"), "--write", "ur-script",
+           "--write-to", folder.path("load.script"), "--transition-time", "0.2"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.out, AllOf(HasSubstr("URScript set_target_payload"), HasSubstr("set_target_payload(")));
+  const std::vector<double> numbers = numbers_of(host::read_file(folder.path("load.script"), "script"));
+  ASSERT_EQ(numbers.size(), 11U);
+  EXPECT_NEAR(numbers[0], 2.0, 0.02);
+  EXPECT_NEAR(numbers[1], 0.02, 0.003);
+  EXPECT_NEAR(numbers[2], -0.03, 0.003);
+  EXPECT_NEAR(numbers[3], 0.08, 0.003);
+  EXPECT_EQ(numbers[10], 0.2);
+  for (const auto& [format, words] :
+       std::vector<std::pair<const char*, const char*>>{{"ur-ros2", "transition_time: 0"},
+                                                        {"franka", "robot.setLoad("},
+                                                        {"franka-desk", "\"centerOfMass\""},
+                                                        {"kuka", "LOAD_DATA[1]={M "},
+                                                        {"abb", "PERS loaddata"},
+                                                        {"fanuc", "PAYLOAD INERTIA X"},
+                                                        {"urdf", "<parent link=\"tool0\"/>"},
+                                                        {"mjcf", "<body name=\"payload\">"}}) {
+    const Outcome done = run({"--model", folder.path("bare.json"), "--write", format});
+    EXPECT_EQ(done.exit_code, 0) << format << ": " << done.err;
+    EXPECT_THAT(done.out, HasSubstr(words)) << format;
+  }
+  const Outcome two =
+      run({"--model", folder.path("bare.json"), "--log", folder.path("empty.csv"), "--write", "abb"});
+  EXPECT_EQ(two.exit_code, 2);
+  EXPECT_THAT(two.err, HasSubstr("expected one --log"));
+  EXPECT_EQ(run({"--model", folder.path("bare.json"), "--write", "comau"}).exit_code, 2);
+  EXPECT_EQ(run({"--model", folder.path("bare.json"), "--write-to", folder.path("x")}).exit_code, 2);
 }
 
 TEST(PayloadOnUr10e, WeighsTheKnownLoadOnMeasuredLogs) {

@@ -1,5 +1,6 @@
 /// @file
-/// heft export: a robot and a model as a constexpr C++ header for firmware.
+/// heft export: a robot and a model as a constexpr C++ header for firmware, or as a model file of a simulator.
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,9 +10,11 @@
 #include "arm_header.hpp"
 #include "command.hpp"
 #include "console.hpp"
+#include "heft/exchange/robot_formats.hpp"
 #include "heft/host/file.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/monitor/monitor.hpp"
+#include "heft/report/exchange.hpp"
 #include "options.hpp"
 
 namespace heft::tools {
@@ -21,12 +24,26 @@ struct ExportOptions {
   RobotOptions robot;
   std::string type_name;
   std::string name_space;
+  std::string format{"cpp"};
   std::string output;
 };
+
+/// For a simulator.
+void write_robot(const ExportOptions& options, const Console& console, const model::Robot& robot) {
+  const exchange::RobotText written = exchange::to_text(robot, options.format);
+  const auto formats = exchange::robot_formats();
+  const auto format = std::find_if(formats.begin(), formats.end(),
+                                   [&](const exchange::RobotFormat& f) { return f.id == options.format; });
+  host::write_file_atomically(options.output, written.text);
+  console.print("{} with {} joints as {}\n{}", robot.name, robot.num_joints(), format->title,
+                report::full(written, *format, robot));
+  if (!host::is_standard_output(options.output)) console.print("Written: {}\n", options.output);
+}
 
 void run(const ExportOptions& options) {
   const Console console{options.output};
   const model::Robot robot = load_robot(options.robot);
+  if (options.format != "cpp") return write_robot(options, console, robot);
   ArmHeaderNames names;
   names.type = options.type_name.empty() ? type_name_of(robot.name) : options.type_name;
   names.name_space = options.name_space;
@@ -49,19 +66,32 @@ void run(const ExportOptions& options) {
 Action set_up_export(CommandLine line) {
   auto options = std::make_shared<ExportOptions>();
   add_robot_options(line, options->robot);
+  line.add_option(
+          "--format", options->format,
+          "cpp: a header for firmware; urdf, mjcf, sdf: a model of the dynamics for a simulator, without shapes")
+      .type_name("FORMAT")
+      .one_of({"cpp", "urdf", "mjcf", "sdf"})
+      .capture_default_str();
   line.add_option("--name", options->type_name, "name of the struct (default: made from the robot's name)")
       .type_name("TYPE");
   line.add_option("--namespace", options->name_space,
                   "namespace of the struct, such as app::arms (default: none)")
       .type_name("NAME");
-  add_output_option(line, options->output, "the header (.hpp); - is standard output");
+  add_output_option(line, options->output, "the header or model file; - is standard output");
+  line.parse_complete_callback([options] {
+    if (options->format != "cpp" && !(options->type_name + options->name_space).empty())
+      throw UsageError("--name and --namespace are those of a C++ header; expected --format cpp with them");
+  });
   line.footer(
       "The header needs heft's core alone. Its struct is a description for the compile-time dynamics:\n"
       "a member kModel of type heft::ArmModel<double, N>, and also kCouplings, kEffects (for\n"
       "heft::EffectFeedForward), kElasticities and kTorqueDelay with what a model holds beyond rigid bodies "
       "and\n"
       "friction; and kThresholds (for heft::ContactMonitor) where heft monitor --learn has written them.\n"
-      "Example: heft export --urdf ur5e --model fitted.json --namespace app -o ur5e.hpp");
+      "What a simulator's form cannot express is listed with its share of the torque. To put identified values into a\n"
+      "URDF of your own, layout kept, use heft identify --write-urdf.\n"
+      "Example: heft export --urdf ur5e --model fitted.json --namespace app -o ur5e.hpp\n"
+      "         heft export --model fitted.json --format mjcf -o ur5e.xml");
   return [options] { run(*options); };
 }
 

@@ -9,9 +9,12 @@
 #include "console.hpp"
 #include "heft/data/live_log.hpp"
 #include "heft/data/log_set.hpp"
+#include "heft/exchange/load_formats.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/file.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/payload/payload.hpp"
+#include "heft/report/exchange.hpp"
 #include "heft/report/payload.hpp"
 #include "live_stream.hpp"
 #include "options.hpp"
@@ -27,6 +30,9 @@ struct PayloadOptions {
   std::vector<std::string> baselines;
   std::vector<std::string> zeros;
   std::string output;
+  std::string format;
+  std::string load_file;
+  double transition_time{0.0};
   int rows{1};
   double true_mass{0.0};
 };
@@ -56,7 +62,8 @@ class Steps {
 };
 
 /// How to estimate, with what is known against the torque of the logs.
-payload::Options settings(const PayloadOptions& options, const model::Robot& robot, const data::LogSet& logs) {
+payload::Options settings(const PayloadOptions& options, const model::Robot& robot,
+                          const data::LogSet& logs) {
   payload::Options how;
   how.first_joint = options.rows;
   how.cutoff = options.log.band;
@@ -91,8 +98,21 @@ void run_live(const PayloadOptions& options) {
   if (!summary.unanswered.empty()) throw NotIdentifiableError(options.stream + ": " + summary.unanswered);
 }
 
+/// The load for a robot's controller or a model file.
+void write_load(const PayloadOptions& options, const Console& console, const payload::Payload& load,
+                const model::Robot& robot) {
+  const exchange::LoadOptions how{options.transition_time, robot.tip_link};
+  const std::string text = exchange::to_text(exchange::load_of(load.body(), load.log), options.format, how);
+  for (const exchange::LoadFormat& format : exchange::load_formats()) {
+    if (format.id == options.format) console.print("{}", report::full(load, format, text));
+  }
+  if (options.load_file.empty()) return;
+  host::write_file_atomically(options.load_file, text);
+  if (!host::is_standard_output(options.load_file)) console.print("Written: {}\n", options.load_file);
+}
+
 void run(const PayloadOptions& options) {
-  const Console console{options.output, options.result.json};
+  const Console console{options.output, options.result.json, options.load_file};
   const model::Robot robot = load_robot(options.robot);
   const data::LogSet logs = open(options, robot);
   payload::Options how = settings(options, robot, logs);
@@ -111,6 +131,7 @@ void run(const PayloadOptions& options) {
   finish(console, found.contradicted() ? "" : options.output, options.result, report::json(found),
          report::page(found), [&] { model::write_model(options.output, found.model_file()); });
   if (!found.unanswered().empty()) throw NotIdentifiableError(found.unanswered());
+  if (!options.format.empty()) write_load(options, console, found.loads.front(), robot);
 }
 
 }  // namespace
@@ -141,15 +162,31 @@ Action set_up_payload(CommandLine line) {
                   "[kg] the load's mass where it is known: shown with the estimate")
       .type_name("KG")
       .positive();
+  line.add_option("--write", options->format,
+                  "print the load for a robot's controller or a model file (one --log)")
+      .type_name("FORMAT")
+      .one_of({"ur-script", "ur-ros2", "franka", "franka-desk", "kuka", "abb", "fanuc", "urdf", "mjcf"});
+  line.add_option("--write-to", options->load_file, "file for what --write prints; - is standard output")
+      .type_name("FILE")
+      .names_file(FileUse::kOutput)
+      .needs(line.get_option("--write"));
+  line.add_option("--transition-time", options->transition_time,
+                  "[s] time in which a UR controller changes to the load (--write ur-script, ur-ros2)")
+      .type_name("S")
+      .not_negative()
+      .needs(line.get_option("--write"));
   add_output_option(line, options->output, "the model that --baseline gives (JSON), for --model next time",
                     false);
   add_result_options(line, options->result);
   line.parse_complete_callback([options, line] {
     if (!options->stream.empty()) {
-      refuse_with_stream(line, options->stream, options->result, {"--log", "--output", "--true-mass"});
+      refuse_with_stream(line, options->stream, options->result,
+                         {"--log", "--output", "--true-mass", "--write"});
     } else if (options->log.logs.empty()) {
       throw UsageError("give a log with the load with --log LOG.csv, or '-' for rows on standard input");
     }
+    if (!options->format.empty() && options->log.logs.size() > 1)
+      throw UsageError("--write prints one load; expected one --log with it");
     if (options->robot.model.empty() == options->baselines.empty()) {
       throw UsageError(
           "the load is what the model of the arm without load does not explain: give either --model "
@@ -167,7 +204,8 @@ Action set_up_payload(CommandLine line) {
       "torque constants that are 2 % off move the mass by 2 %.\n"
       "With one log --json gives one object, with several a list; of a stream a line for each event.\n"
       "Example: heft payload --urdf ur10e --baseline empty.csv --log carrying.csv --report load.html -o bare.json\n"
-      "         recorder | heft payload - --urdf ur10e --model bare.json");
+      "         recorder | heft payload - --urdf ur10e --model bare.json\n"
+      "         heft payload --urdf ur10e --model bare.json --log carrying.csv --write ur-script");
   return [options] { options->stream.empty() ? run(*options) : run_live(*options); };
 }
 

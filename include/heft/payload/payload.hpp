@@ -221,6 +221,11 @@ struct Payload {
   bool answered() const;
   /// Why the load is not known or cannot be, with the log; empty: it is known.
   std::string unanswered() const;
+  /// Whether the log determines all of the inertia, and a body can have it: usual for heavy loads that were turned fast only.
+  bool has_inertia() const;
+  /// What a controller may be given: ten parameters about the flange frame's origin, in its axes. A point of the mass found
+  /// where !has_inertia(). @throws NotIdentifiableError where the mass is not clear of zero, or the centre not known
+  InertialParameters<double> body() const;
   /// The first load that a controller states, see `live`; null: it states none.
   const LiveEvent* first_stated() const;
   bool usable() const { return judgement.usable(); }
