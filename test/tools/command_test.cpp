@@ -99,7 +99,8 @@ TEST(Command, HelpListsEveryCommandOfTheContract) {
 }
 
 TEST(Command, EveryReadyCommandExplainsItself) {
-  for (const std::string name : {"dynamics", "simulate", "excite", "identify", "validate", "diagnose", "export"}) {
+  for (const std::string name :
+       {"dynamics", "simulate", "excite", "identify", "validate", "diagnose", "export"}) {
     const Outcome run = run_heft({name, "--help"});
     EXPECT_EQ(run.exit_code, 0) << name;
     EXPECT_THAT(run.out, AllOf(HasSubstr("Example: heft " + name), HasSubstr("--output"))) << name;
@@ -111,6 +112,59 @@ TEST(Command, SaysItsVersion) {
   const Outcome run = run_heft({"--version"});
   EXPECT_EQ(run.exit_code, 0);
   EXPECT_THAT(run.out, ContainsRegex("^heft [0-9]+\\.[0-9]+\\.[0-9]+"));
+}
+
+TEST(Command, SaysWhatItIsBuiltWith) {
+  const Outcome run = run_heft({"--version"});
+  for (const char* library : {"Eigen 3.", "SUNDIALS ", "Ceres 2", "fmt "})
+    EXPECT_THAT(run.out, HasSubstr(library));
+}
+
+TEST(Command, ManPagesHoldEveryOptionOfTheHelpText) {
+  const std::string pages = run_heft({"--man"}).out;
+  EXPECT_THAT(pages, HasSubstr(".TH HEFT 1"));
+  for (const std::string name : {"identify", "diagnose", "payload", "export", "torque-constants"}) {
+    const Outcome page = run_heft({"--man", name});
+    ASSERT_EQ(page.exit_code, 0) << name;
+    std::string text;  // as a reader sees it: hyphens of options are marked as such
+    for (std::size_t k = 0; k < page.out.size(); ++k) {
+      if (page.out[k] != '\\' || page.out[k + 1] != '-') text += page.out[k];
+    }
+    EXPECT_THAT(pages, HasSubstr("\\fBheft")) << name;
+    const std::string help = run_heft({name, "--help"}).out;
+    int options = 0;
+    for (std::size_t at = 0; (at = help.find("\n  --", at)) != std::string::npos; ++at, ++options) {
+      const std::string option = help.substr(at + 3, help.find_first_of(" ,\n", at + 3) - at - 3);
+      EXPECT_THAT(text, HasSubstr(option)) << name;
+    }
+    EXPECT_GT(options, 4) << name;
+  }
+  EXPECT_EQ(run_heft({"--man", "weigh"}).exit_code, 2);
+}
+
+/// What bash offers for a line whose last word is to be completed.
+std::string completed(const std::string& line) {
+  const test::TemporaryFolder folder;
+  folder.write("heft.bash", run_heft({"--completion", "bash"}).out);
+  folder.write("run.csv", "");
+  const std::string script = "cd " + folder.path("") + "; . ./heft.bash; COMP_WORDS=(" + line +
+                             "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _heft; echo \"${COMPREPLY[*]}\"";
+  folder.write("ask", script);
+  const std::string out = folder.path("out");
+  EXPECT_EQ(std::system(("bash " + folder.path("ask") + " > " + out + " 2>&1").c_str()), 0);
+  return host::read_file(out, "completion");
+}
+
+TEST(Command, BashCompletesCommandsOptionsWordsRobotsAndFiles) {
+  EXPECT_EQ(completed("heft tor"), "torque-constants\n");
+  EXPECT_EQ(completed("heft identify --val"), "--validate\n");
+  EXPECT_EQ(completed("heft export --format m"), "mjcf\n");
+  EXPECT_EQ(completed("heft identify --urdf pan"), "panda\n");
+  EXPECT_EQ(completed("heft identify --log ru"), "run.csv\n");
+  EXPECT_EQ(completed("heft compare ru"), "run.csv\n");
+  EXPECT_EQ(completed("heft identify --band 3"), "\n") << "a number that nobody can know";
+  EXPECT_EQ(run_heft({"--completion", "fish"}).exit_code, 2);
+  EXPECT_THAT(run_heft({"--completion", "zsh"}).out, HasSubstr("#compdef heft"));
 }
 
 TEST(Command, WrongUsageEndsWithTwo) {

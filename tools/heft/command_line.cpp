@@ -10,6 +10,7 @@
 
 #include "console.hpp"
 #include "heft/host/words.hpp"
+#include "program_text.hpp"
 #include "text_layout.hpp"
 
 namespace heft::tools {
@@ -76,6 +77,24 @@ CLI::Option* finite(CLI::Option* option) {
   CLI::Validator check =
       number_check([](double value) { return std::isfinite(value); }, "a finite number", "");
   return option->check(check.name(kFiniteCheck));
+}
+
+/// An option as the library holds it: the type's name has the words that are allowed behind it, "FORMAT:{cpp,urdf}".
+OptionText described(const CLI::Option& option, const std::vector<DeclaredFile>& files) {
+  OptionText text;
+  for (const std::string& name : option.get_snames()) text.names.push_back("-" + name);
+  for (const std::string& name : option.get_lnames()) text.names.push_back("--" + name);
+  if (text.names.empty()) text.names.push_back(option.get_name());
+  text.meaning = option.get_description();
+  text.required = option.get_required();
+  const std::string type = option.get_expected_max() > 0 ? option.get_type_name() : "";
+  text.placeholder = type.substr(0, type.find(':'));
+  if (const std::size_t at = type.find(":{"); at != std::string::npos)
+    text.words = CLI::detail::split(type.substr(at + 2, type.find('}', at) - at - 2), ',');
+  for (const DeclaredFile& file : files) {
+    if (file.option == &option) text.file = file.use;
+  }
+  return text;
 }
 
 }  // namespace
@@ -295,5 +314,20 @@ std::vector<GivenFile> CommandParser::files() const {
 }
 
 std::string CommandParser::help() const { return app_->help(); }
+
+ProgramText CommandParser::describe() const {
+  ProgramText program{app_->get_name(), app_->get_description(), app_->version(), app_->get_footer(), {}};
+  for (const CLI::App* command : app_->get_subcommands({})) {
+    CommandText text{command->get_name(), command->get_description(), command->get_footer(), {}};
+    const auto files = files_.find(command);
+    for (const CLI::Option* option : command->get_options()) {
+      if (option == command->get_help_ptr()) continue;
+      text.options.push_back(
+          described(*option, files == files_.end() ? std::vector<DeclaredFile>{} : files->second));
+    }
+    program.commands.push_back(std::move(text));
+  }
+  return program;
+}
 
 }  // namespace heft::tools

@@ -48,6 +48,8 @@ struct GivenFile {
   std::string path;
 };
 
+struct ProgramText;
+
 /// One option of a command; a handle to be copied. Every call returns the option, so that calls can be chained.
 class Option {
  public:
@@ -132,6 +134,8 @@ class CommandParser {
   std::string parse(int argc, const char* const* argv);
   /// The help text of the program.
   std::string help() const;
+  /// The program, its commands and their options, for program_text.hpp.
+  ProgramText describe() const;
   /// The files that were given to the command that parse() found, in the order of its options.
   std::vector<GivenFile> files() const;
 

@@ -23,6 +23,7 @@
 #include "heft/page/origin.hpp"
 #include "heft/urdf/urdf_export.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "program_text.hpp"
 
 namespace heft::tools {
 namespace {
@@ -105,10 +106,25 @@ int with_output(int code) {
   return code == kDone ? kBadInput : code;
 }
 
+/// `--man [COMMAND]` and `--completion SHELL`: the command line for other programs.
+/// @return empty when neither was asked for
+std::string text_asked_for(const CommandParser& parser, const std::vector<std::string>& words) {
+  if (words.empty()) return {};
+  if (words[0] == "--man" && words.size() <= 2)
+    return man_page(parser.describe(), words.size() > 1 ? words[1] : "");
+  if (words[0] == "--completion") {
+    if (words.size() != 2) throw UsageError("--completion: expected one shell, bash or zsh");
+    return completion(parser.describe(), words[1], urdf::robot_names());
+  }
+  return {};
+}
+
 int run(int argc, char** argv) {
   CommandParser parser(
-      "heft", "heft: estimation and control of robot arms, from a log to firmware.", "heft " HEFT_VERSION,
-      "heft COMMAND --help explains a command.\n"
+      "heft", "heft: estimation and control of robot arms, from a log to firmware.",
+      "heft " HEFT_VERSION "\nwith " HEFT_LIBRARIES,
+      "heft COMMAND --help explains a command. heft --man [COMMAND] prints a man page, heft --completion bash|zsh what a\n"
+      "shell needs to complete commands, options and values.\n"
       "Results go to standard output, progress and notes to standard error. SI units throughout.\n"
       "Exit codes: 0 done; 1 internal failure; 2 wrong usage; 3 bad input; 4 the data cannot answer the "
       "question.");
@@ -130,6 +146,11 @@ int run(int argc, char** argv) {
 
   std::string chosen;
   try {
+    if (const std::string text = text_asked_for(parser, {argv + std::min(argc, 1), argv + argc});
+        !text.empty()) {
+      print_to(stdout, text);
+      return kDone;
+    }
     chosen = parser.parse(argc, argv);
   } catch (const UsageError& error) {
     if (argc < 2) {
