@@ -54,8 +54,8 @@ std::vector<GearCoupling<double>> pairs_of(const model::Robot& robot, const Diag
   return pairs;
 }
 
-/// Sum over joints of ln(error): no joint counts more than another.
-double sum_of_logs(const VectorXd& rms) { return rms.cwiseMax(1e-12).array().log().sum(); }
+/// ln(error) of each joint, n: in their sum no joint counts more than another.
+VectorXd logs_of(const VectorXd& rms) { return rms.cwiseMax(1e-12).array().log(); }
 
 /// Chooses the low-pass of the motion.
 class Cutoffs {
@@ -96,7 +96,7 @@ class Cutoffs {
       hz = std::max(hz, lowest);
       if (at_.count(hz) > 0 || hz >= highest_) continue;
       const Engine engine(base_, at(hz > 0.0 ? hz : kNoMotion).shared_table(), start_.pairs);
-      const double logs = sum_of_logs(at(hz > 0.0 ? hz : kNoMotion).rms_error(engine.predicted()));
+      const double logs = logs_of(at(hz > 0.0 ? hz : kNoMotion).rms_error(engine.predicted())).sum();
       if (start_.cutoff == 0.0 || logs < least) {
         least = logs;
         start_.cutoff = hz;
@@ -110,16 +110,17 @@ class Cutoffs {
   /// turns back.
   void raise_for_each(const JudgedMotion& common) {
     JudgedMotion chosen = common;
-    double least = sum_of_logs(chosen.rms_error(chosen.predicted(fitted_)));
+    VectorXd least = logs_of(chosen.rms_error(chosen.predicted(fitted_)));
     for (int j = start_.robot.num_joints() - 1; j >= 0; --j) {
       for (const auto& [hz, motion] : at_) {
         if (hz < kRaised * start_.cutoff) continue;
         JudgedMotion raised = chosen.with_joint_of(motion, j);
-        const double logs = sum_of_logs(raised.rms_error(raised.predicted(fitted_)));
-        if (logs > least + kAsGood) break;
+        const VectorXd logs = logs_of(raised.rms_error(raised.predicted(fitted_)));
+        // A joint that gains does not pay for another that loses: what one is rid of is no noise of the other.
+        if ((logs - least).cwiseMax(0.0).sum() > kAsGood) break;
         chosen = std::move(raised);
         start_.cutoffs[j] = hz;
-        least = std::min(least, logs);
+        least = least.cwiseMin(logs);
       }
     }
     if (options_.trace) {
@@ -141,7 +142,7 @@ class Cutoffs {
   static constexpr double kNoMotion = 5.0;
   /// A joint's cut-off is raised by at least this [1].
   static constexpr double kRaised = 1.3;
-  /// Rise of the sum over joints of ln(error) that is none [1].
+  /// Rise of ln(error), of all joints that rise together, that is none [1].
   static constexpr double kAsGood = 0.003;
 
   const std::vector<data::Log>& train_;
