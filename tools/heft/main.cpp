@@ -18,6 +18,7 @@
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
 #include "heft/host/file_plan.hpp"
+#include "heft/host/reproducible.hpp"
 #include "heft/host/signals.hpp"
 #include "heft/host/words.hpp"
 #include "heft/page/origin.hpp"
@@ -191,6 +192,7 @@ int run(int argc, char** argv) {
 }  // namespace heft::tools
 
 int main(int argc, char** argv) {
+  heft::host::multiply_alike_everywhere();
   heft::tools::hold_standard_streams();
   heft::tools::take_signals();
   try {

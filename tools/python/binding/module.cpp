@@ -1,9 +1,11 @@
 // The Python module heft._heft.
 #include "binding.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/reproducible.hpp"
 
 PYBIND11_MODULE(_heft, module) {
   namespace py = pybind11;
+  heft::host::multiply_alike_everywhere();
   module.doc() = "heft's facades; see the package heft";
   // InputError: bad input, exit code 3 of the command. NotIdentifiableError: the data cannot answer, exit code 4.
   const auto error = py::register_exception<heft::Error>(module, "Error", PyExc_RuntimeError);
