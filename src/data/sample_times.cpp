@@ -209,11 +209,4 @@ Log with_sample_times(Log log, std::vector<std::string>& notes) {
   return log;
 }
 
-std::vector<Log> read_with_sample_times(const std::vector<LogSource>& sources,
-                                        std::vector<std::string>& notes) {
-  std::vector<Log> logs;
-  for (const LogSource& source : sources) logs.push_back(with_sample_times(read(source), notes));
-  return logs;
-}
-
 }  // namespace heft::data

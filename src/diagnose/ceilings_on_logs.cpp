@@ -3,7 +3,6 @@
 #include "causes.hpp"
 #include "ceiling.hpp"
 #include "curves.hpp"
-#include "heft/data/sample_times.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::diagnose {
@@ -16,6 +15,12 @@ LogResiduals residuals_of(const Diagnosis& diagnosis, const JudgedMotion& motion
   const MatrixXd& tau = motion.table().tau;
   return {&motion.table(), tau - motion.predicted(diagnosis.identified),
           tau - motion.predicted(diagnosis.after)};
+}
+
+std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources) {
+  std::vector<data::Log> logs;
+  for (const data::LogSource& source : sources) logs.push_back(data::read(source));
+  return logs;
 }
 
 }  // namespace
@@ -32,9 +37,8 @@ CeilingOnLog ceiling_on(const Diagnosis& diagnosis, const data::LogSet& logs, do
   if (logs.judge().size() != 1 || logs.train().empty())
     throw DataError("a ceiling is judged on one log, and learns from one or more others");
   const Reading reading = reading_of(diagnosis);
-  std::vector<std::string> notes;  // those of the diagnosis
-  const JudgedMotion others(diagnosis.after, data::read_with_sample_times(logs.train(), notes), reading),
-      judged(diagnosis.after, data::read_with_sample_times(logs.judge(), notes), reading);
+  const JudgedMotion others(diagnosis.after, read_all(logs.train()), reading),
+      judged(diagnosis.after, read_all(logs.judge()), reading);
   const CeilingEstimate estimate =
       ceiling_of(diagnosis.after, residuals_of(diagnosis, others), residuals_of(diagnosis, judged));
   const MatrixXd predicted = judged.predicted(diagnosis.after);

@@ -61,6 +61,26 @@ struct Scores {
   }
 };
 
+/// Logs as the search reads them, and as identify and anyone who validates a model does.
+class ReadLogs {
+ public:
+  ReadLogs(const std::vector<data::LogSource>& sources, std::vector<std::string>& notes) {
+    bool differ = false;
+    for (const data::LogSource& source : sources) {
+      as_logged_.push_back(data::read(source));
+      placed_.push_back(data::with_sample_times(as_logged_.back(), notes));
+      differ = differ || placed_.back().time != as_logged_.back().time;
+    }
+    if (!differ) as_logged_.clear();
+  }
+  /// With time stamps that say when samples were taken.
+  const std::vector<data::Log>& placed() const { return placed_; }
+  const std::vector<data::Log>& as_logged() const { return as_logged_.empty() ? placed_ : as_logged_; }
+
+ private:
+  std::vector<data::Log> placed_, as_logged_;  ///< the latter empty: no time stamp differs
+};
+
 }  // namespace
 
 Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& asked) {
@@ -73,8 +93,8 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   DiagnoseOptions options = asked;
   options.joint_sensor = asked.joint_sensor || logs.torque_at() == data::TorqueAt::kJoint;
   Diagnosis result;
-  const std::vector<data::Log> train = data::read_with_sample_times(logs.train(), result.notes),
-                               validate = data::read_with_sample_times(logs.judge(), result.notes);
+  const ReadLogs train_logs(logs.train(), result.notes), validation_logs(logs.judge(), result.notes);
+  const std::vector<data::Log>&train = train_logs.placed(), &validate = validation_logs.placed();
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
   Start start = start_of(robot, train, validate, options);
@@ -95,12 +115,13 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.backward();
   reject_overfitted(search, judged_before);
   const Reading as_anyone{.cutoff = 0.0, .ordinary = true};
-  const JudgedMotion ordinary_train(robot, train, as_anyone), ordinary_judged(robot, validate, as_anyone);
+  const JudgedMotion ordinary_train(robot, train_logs.as_logged(), as_anyone),
+      ordinary_judged(robot, validation_logs.as_logged(), as_anyone);
   Identified identified{std::make_shared<const BaseModel>(start.own, written_structure(options.joint_sensor)),
                         {},
                         {},
                         &ordinary_judged};
-  identified.beta = identified.base->identified(train);
+  identified.beta = identified.base->identified(train_logs.as_logged());
   identified.robot = identified.base->robot(identified.beta);
   const WrittenModel written(search, identified);
   result.findings = findings_of(search, written);
@@ -116,7 +137,8 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, judged_before);
 
   if (options.refit) {
-    const auto again = refit(written, *identified.base, train, validate, reading_of(result));
+    const auto again = refit(written, *identified.base, train_logs.as_logged(), validation_logs.as_logged(),
+                             reading_of(result));
     if (again) {
       result.refitted = again->robot;
       result.notes.push_back(fmt::format(

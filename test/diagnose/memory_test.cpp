@@ -8,7 +8,9 @@
 #include <gtest/gtest.h>
 
 #include "heft/core/effects/effects.hpp"
+#include "heft/data/log_set.hpp"
 #include "heft/diagnose/diagnose.hpp"
+#include "heft/identify/identify.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "support/arms.hpp"
 
@@ -171,6 +173,35 @@ TEST(Motion, OfAJointWithAQuietEncoderIsCutOffFurtherUp) {
   const Diagnosis asked = diagnose(arm(), {train}, {judge}, options);
   EXPECT_EQ(asked.joint_cutoffs.minCoeff(), 10.0);
   EXPECT_EQ(asked.joint_cutoffs.maxCoeff(), 10.0);
+}
+
+/// Stamps of another clock than that of the samples, as a program sets them that reads late.
+data::Log stamped_late(data::Log log, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> late(0.0, 0.3 / kRate);
+  for (double& t : log.time) t += late(random);
+  return log;
+}
+
+TEST(WrittenModel, IsIdentifysWhereStampsScatterAndNothingIsFound) {
+  // The search takes samples from where the positions say; identify and validate take the stamps.
+  const data::Log train = stamped_late(log_of(arm(), 1, false), 3),
+                  judge = stamped_late(log_of(arm(), 2, false), 4);
+  const Diagnosis d = diagnose(arm(), {train}, {judge});
+  ASSERT_TRUE(d.findings.empty());
+  ASSERT_FALSE(d.notes.empty());
+  EXPECT_NE(d.notes.front().find("samples are placed accordingly"), std::string::npos) << d.notes.front();
+  const auto fit = identify::identify(arm(), data::log_set(arm().joint_specs(), {train}, {judge})).fit;
+  for (std::size_t j = 0; j < 2; ++j) {
+    const auto &found = d.after.joints[j].actuation, &expected = fit.robot.joints[j].actuation;
+    // The first joint's cannot be told from its link's.
+    if (j > 0) {
+      EXPECT_NEAR(found.rotor_inertia, expected.rotor_inertia, 1e-9);
+    }
+    EXPECT_NEAR(found.coulomb_friction, expected.coulomb_friction, 1e-9);
+    EXPECT_NEAR(found.viscous_friction, expected.viscous_friction, 1e-9);
+    EXPECT_NEAR(found.friction_offset, expected.friction_offset, 1e-9);
+  }
 }
 
 TEST(Size, ThatMattersIsLessWhereThreeRunsAgree) {

@@ -8,7 +8,6 @@
 #include <Eigen/Core>
 
 #include "heft/data/log.hpp"
-#include "heft/data/log_set.hpp"
 
 namespace heft::data {
 
@@ -35,8 +34,5 @@ SampleTimes sample_times(const Log& log);
 /// The log with time stamps that say when its samples were taken, where the positions show that they do not.
 /// @param notes  gets a line if stamps were changed, or if they scatter and the positions do not decide
 Log with_sample_times(Log log, std::vector<std::string>& notes);
-/// Each of several logs as a whole, with such time stamps.
-std::vector<Log> read_with_sample_times(const std::vector<LogSource>& sources,
-                                        std::vector<std::string>& notes);
 
 }  // namespace heft::data
