@@ -2,6 +2,7 @@
 
 #include <cctype>
 #include <cstdio>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -60,6 +61,92 @@ std::string with_short_numbers(const std::string& line) {
   return out;
 }
 
+int count(const std::string& text, const std::string& what) {
+  int number = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++number;
+  return number;
+}
+
+/// The points of one colour and size that follow one another, as one path.
+class PointPath {
+ public:
+  explicit PointPath(std::string& out) : out_(out) {}
+  /// @param line  gnuplot's element of one point
+  void add(const std::string& line) {
+    const std::string colour = attribute(line, "color");
+    double x = 0, y = 0, scale = 0;
+    if (std::sscanf(attribute(line, "transform").c_str(), "translate(%lf,%lf) scale(%lf)", &x, &y, &scale) !=
+        3)
+      return;
+    const double size = scale / 1.35 * 3.6;  // 1.35 is the scale of points of size 0.3
+    if (colour != colour_ || size != size_) flush();
+    colour_ = colour;
+    size_ = size;
+    path_ += fmt::format("M{:.1f},{:.1f}h0", x, y);
+  }
+  void flush() {
+    if (path_.empty()) return;
+    out_ += fmt::format(
+        "<path fill='none' stroke='{}' stroke-width='{:.1f}' stroke-linecap='round' stroke-opacity='0.75' "
+        "d='{}'/>\n",
+        colour_, size_, path_);
+    path_.clear();
+  }
+
+ private:
+  std::string& out_;
+  std::string colour_, path_;
+  double size_{0.0};
+};
+
+/// gnuplot's groups of one line style, of which many are empty and many go on with the style of the one before.
+class StyleGroups {
+ public:
+  explicit StyleGroups(std::string& out) : out_(out) {}
+  static bool opens(const std::string& line) { return line.rfind("<g fill=\"none\" color=", 0) == 0; }
+  void open(const std::string& line) {
+    if (line == closed_) {
+      out_.resize(before_close_);
+      start(closed_);
+    } else {
+      waiting_ = line;
+    }
+  }
+  /// @return whether the line ends a group that nothing was drawn in
+  bool ends_empty(const std::string& line) {
+    if (line != "</g>" || waiting_.empty()) return false;
+    waiting_.clear();
+    return true;
+  }
+  /// Before a line of the drawing is written.
+  void before_line() {
+    if (!waiting_.empty()) {
+      out_ += waiting_ + '\n';
+      start(waiting_);
+    }
+    closed_.clear();
+  }
+  /// After it.
+  void after_line(const std::string& line) {
+    if (depth_ > 0) depth_ += count(line, "<g ") - count(line, "</g>");
+    if (depth_ > 0 || open_.empty()) return;
+    closed_ = std::exchange(open_, {});
+    before_close_ = out_.rfind("</g>");
+  }
+
+ private:
+  void start(std::string& group) {
+    open_ = std::exchange(group, {});
+    depth_ = 1;
+  }
+  std::string& out_;
+  std::string waiting_;          ///< has no content yet
+  std::string open_;             ///< the one that is open
+  int depth_{0};                 ///< of groups, from that one on
+  std::string closed_;           ///< the one that ended just now,
+  std::size_t before_close_{0};  ///< and where
+};
+
 }  // namespace
 
 std::string placeholder(std::size_t entry) { return fmt::format("#0100{:02x}", entry); }
@@ -72,18 +159,8 @@ void replace_all(std::string& text, const std::string& what, const std::string& 
 
 std::string compact_svg(const std::string& svg) {
   std::string out;
-  std::string open_group;    // a <g> that has no content yet
-  std::string point_colour;  // of the run of points under way
-  double point_size = 0.0;
-  std::string point_path;
-  const auto flush_points = [&] {
-    if (point_path.empty()) return;
-    out += fmt::format(
-        "<path fill='none' stroke='{}' stroke-width='{:.1f}' stroke-linecap='round' stroke-opacity='0.75' "
-        "d='{}'/>\n",
-        point_colour, point_size, point_path);
-    point_path.clear();
-  };
+  PointPath points(out);
+  StyleGroups groups(out);
   bool in_definitions = false;
   bool in_body = false;
   std::size_t from = 0;
@@ -107,39 +184,28 @@ std::string compact_svg(const std::string& svg) {
     }
     if (line == "</svg>") break;
     if (line.rfind("<use ", 0) == 0) {
-      const std::string colour = attribute(line, "color");
-      double x = 0, y = 0, scale = 0;
-      if (std::sscanf(attribute(line, "transform").c_str(), "translate(%lf,%lf) scale(%lf)", &x, &y,
-                      &scale) == 3) {
-        const double size = scale / 1.35 * 3.6;  // 1.35 is the scale of points of size 0.3
-        if (colour != point_colour || size != point_size) flush_points();
-        point_colour = colour;
-        point_size = size;
-        point_path += fmt::format("M{:.1f},{:.1f}h0", x, y);
-      }
+      groups.before_line();
+      points.add(line);
       continue;
     }
-    flush_points();
-    if (line.rfind("<g fill=\"none\" color=", 0) == 0) {
-      open_group = line;
+    points.flush();
+    if (StyleGroups::opens(line)) {
+      groups.open(line);
       continue;
     }
-    if (line == "</g>" && !open_group.empty()) {
-      open_group.clear();
-      continue;
-    }
-    if (!open_group.empty()) {
-      out += open_group + '\n';
-      open_group.clear();
-    }
-    if (line.rfind("<g id=", 0) == 0) {  // ids of several drawings on one page would collide
-      const std::size_t close = line.find('>');
-      line = "<g>" + line.substr(close + 1);
-    }
+    if (groups.ends_empty(line)) continue;
+    groups.before_line();
+    // Ids of several drawings on one page would collide, and a title would show under the pointer.
+    int series = 0;
+    if (std::sscanf(line.c_str(), "<g id=\"gnuplot_plot_%d\"", &series) == 1)
+      line = fmt::format("<g class=\"series\" data-i=\"{}\">", series - 1);
     const bool drawn = line.rfind("<path", 0) == 0 || line.rfind("<polygon", 0) == 0 || line[0] == 'L' ||
                        std::isdigit(static_cast<unsigned char>(line[0]));  // or goes on from the line before
     out += (drawn ? with_short_numbers(line) : line) + '\n';
+    groups.after_line(line);
   }
+  // As the fragment itself says.
+  replace_all(out, " font-family=\"sans-serif\" font-size=\"12.00\" ", "");
   replace_all(out, "\"black\"", "\"var(--ink,#24292f)\"");
   replace_all(out, "'black'", "'var(--ink,#24292f)'");
   return with_variables(out);

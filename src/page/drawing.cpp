@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 
 #include <fmt/format.h>
 
@@ -49,6 +50,22 @@ std::string not_drawn(const std::string& title, const std::string& reason) {
                      title.empty() ? "The plot" : "“" + escape_html(title) + "”", escape_html(reason));
 }
 
+/// gnuplot lays out the margins itself; after drawing it knows where the axes are, on its standard error.
+constexpr const char* kSayFrame =
+    "print 'frame ', GPVAL_TERM_XMIN, GPVAL_TERM_XMAX, GPVAL_TERM_YMIN, GPVAL_TERM_YMAX\n";
+
+/// What kSayFrame printed; gnuplot counts y from below.
+std::optional<Frame> frame_in(const std::string& remarks, int height) {
+  const std::size_t at = remarks.rfind("frame ");
+  double left = 0, right = 0, low = 0, high = 0;
+  if (at == std::string::npos ||
+      std::sscanf(remarks.c_str() + at, "frame %lf %lf %lf %lf", &left, &right, &low, &high) != 4 ||
+      !(left < right && low < high && high <= height)) {
+    return std::nullopt;
+  }
+  return Frame{left, right, height - high, height - low};
+}
+
 }  // namespace
 
 std::string quote(const std::string& text) {
@@ -67,17 +84,18 @@ Drawing draw_svg(int width, int height, const Script& script) {
   const GnuplotResult result =
       run_gnuplot(fmt::format("set terminal svg size {},{} dynamic noenhanced rounded font 'sans-serif,12'\n",
                               width, height) +
-                  script(placeholder));
+                  script(placeholder) + kSayFrame);
   if (!result.ok) return {{}, result.error};
-  return {compact_svg(result.output), {}};
+  return {compact_svg(result.output), {}, frame_in(result.remarks, height)};
 }
 
 std::string fragment(const Drawing& drawing, const std::string& title, const std::string& label, int width,
-                     int height, const Script& script) {
+                     int height, const Script& script, const std::string& data) {
   if (!drawing.error.empty()) return not_drawn(title, drawing.error);
   if (drawing.body.size() <= kMaxSvgBytes) {
-    return fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">\n{}</svg>\n", width,
-                       height, escape_html(label), drawing.body);
+    return fmt::format(
+        "<svg viewBox=\"0 0 {} {}\" font-size=\"12\" role=\"img\" aria-label=\"{}\"{}>\n{}</svg>\n", width,
+        height, escape_html(label), data.empty() ? data : " data-plot='" + data + "'", drawing.body);
   }
   const std::string png = draw_png(width, height, script);
   if (png.empty()) return not_drawn(title, "gnuplot could not draw it as a picture");

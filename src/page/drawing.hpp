@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <string>
 
 namespace heft::page {
@@ -13,9 +14,15 @@ using ColourName = std::string (*)(std::size_t entry);
 /// The script after `set terminal`, with colours named by a function.
 using Script = std::function<std::string(ColourName)>;
 
+/// Where the axes are in a drawing, from its upper left corner [px].
+struct Frame {
+  double left{0.0}, right{0.0}, top{0.0}, bottom{0.0};
+};
+
 struct Drawing {
   std::string body;  ///< inside <svg>
   std::string error;
+  std::optional<Frame> frame{};  ///< none: gnuplot did not say
 };
 
 /// Text as gnuplot's single-quoted string, in which nothing is expanded or executed. gnuplot reads a doubled
@@ -28,8 +35,9 @@ Drawing draw_svg(int width, int height, const Script& script);
 
 /// Fragment of a page: the drawing, or as a picture when it is large, or why there is none.
 /// @param label  what a screen reader says instead of the drawing
+/// @param data   of plot_data(), for the page's script; may be empty
 std::string fragment(const Drawing& drawing, const std::string& title, const std::string& label, int width,
-                     int height, const Script& script);
+                     int height, const Script& script, const std::string& data);
 
 /// A file of its own: title, then `legend`, then the drawing.
 void write_standalone(const Drawing& drawing, const std::string& title, const std::string& legend, int width,

@@ -21,6 +21,11 @@ struct Range {
   bool empty() const { return !(low <= high); }
 };
 
+/// What both axes span.
+struct Extent {
+  Range x, y;
+};
+
 /// False for a value that leaves a gap: not finite, or not above zero on a logarithmic axis.
 inline bool can_be_shown(double value, bool logarithmic) {
   return std::isfinite(value) && (!logarithmic || value > 0.0);

@@ -76,6 +76,7 @@ GnuplotResult run_gnuplot(const std::string& script) {
     return result;
   }
   result.ok = true;
+  result.remarks = read_all(error.get());
   return result;
 }
 

@@ -4,7 +4,9 @@
 
 #include <fmt/format.h>
 
+#include "data_file.hpp"
 #include "heft/host/file.hpp"
+#include "page_script.hpp"
 #include "palette.hpp"
 
 namespace heft::page {
@@ -39,7 +41,7 @@ td.n{white-space:nowrap}
 tbody tr:hover{background:var(--card)}
 figure{margin:1.1rem 0}
 figcaption{font-weight:600;margin-bottom:.15rem}
-svg{display:block;width:100%;height:auto;overflow:visible}
+figure>svg{display:block;width:100%;height:auto;overflow:visible}
 svg text{font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Noto Sans",sans-serif}
 .raster{width:100%;height:auto;border-radius:6px}
 .legend{display:flex;flex-wrap:wrap;gap:.2rem 1.2rem;font-size:.9rem;color:var(--mark);margin-bottom:.2rem}
@@ -55,8 +57,22 @@ svg text{font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Noto Sans",sans-
 .noplot{color:var(--mark);border:1px dashed var(--mark);border-radius:6px;padding:.9rem 1rem;max-width:none}
 footer p{margin:.15rem 0;max-width:none;overflow-wrap:anywhere}
 footer{margin-top:3rem;padding-top:.8rem;border-top:1px solid var(--grid);color:var(--mark);font-size:.85rem}
-@media print{body{font-size:11pt}main{max-width:none;padding:0}figure,.fact,.verdict,tr{break-inside:avoid}h2{break-after:avoid}.scroll{overflow:visible}.grid{grid-template-columns:1fr 1fr}}
+.live{position:relative}
+.live>svg{touch-action:pan-y;user-select:none}.live>svg:focus:not(:focus-visible){outline:none}
+.readout{position:absolute;transform:translateY(-100%);z-index:1;pointer-events:none;padding:.3rem .6rem;background:var(--page);border:1px solid var(--mark);border-radius:4px;font-size:.85rem;line-height:1.4;white-space:nowrap;font-variant-numeric:tabular-nums}
+.cross{pointer-events:none}
+.zoomed>g:not(.axes):not(.cross){display:none}
+.window{overflow:hidden}.window *{vector-effect:non-scaling-stroke}
+.sort{font:inherit;color:inherit;background:none;border:0;padding:0;margin:0;text-align:inherit;cursor:pointer}
+[aria-sort=ascending]>.sort::after{content:" ▲"}[aria-sort=descending]>.sort::after{content:" ▼"}
+.download{font-size:.9rem}.download a{color:var(--c-blue)}
+@media print{.controls,.cross{display:none}body{font-size:11pt}main{max-width:none;padding:0}figure,.fact,.verdict,tr{break-inside:avoid}h2{break-after:avoid}.scroll{overflow:visible}.grid{grid-template-columns:1fr 1fr}}
 )css";
+
+/// The reader's program itself refuses whatever is outside the page.
+constexpr const char* kPolicy =
+    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'; img-src data:\">\n";
 
 /// CSS variables: light for paper and by default, dark where the reader's screen asks for it.
 std::string variables() {
@@ -226,8 +242,14 @@ Page& Page::plots(const std::string& title, std::vector<PlotSpec> specs) {
   return *this;
 }
 
+Page& Page::file(const DataFile& file) {
+  if (std::string html = data_file_html(file); !html.empty()) parts_.push_back({std::move(html)});
+  return *this;
+}
+
 std::string Page::html() const {
   std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
+  page += kPolicy;
   page += "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n";
   page += fmt::format("<title>{}</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
                       escape_html(title_), variables(), kStyle);
@@ -237,8 +259,8 @@ std::string Page::html() const {
   page += "<footer>\n";
   for (const std::string& line : footer_) page += fmt::format("<p>{}</p>\n", escape_html(line));
   page += "<p>Made by heft " HEFT_VERSION
-          ". Units are SI unless a label says otherwise.</p>\n</footer>\n</main>\n</body>\n</html>\n";
-  return page;
+          ". Units are SI unless a label says otherwise.</p>\n</footer>\n</main>\n";
+  return page + script_html(page) + "</body>\n</html>\n";
 }
 
 void Page::write(const std::string& path) const { host::write_file_atomically(path, html()); }

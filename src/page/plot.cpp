@@ -7,6 +7,7 @@
 #include "heft/page/page.hpp"
 #include "map_script.hpp"
 #include "palette.hpp"
+#include "plot_data.hpp"
 #include "plot_script.hpp"
 
 namespace heft::page {
@@ -66,13 +67,17 @@ std::string legend_html(const PlotSpec& spec) {
 }
 
 std::string render_plot(const PlotSpec& spec) {
-  return fragment(drawing_of(spec), spec.title, spec.title.empty() ? spec.y_label : spec.title, spec.width,
-                  spec.height, [&](auto colour) { return script_of(spec, colour); });
+  const Drawing drawing = drawing_of(spec);
+  return fragment(
+      drawing, spec.title, spec.title.empty() ? spec.y_label : spec.title, spec.width, spec.height,
+      [&](auto colour) { return script_of(spec, colour); }, plot_data(spec, drawing));
 }
 
 std::string render_plot(const MapSpec& spec) {
-  return fragment(drawing_of(spec), spec.title, spec.title.empty() ? spec.value_label : spec.title,
-                  spec.width, spec.height, [&](auto colour) { return script_of(spec, colour); });
+  const Drawing drawing = drawing_of(spec);
+  return fragment(
+      drawing, spec.title, spec.title.empty() ? spec.value_label : spec.title, spec.width, spec.height,
+      [&](auto colour) { return script_of(spec, colour); }, plot_data(spec, drawing));
 }
 
 bool write_svg(const MapSpec& spec, const std::string& path) {

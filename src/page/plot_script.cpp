@@ -10,10 +10,6 @@
 namespace heft::page {
 namespace {
 
-struct Extent {
-  Range x, y;
-};
-
 Extent extent_of(const PlotSpec& spec) {
   Extent extent;
   for (const Series& series : spec.series) {
@@ -50,9 +46,9 @@ std::string data_block(std::size_t index, const Series& series, double bar_offse
     if (!finite) {
       text += "\n";  // an empty line breaks the curve
     } else if (two) {
-      text += fmt::format("{:.9g} {:.7g} {:.7g}\n", series.x[k], series.y[k], series.y_high[k]);
+      text += fmt::format("{:.12g} {:.7g} {:.7g}\n", series.x[k], series.y[k], series.y_high[k]);
     } else {
-      text += fmt::format("{:.9g} {:.7g}\n", series.x[k] + bar_offset, series.y[k]);
+      text += fmt::format("{:.12g} {:.7g}\n", series.x[k] + bar_offset, series.y[k]);
     }
   }
   return text + "EOD\n";
@@ -106,31 +102,37 @@ std::string frame_script(const PlotSpec& spec, const Layout& layout, ColourName 
   return s;
 }
 
+/// What the axes go from and to.
+Extent shown_extent(const PlotSpec& spec, const Layout& layout) {
+  const Extent& extent = layout.extent;
+  Extent shown = extent;
+  if (layout.has_categories) {
+    shown.x = {-0.6, std::max(1.0, static_cast<double>(spec.categories.size())) - 0.4};
+  } else if (extent.x.low == extent.x.high) {
+    shown.x = padded(extent.x, spec.log_x, false);
+  }
+  if (spec.y_range) {
+    shown.y = {spec.y_range->first, spec.y_range->second};
+  } else if (!spec.equal_axes) {
+    shown.y = padded(extent.y, spec.log_y, layout.has_bars);
+  }
+  return shown;
+}
+
 /// Ranges of both axes, and the names of categories.
 std::string range_script(const PlotSpec& spec, const Layout& layout) {
-  const Extent& extent = layout.extent;
+  const Extent shown = shown_extent(spec, layout);
   std::string s;
   if (layout.has_bars) s += fmt::format("set boxwidth {:.6g}\n", 0.8 / layout.num_bars);
   if (layout.has_categories) {
-    s += fmt::format("set xrange [-0.6:{:.6g}]\n",
-                     std::max(1.0, static_cast<double>(spec.categories.size())) - 0.4);
     s += "set xtics (";
     for (std::size_t k = 0; k < spec.categories.size(); ++k) {
       s += fmt::format("{}{} {}", k ? ", " : "", quote(spec.categories[k]), k);
     }
     s += ") scale 0\n";
-  } else {
-    Range x = extent.x;
-    if (x.low == x.high) x = padded(x, spec.log_x, false);
-    s += fmt::format("set xrange [{:.9g}:{:.9g}]\n", x.low, x.high);
   }
-  if (spec.y_range) {
-    s += fmt::format("set yrange [{:.7g}:{:.7g}]\n", spec.y_range->first, spec.y_range->second);
-  } else {
-    const Range y = spec.equal_axes ? extent.y : padded(extent.y, spec.log_y, layout.has_bars);
-    s += fmt::format("set yrange [{:.7g}:{:.7g}]\n", y.low, y.high);
-  }
-  return s;
+  return s + fmt::format("set xrange [{:.12g}:{:.12g}]\nset yrange [{:.9g}:{:.9g}]\n", shown.x.low,
+                         shown.x.high, shown.y.low, shown.y.high);
 }
 
 /// Dashed lines across the plot with their texts.
@@ -212,6 +214,8 @@ std::vector<std::size_t> colours_of(const PlotSpec& spec) {
   }
   return colours;
 }
+
+Extent extent_shown(const PlotSpec& spec) { return shown_extent(spec, layout_of(spec)); }
 
 bool has_values(const PlotSpec& spec) {
   const Extent extent = extent_of(spec);

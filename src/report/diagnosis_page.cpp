@@ -241,6 +241,35 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
   page.plots("The other joints (validation log)", small(std::move(others)));
 }
 
+/// Column of a matrix, each value the mean of some samples.
+std::vector<double> means(const Eigen::Ref<const Eigen::VectorXd>& values, Index samples) {
+  std::vector<double> out;
+  for (Index from = 0; from < values.size(); from += samples)
+    out.push_back(values.segment(from, std::min(samples, values.size() - from)).mean());
+  return out;
+}
+
+/// The residuals of each log, before and after, thinned to about as many rows as a plot has pixels.
+void add_files(page::Page& page, const Diagnosis& diagnosis) {
+  constexpr Index kMostRows = 1500;
+  const bool one_model = diagnosis.findings.empty();
+  for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
+    for (const Traces& log : *logs) {
+      const Index rows = log.time.size(), samples = std::max<Index>(1, (rows + kMostRows - 1) / kMostRows);
+      if (log.after.rows() != rows || log.before.rows() != rows) continue;
+      page::DataFile file = residual_file(log.log, samples);
+      file.columns.push_back({"time", {}});
+      for (Index k = 0; k < rows; k += samples) file.columns.back().values.push_back(log.time[k]);
+      for (Index j = 0; j < log.after.cols(); ++j) {
+        const std::string name = fmt::format("residual{}", j + 1);
+        if (!one_model) file.columns.push_back({name + "_before", means(log.before.col(j), samples)});
+        file.columns.push_back({one_model ? name : name + "_after", means(log.after.col(j), samples)});
+      }
+      page.file(file);
+    }
+  }
+}
+
 /// Error on the validation logs as a share of each joint's torque.
 void add_bars(page::Page& page, const Diagnosis& diagnosis) {
   const validate::Score &before = diagnosis.validate_identified, &after = diagnosis.validate_after;
@@ -382,6 +411,7 @@ page::Page page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   add_ceiling(page, diagnosis);
   add_unexplained(page, diagnosis);
   add_residuals(page, diagnosis);
+  add_files(page, diagnosis);
   add_curves(page, diagnosis);
   add_errors(page, diagnosis);
   add_refusals(page, diagnosis);

@@ -83,9 +83,11 @@ nlohmann::ordered_json bias_json(const identify::BiasTest& bias) {
           {"biased", bias.biased},       {"verdict", bias.verdict}};
 }
 
-void add_torque_plots(page::Page& page, const std::string& title, const validate::TorqueTrace& trace) {
+void add_torque_plots(page::Page& page, const std::string& title, const validate::TorqueTrace& trace,
+                      const std::string& log) {
   page.plots(title, small(torque_plots(trace)));
   page.plots("Residual", small(residual_plots(trace)));
+  page.file(residual_file(trace, log));
 }
 
 void add_torque(page::Page& page, const Identification& found) {
@@ -95,11 +97,13 @@ void add_torque(page::Page& page, const Identification& found) {
     const validate::Score& score = found.held_out[k];
     page.table(validation_table(score), "Held out: " + file_name_of(score.log) + "." + moving_line(score));
     if (k < found.held_out_traces.size())
-      add_torque_plots(page, "Torque on the held-out log", found.held_out_traces[k]);
+      add_torque_plots(page, "Torque on the held-out log", found.held_out_traces[k], score.log);
   }
   if (!found.held_out.empty()) return;
-  for (const validate::TorqueTrace& trace : found.train_traces)
-    add_torque_plots(page, "Torque on the training log", trace);
+  for (std::size_t k = 0; k < found.train_traces.size(); ++k) {
+    add_torque_plots(page, "Torque on the training log", found.train_traces[k],
+                     k < found.train_logs.size() ? found.train_logs[k].path : found.trained.log);
+  }
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "page_lines.hpp"
 
+#include <cctype>
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -22,6 +24,21 @@ std::string file_names_of(const std::vector<std::string>& paths) {
   std::string names;
   for (const std::string& path : paths) names += (names.empty() ? "" : ", ") + file_name_of(path);
   return names;
+}
+
+page::DataFile residual_file(const std::string& log, long samples) {
+  const std::string log_name = file_name_of(log);
+  std::string stem = log_name.substr(0, log_name.find(".csv"));
+  for (char& c : stem) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '-' && c != '_') c = '-';
+  }
+  return {
+      fmt::format("Save the residuals of {} (CSV)", log_name),
+      fmt::format("residuals-{}.csv", stem),
+      {fmt::format("{}: measured minus predicted torque [N·m; prismatic joints: N] over time [s]", log_name),
+       samples > 1 ? fmt::format("each row is the mean of {} samples, beginning at its time", samples)
+                   : std::string("every sample"),
+       "values to four millionths of what their column spans"}};
 }
 
 std::string verdict_text(const host::Judgement& judgement) {

@@ -29,6 +29,10 @@ std::string file_name_of(const std::string& path);
 /// "run-a.csv, run-b.csv".
 std::string file_names_of(const std::vector<std::string>& paths);
 
+/// The file of a log's residuals without its columns: label, name and notes.
+/// @param samples  that each row is the mean of
+page::DataFile residual_file(const std::string& log, long samples);
+
 /// Fields "verdict" and "reasons".
 void put_verdict(nlohmann::ordered_json& json, const host::Judgement& judgement);
 

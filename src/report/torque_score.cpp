@@ -258,6 +258,17 @@ std::vector<page::PlotSpec> residual_plots(const validate::TorqueTrace& trace) {
                   "torque error [N·m]");
 }
 
+page::DataFile residual_file(const validate::TorqueTrace& trace, const std::string& log) {
+  page::DataFile file = residual_file(log, trace.rows_a_step());
+  file.columns.push_back({"time", trace.time()});
+  for (std::size_t j = 0; j < static_cast<std::size_t>(trace.num_joints()); ++j) {
+    file.columns.push_back({fmt::format("residual{}", j + 1), {}});
+    for (const std::vector<validate::TorqueTrace::Step>& step : trace.steps())
+      file.columns.back().values.push_back(step[j].residual_mean);
+  }
+  return file;
+}
+
 std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots) {
   for (page::PlotSpec& plot : plots) {
     plot.width = 460;

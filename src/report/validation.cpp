@@ -157,6 +157,7 @@ page::Page page(const Validation& judged) {
     if (k < judged.traces.size()) {
       page.plots("Torque over time", small(torque_plots(judged.traces[k])));
       page.plots("Torque error over time", small(residual_plots(judged.traces[k])));
+      page.file(residual_file(judged.traces[k], judged.scores[k].log));
     }
     add_residual_words(page, judged.scores[k]);
   }

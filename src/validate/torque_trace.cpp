@@ -23,16 +23,19 @@ TorqueTrace::TorqueTrace(long samples, Eigen::Index joints)
 void TorqueTrace::add(const Eigen::VectorXd& time, const Eigen::MatrixXd& measured,
                       const Eigen::MatrixXd& predicted) {
   for (Eigen::Index k = 0; k < time.size(); ++k) {
-    if (rows_++ % rows_a_step_ == 0) {
+    const long row = rows_++ % rows_a_step_;  // within its step
+    if (row == 0) {
       time_.push_back(time[k]);
       const Extremes none{kInfinity, -kInfinity};
-      steps_.emplace_back(static_cast<std::size_t>(joints_), Step{none, none, none});
+      steps_.emplace_back(static_cast<std::size_t>(joints_), Step{none, none, none, 0.0});
     }
     for (Eigen::Index j = 0; j < joints_; ++j) {
       Step& step = steps_.back()[static_cast<std::size_t>(j)];
       widen(step.measured, measured(k, j));
       widen(step.predicted, predicted(k, j));
-      widen(step.residual, measured(k, j) - predicted(k, j));
+      const double residual = measured(k, j) - predicted(k, j);
+      widen(step.residual, residual);
+      step.residual_mean += (residual - step.residual_mean) / static_cast<double>(row + 1);
     }
   }
 }

@@ -5,11 +5,15 @@
 #include <cstdlib>
 #include <limits>
 #include <random>
+#include <regex>
 #include <string>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include "compact_svg.hpp"
 #include "heft/host/file.hpp"
 #include "level_outline.hpp"
 #include "support/temporary_folder.hpp"
@@ -74,20 +78,194 @@ TEST(Number, KeepsTheSignificantDigits) {
   EXPECT_EQ(number(std::numeric_limits<double>::quiet_NaN()), "–");
 }
 
-TEST(Page, HasNoOutsideReferenceAndNoScript) {
-  NEEDS_GNUPLOT();
+/// Every kind of part.
+Page whole_page() {
   Page page("Title", "subtitle");
   page.verdict("It works.", Tone::kGood).facts({{"mass", "1 kg", ""}}).heading("h").paragraph("p").note("n");
   page.preformatted("x")
       .table(Table({"a"}).add_row({"1"}))
       .plot(small_plot())
-      .plots("all", {small_plot(), small_plot()});
-  const std::string html = page.html();
+      .plots("all", {small_plot(), small_plot()})
+      .file({"Save it", "it.csv", {"one of </script>"}, {{"time", {0, 1}}, {"value", {2, 3}}}});
+  return page;
+}
+
+TEST(Page, HasNoOutsideReference) {
+  NEEDS_GNUPLOT();
+  const std::string html = whole_page().html();
   EXPECT_THAT(html, HasSubstr("<svg"));
   for (const char* outside :
-       {"http:", "https:", "src=\"/", "<link", "<script", "@import", "url(", "xlink", "file:"}) {
+       {"http:", "https:", "src=", "<link", "@import", "url(", "xlink", "file:", "fetch(", "import("}) {
     EXPECT_THAT(html, Not(HasSubstr(outside)));
   }
+  EXPECT_THAT(html, HasSubstr("Content-Security-Policy\" content=\"default-src 'none';"));
+}
+
+TEST(Page, IsWholeWithoutItsScript) {
+  NEEDS_GNUPLOT();
+  const std::string html = whole_page().html();
+  // One program at the very end, and data that shows nothing: taken away, all that a reader sees is there.
+  EXPECT_EQ(count(html, "<script>"), 1U);
+  EXPECT_EQ(count(html, "<script"), 2U);
+  EXPECT_EQ(count(html, "</script>"), 2U) << "a note must not end the element";
+  EXPECT_GT(html.find("<script>"), html.find("</main>"));
+  EXPECT_EQ(count(html, "<svg viewBox"), 3U);
+  EXPECT_EQ(count(html, "<button"), 0U) << "the script adds what it answers to";
+  EXPECT_THAT(html, HasSubstr("@media print{.controls,.cross{display:none}"));
+}
+
+TEST(Page, CarriesTheScriptOfWhatItHolds) {
+  NEEDS_GNUPLOT();
+  const std::string text = Page("Page").paragraph("p").html();
+  EXPECT_THAT(text, Not(HasSubstr("<script")));
+  const std::string table = Page("Page").table(Table({"a"}).add_row({"1"})).html();
+  EXPECT_THAT(table, HasSubstr("aria-sort"));
+  EXPECT_THAT(table, Not(HasSubstr("class Plot")));
+  EXPECT_THAT(Page("Page").plot(small_plot()).html(), HasSubstr("class Plot"));
+  EXPECT_LT(table.size(), 9'000U);
+}
+
+/// What a reader's program makes of a drawing: each series' points [value], by the drawing and its `data-plot` alone.
+struct ReadPlot {
+  nlohmann::json data;
+  std::vector<std::vector<std::pair<double, double>>> series;
+  double x_resolution{0.0},
+      y_resolution{0.0};  ///< of a tenth of a pixel; on a logarithmic axis of its logarithm
+};
+
+/// Value at a pixel, the logarithm of it on a logarithmic axis.
+double along(const nlohmann::json& axis, double pixel) {
+  double low = axis["range"][0], high = axis["range"][1];
+  if (axis["log"]) low = std::log(low), high = std::log(high);
+  const double from = axis["pixels"][0], to = axis["pixels"][1];
+  return low + (high - low) * (pixel - from) / (to - from);
+}
+
+ReadPlot read_plot(const PlotSpec& spec) {
+  const std::string html = render_plot(spec);
+  std::smatch found;
+  ReadPlot plot;
+  if (!std::regex_search(html, found, std::regex("data-plot='([^']*)'"))) return plot;
+  plot.data = nlohmann::json::parse(found[1].str());
+  plot.x_resolution = std::abs(along(plot.data["x"], 0.1) - along(plot.data["x"], 0.0));
+  plot.y_resolution = std::abs(along(plot.data["y"], 0.1) - along(plot.data["y"], 0.0));
+  const std::regex number("(-?[0-9.]+),(-?[0-9.]+)");
+  for (std::size_t k = 0; k < spec.series.size(); ++k) {
+    const std::size_t begin = html.find("<g class=\"series\" data-i=\"" + std::to_string(k) + "\">");
+    if (begin == std::string::npos) break;
+    const std::string group = html.substr(begin, html.find("<g class=\"series\"", begin + 1) - begin);
+    const std::size_t path = group.find_first_of(
+        '\'', group.find(" d=") != std::string::npos ? group.find(" d=") : group.find("points ="));
+    const std::string points = group.substr(path + 1, group.find('\'', path + 1) - path - 1);
+    plot.series.emplace_back();
+    for (std::sregex_iterator i(points.begin(), points.end(), number), end; i != end; ++i) {
+      plot.series.back().emplace_back(along(plot.data["x"], std::stod((*i)[1])),
+                                      along(plot.data["y"], std::stod((*i)[2])));
+    }
+  }
+  return plot;
+}
+
+TEST(Plot, ValuesAreReadFromTheDrawingAsTheyWereGiven) {
+  NEEDS_GNUPLOT();
+  const Series curve{"curve", {1, 2, 4, 8.5, 9}, {3, -1, 0.5, 7, 2}};
+  PlotSpec plain{"Plain", "time [s]", "torque [N·m]", {curve, {"dots", {2, 3}, {1, 4}, {}, Style::kDots}}};
+  PlotSpec logarithmic{"Log", "f [Hz]", "a", {{"a", {1, 10, 500}, {1e-6, 2e-3, 40}}}};
+  logarithmic.log_x = logarithmic.log_y = true;
+  PlotSpec square{"Square", "x [m]", "y [m]", {{"shape", {-3, 0, 3, 0, -3}, {0, 1, 0, -1, 0}}}};
+  square.equal_axes = true;
+  PlotSpec small = plain;
+  small.width = 460;
+  small.height = 210;
+  small.y_range = {-2.0, 8.0};
+  const double epoch = 1.7e9;  // time stamps of a clock
+  PlotSpec late{"Late", "time [s]", "", {{"", {epoch, epoch + 0.25, epoch + 1.0}, {0, 1, 2}}}};
+  int points = 0;
+  for (const PlotSpec& spec : {plain, logarithmic, square, small, late}) {
+    const ReadPlot plot = read_plot(spec);
+    ASSERT_EQ(plot.series.size(), spec.series.size()) << spec.title;
+    EXPECT_EQ(plot.data["x"]["label"], spec.x_label);
+    for (std::size_t k = 0; k < spec.series.size(); ++k) {
+      const Series& series = spec.series[k];
+      EXPECT_EQ(plot.data["series"][k]["label"], series.label);
+      ASSERT_EQ(plot.series[k].size(), series.x.size()) << spec.title;
+      for (std::size_t i = 0; i < series.x.size(); ++i, ++points) {
+        // gnuplot rounds to a hundredth of a pixel, and the page cuts off what is below a tenth.
+        EXPECT_NEAR(plot.series[k][i].first, spec.log_x ? std::log(series.x[i]) : series.x[i],
+                    1.2 * plot.x_resolution)
+            << spec.title;
+        EXPECT_NEAR(plot.series[k][i].second, spec.log_y ? std::log(series.y[i]) : series.y[i],
+                    1.2 * plot.y_resolution)
+            << spec.title;
+      }
+      EXPECT_LT(plot.y_resolution, spec.log_y ? 0.02 : 0.02) << "a tenth of a pixel is next to nothing";
+    }
+  }
+  EXPECT_EQ(points, 7 + 3 + 5 + 7 + 3);
+}
+
+TEST(Plot, BarsAndMarksAreNamedInItsData) {
+  NEEDS_GNUPLOT();
+  PlotSpec spec{"Bars", "", "RMSE [%]", {bars("it's", {1, 3}), bars("b", {2, 5})}};
+  spec.categories = {"joint 1", "joint <2>"};
+  spec.marks.push_back({Mark::Direction::kHorizontal, 4.0, "limit"});
+  const ReadPlot plot = read_plot([&] {
+    PlotSpec plain = spec;
+    plain.series[0].label = "its";  // an escaped apostrophe is not JSON yet
+    plain.categories[1] = "joint 2";
+    return plain;
+  }());
+  EXPECT_EQ(plot.data["categories"], nlohmann::json({"joint 1", "joint 2"}));
+  EXPECT_EQ(plot.data["marks"], nlohmann::json::parse(R"([{"y": 4.0, "label": "limit"}])"));
+  EXPECT_EQ(plot.data["series"][1]["style"], "bars");
+  ASSERT_EQ(plot.series.size(), 2U);
+  double top = 0.0;
+  for (const auto& [x, y] : plot.series[0]) top = std::max(top, y);
+  EXPECT_NEAR(top, 1.0, 1.2 * plot.y_resolution) << "the first bar of the first series";
+  const std::string html = render_plot(spec);
+  EXPECT_THAT(html, HasSubstr("it&#39;s"));
+  EXPECT_THAT(html, HasSubstr("joint &lt;2>"));
+}
+
+TEST(Page, CarriesAFileToWithinItsDigits) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> time, value, constant;
+  for (int k = 0; k < 1500; ++k) {
+    time.push_back(1.7e9 + 0.002 * k + 1e-5 * (k % 7));
+    value.push_back(k == 3 ? nan : 12.0 * std::sin(0.01 * k) + 1e-3 * k);
+    constant.push_back(-2.5);
+  }
+  const std::string html =
+      Page("Page")
+          .file({"Save", "a.csv", {"note"}, {{"time", time}, {"value", value}, {"constant", constant}}})
+          .html();
+  const std::string open = "<script class=\"file\" type=\"application/json\">";
+  const std::size_t begin = html.find(open) + open.size();
+  const nlohmann::json file =
+      nlohmann::json::parse(html.substr(begin, html.find("</script>", begin) - begin));
+  EXPECT_EQ(file["notes"], nlohmann::json({"note"}));
+  ASSERT_EQ(file["columns"].size(), 3U);
+  const std::string alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  const std::vector<const std::vector<double>*> given{&time, &value, &constant};
+  for (std::size_t c = 0; c < 3; ++c) {
+    const nlohmann::json& column = file["columns"][c];
+    const std::string data = column["data"];
+    const std::size_t places = column["places"];
+    ASSERT_EQ(data.size(), 1500 * places);
+    for (std::size_t k = 0; k < 1500; ++k) {
+      std::size_t n = 0;
+      for (std::size_t i = 0; i < places; ++i) n = 64 * n + alphabet.find(data[places * k + i]);
+      if (std::isnan((*given[c])[k])) {
+        EXPECT_EQ(n + 1, std::size_t{1} << (6 * places));
+        continue;
+      }
+      const double step = column["step"], found = column["low"].get<double>() + step * static_cast<double>(n);
+      ASSERT_NEAR(found, (*given[c])[k], 0.51 * step + 3e-7)
+          << c << " " << k;  // of 1.7e9 a double knows 2e-7
+    }
+  }
+  EXPECT_LT(file["columns"][0]["step"], 1e-6) << "seconds";
+  EXPECT_THAT(Page("Page").file({"Save", "a.csv", {}, {{"time", {}}}}).html(), Not(HasSubstr("<script")));
 }
 
 TEST(Page, TakesTheToneOfItsVerdictFromTheJudgement) {
@@ -331,6 +509,20 @@ TEST(Plot, StandaloneDrawingCarriesTitleAndLegend) {
   EXPECT_THAT(svg, HasSubstr("xmlns=\"http://www.w3.org/2000/svg\""));
   EXPECT_THAT(svg, HasSubstr("Sine"));
   EXPECT_THAT(svg, HasSubstr("a curve"));
+}
+
+TEST(Drawing, GoesOnWithAGroupOfTheSameStyleAlone) {
+  const auto group = [](const char* width, const char* content) {
+    return fmt::format("<g fill=\"none\" color=\"black\" stroke-width=\"{}\">\n{}</g>\n", width, content);
+  };
+  const std::string svg = "<g id=\"gnuplot_canvas\">\n" + group("1.00", "<path d='M1.00,1.00'/>") +
+                          group("2.00", "") + group("1.00", "<g>\n<text>a</text>\n</g>\n") +
+                          group("1.60", "<path d='M2.00,2.00'/>") + "</g>\n</svg>\n";
+  EXPECT_EQ(
+      compact_svg(svg),
+      "<g>\n<g fill=\"none\" color=\"var(--ink,#24292f)\" stroke-width=\"1.00\">\n<path d='M1.0,1.0'/>"
+      "<g>\n<text>a</text>\n</g>\n</g>\n"
+      "<g fill=\"none\" color=\"var(--ink,#24292f)\" stroke-width=\"1.60\">\n<path d='M2.0,2.0'/></g>\n</g>\n");
 }
 
 }  // namespace

@@ -464,5 +464,40 @@ TEST(DiagnosisPage, ShowsFourPlotsOfTheJointWithAnEffect) {
                           HasSubstr("cuts its error on the validation log"), Not(HasSubstr("http://"))));
 }
 
+/// The files that a page carries.
+std::vector<nlohmann::json> files_in(const std::string& html) {
+  const std::string open = "<script class=\"file\" type=\"application/json\">";
+  std::vector<nlohmann::json> files;
+  for (std::size_t at = html.find(open); at != std::string::npos; at = html.find(open, at + 1)) {
+    const std::size_t begin = at + open.size();
+    files.push_back(nlohmann::json::parse(html.substr(begin, html.find("</script>", begin) - begin)));
+  }
+  return files;
+}
+
+TEST(DiagnosisPage, CarriesTheResidualsOfEachLogAsMeans) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnose::Traces traces;
+  traces.log = "/data/run a.csv";
+  traces.time = Eigen::VectorXd::LinSpaced(3001, 0.0, 6.0);
+  traces.q = traces.qd = traces.before = Eigen::MatrixXd::Zero(3001, 2);
+  traces.after = Eigen::MatrixXd::Zero(3001, 2);
+  traces.after.col(1).setLinSpaced(0.0, 3000.0);
+  diagnosis.validate = diagnosis.train = {traces};
+  const std::vector<nlohmann::json> one = files_in(report::page(diagnosis, kContext).html());
+  ASSERT_EQ(one.size(), 2U) << "training and validation";
+  EXPECT_EQ(one[0]["name"], "residuals-run-a.csv");
+  EXPECT_THAT(one[0]["notes"][1], HasSubstr("mean of 3 samples")) << "3001 rows in at most 1500";
+  ASSERT_EQ(one[0]["columns"].size(), 3U) << "without an effect there is one model";
+  const nlohmann::json& column = one[0]["columns"][2];
+  EXPECT_EQ(column["name"], "residual2");
+  EXPECT_DOUBLE_EQ(column["low"].get<double>(), 1.0) << "mean of 0, 1 and 2";
+  EXPECT_EQ(column["data"].get<std::string>().size(), 3U * 1001);
+  diagnosis.findings = {stribeck()};
+  const std::vector<nlohmann::json> two = files_in(report::page(diagnosis, kContext).html());
+  ASSERT_EQ(two.at(0)["columns"].size(), 5U);
+  EXPECT_EQ(two[0]["columns"][3]["name"], "residual2_before");
+}
+
 }  // namespace
 }  // namespace heft::tools

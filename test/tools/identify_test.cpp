@@ -60,7 +60,7 @@ TEST_F(IdentifyCommand, GivesAModelThatDynamicsReproducesTheTorqueWith) {
   EXPECT_TRUE(json.at("condition_number").is_number());
   EXPECT_TRUE(json.at("physically_consistent").is_boolean());
   EXPECT_THAT(host::read_file(path("r.html"), "report"),
-              AllOf(HasSubstr("<svg"), HasSubstr("Base parameters")));
+              AllOf(HasSubstr("<svg"), HasSubstr("Base parameters"), HasSubstr("\"name\":\"residuals-")));
 
   // The model alone, without the URDF, gives the torques.
   const Outcome predicted =

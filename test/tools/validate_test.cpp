@@ -102,7 +102,7 @@ TEST(Validate, NeedsNoUrdfWhenTheModelKnowsItsRobot) {
                              HasSubstr("zero-phase low-pass")));
   EXPECT_THAT(host::read_file(folder.path("page.html"), "page"),
               AllOf(HasSubstr("</html>"), HasSubstr("<svg"), HasSubstr("<p class=\"verdict good\">"),
-                    ::testing::Not(HasSubstr("not judged"))));
+                    HasSubstr("\"name\":\"residuals-unseen.csv\""), ::testing::Not(HasSubstr("not judged"))));
 }
 
 TEST(Validate, GivesTheSameWithTheUrdfNamed) {

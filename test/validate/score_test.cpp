@@ -15,6 +15,7 @@
 #include "heft/host/error.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "heft/validate/acceptance.hpp"
+#include "heft/validate/torque_trace.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
 #include "support/temporary_folder.hpp"
@@ -400,6 +401,24 @@ TEST(RelativeScatter, IsStandardDeviationOverMean) {
   EXPECT_NEAR(scatter[1], 2.0 / 12.0, 1e-15);
   EXPECT_TRUE(std::isnan(relative_scatter({estimates[0]})[0]));
   EXPECT_NEAR(relative_errors(Eigen::Vector2d(1.1, -9.0), Eigen::Vector2d(1.0, -10.0))[0], 0.1, 1e-12);
+}
+
+TEST(TorqueTrace, KeepsExtremesAndMeanOfEachStep) {
+  TorqueTrace trace(3001, 1);
+  ASSERT_EQ(trace.rows_a_step(), 3);
+  const Eigen::VectorXd time = even_time(3001, 500.0);
+  Eigen::MatrixXd measured(3001, 1);
+  measured.col(0).setLinSpaced(0.0, 3000.0);
+  const Eigen::MatrixXd predicted = Eigen::MatrixXd::Constant(3001, 1, 0.5);
+  // In two pieces, of which the first ends inside a step.
+  trace.add(time.head(100), measured.topRows(100), predicted.topRows(100));
+  trace.add(time.tail(2901), measured.bottomRows(2901), predicted.bottomRows(2901));
+  ASSERT_EQ(trace.steps().size(), 1001U);
+  const TorqueTrace::Step& step = trace.steps()[33][0];  // rows 99 to 101
+  EXPECT_DOUBLE_EQ(step.residual_mean, 99.5);
+  EXPECT_DOUBLE_EQ(step.residual.low, 98.5);
+  EXPECT_DOUBLE_EQ(step.residual.high, 100.5);
+  EXPECT_DOUBLE_EQ(trace.steps().back()[0].residual_mean, 2999.5) << "one row";
 }
 
 }  // namespace

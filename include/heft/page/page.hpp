@@ -1,5 +1,6 @@
 /// @file
-/// One self-contained HTML page: no outside file, no script, readable in the dark and on paper.
+/// One self-contained HTML page: no outside file, readable in the dark, on paper and without scripts. Where scripts run, plots
+/// tell their values and can be enlarged, tables sort, and data can be saved.
 #pragma once
 
 #include <functional>
@@ -17,6 +18,21 @@ struct Fact {
   std::string label;  ///< "mass found"
   std::string value;  ///< "2.81 kg"
   std::string note;   ///< "± 0.03, true 2.805"; may be empty
+};
+
+/// Columns of numbers that a reader can save as CSV; without scripts nothing of it shows.
+/// In the page a value takes three characters, the first column's four: it is exact to 1/2^18 of what its column spans,
+/// the first column's (time) to 1/2^24. Thousands of rows make a page large: thin them first, and say so in the notes.
+struct DataFile {
+  struct Column {
+    std::string name;            ///< "time", "residual1"
+    std::vector<double> values;  ///< NaN: an empty cell
+  };
+  std::string label;  ///< of the link: "Save the residuals as CSV"
+  std::string name;   ///< "residuals-run-a.csv"
+  std::vector<std::string>
+      notes{};                    ///< lines after "# " at the top of the file: what it holds, units, thinning
+  std::vector<Column> columns{};  ///< of the same length
 };
 
 /// How a verdict is tinted: green, blue (nothing is judged), amber, red.
@@ -50,6 +66,9 @@ class Page {
   Page& plot(const MapSpec& spec);
   /// Small multiples (one plot a joint) with one legend, that of the first plot.
   Page& plots(const std::string& title, std::vector<PlotSpec> specs);
+
+  /// A link that saves the data; none where there are no rows.
+  Page& file(const DataFile& file);
 
   /// A line at the very end: the command, the date, the sample rate and length of a log.
   Page& footer(const std::string& line);

@@ -51,6 +51,9 @@ std::string json(const model::FitRecord& fit);
 std::vector<page::PlotSpec> torque_plots(const validate::TorqueTrace& trace);
 /// Measured minus predicted.
 std::vector<page::PlotSpec> residual_plots(const validate::TorqueTrace& trace);
+/// Measured minus predicted as a file that the page carries: means of as many samples as the trace's steps have.
+/// @param log  named in the file
+page::DataFile residual_file(const validate::TorqueTrace& trace, const std::string& log);
 /// Plots of the size that goes two side by side.
 std::vector<page::PlotSpec> small(std::vector<page::PlotSpec> plots);
 

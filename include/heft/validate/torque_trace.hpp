@@ -19,6 +19,7 @@ class TorqueTrace {
   /// Of one joint over one step.
   struct Step {
     Extremes measured, predicted, residual;
+    double residual_mean{0.0};  ///< [N·m, N]
   };
 
   /// @param samples  rows to come
