@@ -128,7 +128,7 @@ class StyleGroups {
   }
   /// After it.
   void after_line(const std::string& line) {
-    if (depth_ > 0) depth_ += count(line, "<g ") - count(line, "</g>");
+    if (depth_ > 0) depth_ += count(line, "<g") - count(line, "</g>");
     if (depth_ > 0 || open_.empty()) return;
     closed_ = std::exchange(open_, {});
     before_close_ = out_.rfind("</g>");
