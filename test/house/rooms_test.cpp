@@ -37,6 +37,7 @@ const std::map<std::string, Rooms>& table() {
       {"drive", {"data", "host", "model", "statistics", "validate"}},
       {"payload", {"core", "data", "drive", "host", "model", "statistics", "validate"}},
       {"monitor", {"core", "data", "host", "model", "statistics", "validate"}},
+      {"cycle", {"core", "host", "model", "monitor", "urdf"}},
       {"stiffness", {"data", "host", "model", "statistics"}},
       {"identify", {"core", "data", "host", "model", "regression", "statistics", "validate"}},
       {"excite", {"collision", "core", "data", "host", "model", "regression", "sim", "statistics"}},
