@@ -312,7 +312,8 @@ std::vector<LogColumn> in_heft_words(const std::vector<std::string>& headers, co
 
 void refuse_unused_map(const std::vector<LogColumn>& columns, const ReadAs& as, std::string_view where) {
   constexpr std::size_t kMostShown = 30;
-  for (const auto& [ours, theirs] : as.map) {
+  for (const auto& entry : as.map) {
+    const std::string &ours = entry.first, &theirs = entry.second;
     if (ours == "time" && rate_in(theirs)) continue;
     const bool used = std::any_of(columns.begin(), columns.end(), [&](const LogColumn& column) {
       // Heft's name alone does not tell: the file may have such a column besides the one that was misspelt.

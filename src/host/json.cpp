@@ -25,7 +25,9 @@ Json parse_json(std::string_view text, const std::string& file) {
     const auto line = std::count(before.begin(), before.end(), '\n') + 1;
     const std::size_t start = before.rfind('\n');
     const std::size_t column = start == std::string_view::npos ? at + 1 : at - start;
-    const std::string near = at < text.size() ? fmt::format("'{}'", text[at]) : "the end of the file";
+    const std::string near = at >= text.size()  ? "the end of the file"
+                             : text[at] == '\n' ? "the end of the line"
+                                                : fmt::format("'{}'", text[at]);
     throw ModelError(
         fmt::format("{}:{}:{}: found {} where JSON does not allow it; expected a JSON object; look for a "
                     "missing comma, quote or bracket just before",

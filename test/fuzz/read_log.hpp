@@ -2,18 +2,15 @@
 /// A log from memory through the readers of src/data: what fuzzers call, and the short run of them in the test suite.
 #pragma once
 
-#include <cmath>
+#include <algorithm>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include "heft/host/error.hpp"
+#include "input_file.hpp"
 #include "log_reader.hpp"
 
 namespace heft::fuzz {
@@ -25,22 +22,14 @@ struct Outcome {
   std::string message{};  ///< of the error, "" without
 };
 
-/// Ends the process: a fuzzer then keeps the input.
-[[noreturn]] inline void give_up(const std::string& why) {
-  std::fprintf(stderr, "%s\n", why.c_str());
-  std::abort();
-}
-
 /// Reads what it can. Anything but rows, or one error of one line that begins with the file's name, ends the process.
 /// @param ids  formats that are tried
 inline Outcome read_log_from(std::string_view data, const std::vector<std::string_view>& ids,
                              const data::ReadAs& as) {
   constexpr long kMostRows = 5000;
   Outcome outcome;
-  const int file = ::memfd_create("fuzz", MFD_CLOEXEC);
-  if (file < 0 || ::write(file, data.data(), data.size()) != static_cast<ssize_t>(data.size()))
-    give_up("no memory");
-  const std::string path = "/proc/self/fd/" + std::to_string(file);
+  const InputFile file(data);
+  const std::string& path = file.path();
   try {
     for (const data::LogFormat& format : data::binary_formats()) {
       if (std::find(ids.begin(), ids.end(), format.id) == ids.end()) continue;
@@ -60,7 +49,6 @@ inline Outcome read_log_from(std::string_view data, const std::vector<std::strin
     if (outcome.message.rfind(path + ": ", 0) != 0)
       give_up("the message does not name the file: " + outcome.message);
   }
-  ::close(file);
   return outcome;
 }
 

@@ -137,9 +137,6 @@ endfunction()
 # Files of a library become a part of it that is compiled with this effort: an object library, so that they have headers
 # precompiled to match and can be joined in a unity build. Elsewhere, and alone, a file gets a property.
 function(heft_source_effort level)
-  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    return()
-  endif()
   get_property(targets DIRECTORY PROPERTY BUILDSYSTEM_TARGETS)
   list(LENGTH ARGN count)
   foreach(target IN LISTS targets)

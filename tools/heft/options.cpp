@@ -226,7 +226,7 @@ void write_each(std::initializer_list<std::function<void()>> files) {
     } catch (const host::ReaderLeftError&) {
       reader_left = true;
     } catch (const InputError& error) {
-      failures += (failures.empty() ? "" : "\n") + std::string(error.what());
+      failures += (failures.empty() ? "" : "; ") + std::string(error.what());
     }
   }
   if (!failures.empty()) throw InputError(failures);

@@ -8,10 +8,10 @@
 namespace heft {
 
 /// Base of everything heft throws on the host. The message says where, what was found, what was
-/// expected and what to do.
+/// expected and what to do. It is one line: control characters, which names in a file can hold, become '?'.
 class Error : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit Error(const std::string& message);
 };
 
 /// Bad input file or value (exit code 3 of the command).

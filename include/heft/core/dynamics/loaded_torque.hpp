@@ -19,7 +19,7 @@ namespace structural {
 /// Force and moment of a link or body in its motion.
 template <typename Link, typename U, typename A>
 constexpr auto link_wrench(const Link& link, const U& u, const A& a) {
-  return Wrench{link_force(link, u, a), link_moment(link, u, a)};
+  return make_wrench(link_force(link, u, a), link_moment(link, u, a));
 }
 
 /// axis · moment on a revolute joint, axis · force on a prismatic one.
@@ -42,6 +42,9 @@ struct TwoWrenches {
   [[no_unique_address]] Bias bias;
   [[no_unique_address]] Added added;
 };
+/// Compilers before clang 17 do not deduce the members of an aggregate.
+template <typename Bias, typename Added>
+TwoWrenches(Bias, Added) -> TwoWrenches<Bias, Added>;
 
 /// One link outward, the rest of the arm by recursion, back with both wrenches in parent axes. The motion without joint
 /// accelerations is that of Newton and Euler; what joint accelerations add to it (wd_added, a_added) is linear in them and
