@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -411,6 +412,35 @@ TEST(Arrays, OfMatlabEqualTheCsvToTheLastBit) {
     EXPECT_EQ(table.column("qd5", "data.qd[4]"), csv.qd.col(4));
     EXPECT_EQ(table.column("tau6", "data.tau[5]"), csv.tau.col(5));
   }
+}
+
+TEST(Arrays, OfNewerHdf5EqualTheCsvToTheLastBit) {
+  const Log csv = read_log(kFolder + "run.csv", {});
+  for (const auto& [name, in] : {std::pair("latest.h5", "run."), std::pair("v110.h5", "")}) {
+    SCOPED_TRACE(name);
+    const Table table = read(name);
+    EXPECT_EQ(table.format, "HDF5");
+    ASSERT_EQ(table.rows.size(), 40U);
+    EXPECT_EQ(table.column("time", ""), csv.time);
+    for (int joint = 0; joint < 6; ++joint) {
+      EXPECT_EQ(table.column(fmt::format("q{}", joint + 1), fmt::format("{}q[{}]", in, joint)),
+                csv.q.col(joint));
+      EXPECT_EQ(table.column(fmt::format("qd{}", joint + 1), fmt::format("{}qd[{}]", in, joint)),
+                csv.qd.col(joint));
+      EXPECT_EQ(table.column(fmt::format("tau{}", joint + 1), fmt::format("{}tau[{}]", in, joint)),
+                csv.tau.col(joint));
+    }
+  }
+  const Table in_order = read("v110.h5");
+  EXPECT_EQ(in_order.column("qref4", "qref[3]"), csv.q.col(3));
+}
+
+TEST(Arrays, OfMoreChunksThanAPageOfTheirIndexAreWhole) {
+  const Table table = read("pages.h5");
+  ASSERT_EQ(table.rows.size(), 1100U);
+  const Eigen::VectorXd rows = Eigen::VectorXd::LinSpaced(1100, 0, 1099);
+  EXPECT_EQ(table.column("q1", "q"), rows);
+  EXPECT_EQ(table.column("time", ""), rows / 125.0);
 }
 
 TEST(Arrays, WithOtherNumbersOfRowsAreCutOrRefused) {

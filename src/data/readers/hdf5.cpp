@@ -176,8 +176,12 @@ void read_dataspace(const std::string& content, Hdf5Set& set) {
     set.unusable = "damaged";
     return;
   }
-  for (std::size_t a = 0; a < axes; ++a)
-    set.shape.push_back(number_at<std::uint64_t>(content.data() + begin + 8 * a));
+  const bool has_most = (content[2] & 1) != 0 && content.size() >= begin + 16 * axes;
+  for (std::size_t a = 0; a < axes; ++a) {
+    const char* const length = content.data() + begin + 8 * a;
+    set.shape.push_back(number_at<std::uint64_t>(length));
+    set.most.push_back(has_most ? number_at<std::uint64_t>(length + 8 * axes) : set.shape.back());
+  }
 }
 
 void read_datatype(const std::string& content, Hdf5Set& set) {
@@ -200,21 +204,53 @@ void read_datatype(const std::string& content, Hdf5Set& set) {
   if (set.unusable.empty() && ((kind != kInteger && kind != kReal) || !fits)) set.unusable = "no numbers";
 }
 
+/// Chunks of newer files: lengths as long as they need, the kind of index, what it needs to be read, its address.
+void read_chunks(const std::string& content, Hdf5Set& set) {
+  if (content.size() < 5) return;
+  const int flags = content[2];
+  const std::size_t axes = static_cast<unsigned char>(content[3]);  // and the size of a number behind them
+  const std::size_t bytes = static_cast<unsigned char>(content[4]), kind_at = 5 + axes * bytes;
+  if (axes < 2 || axes > kMostAxes + 1 || bytes == 0 || bytes > 8 || content.size() < kind_at + 9) return;
+  for (std::size_t a = 0; a + 1 < axes; ++a) {
+    set.chunk.push_back(hdf5_number(content.data() + 5 + a * bytes, bytes));
+    if (set.chunk.back() == 0) return;
+  }
+  const int kind = content[kind_at];
+  if (kind < 1 || kind > 5) return;
+  set.index = static_cast<Hdf5Index>(kind);
+  const bool is_filtered_single = set.index == Hdf5Index::kSingle && (flags & 2) != 0;
+  const std::array<std::size_t, 6> setting_bytes{0, is_filtered_single ? 12U : 0U, 0, 1, 5, 6};
+  const std::size_t address = kind_at + 1 + setting_bytes[static_cast<std::size_t>(kind)];
+  if (content.size() < address + 8) return;
+  if (is_filtered_single) {
+    set.single_bytes = number_at<std::uint64_t>(content.data() + kind_at + 1);
+    set.single_without = number_at<std::uint32_t>(content.data() + kind_at + 9);
+  }
+  set.at = number_at<std::uint64_t>(content.data() + address);
+  set.bare_edges = (flags & 1) != 0;
+  set.chunked = true;
+  set.unusable.clear();
+}
+
 void read_layout(const Hdf5Message& message, Hdf5Set& set) {
   const std::string& content = message.content;
   constexpr int kCompact = 0, kContiguous = 1, kChunked = 2;
   const int version = content.size() < 2 ? 0 : content[0], kind = content.size() < 2 ? -1 : content[1];
   set.unusable = "damaged";
-  if (version != 3) set.unusable = "stored in a way that MATLAB does not";
-  if (version == 3 && kind == kCompact && content.size() >= 4) {
+  const bool is_known = version >= 3 && version <= 5 && kind >= kCompact && kind <= kChunked;
+  if (!is_known) {
+    set.unusable = "stored in a way that is not read here (h5repack --low=0 --high=0 OLD NEW rewrites it)";
+  } else if (version > 3 && kind == kChunked) {
+    read_chunks(content, set);
+  } else if (kind == kCompact && content.size() >= 4) {
     set.at = message.at + 4;
     set.bytes = number_at<std::uint16_t>(content.data() + 2);
     if (set.bytes <= content.size() - 4) set.unusable.clear();
-  } else if (version == 3 && kind == kContiguous && content.size() >= 18) {
+  } else if (kind == kContiguous && content.size() >= 18) {
     set.at = number_at<std::uint64_t>(content.data() + 2);
     set.bytes = number_at<std::uint64_t>(content.data() + 10);
     set.unusable = set.at == kHdf5Nowhere ? "never written" : "";
-  } else if (version == 3 && kind == kChunked && content.size() >= 11) {
+  } else if (kind == kChunked && content.size() >= 11) {
     const std::size_t axes = static_cast<unsigned char>(content[2]);  // and the size of a number behind them
     if (axes < 2 || axes > kMostAxes + 1 || content.size() < 11 + 4 * axes) return;
     set.chunked = true;
@@ -230,14 +266,17 @@ void read_layout(const Hdf5Message& message, Hdf5Set& set) {
 void read_filters(const std::string& content, Hdf5Set& set) {
   const int version = content.size() < 2 ? 0 : content[0];
   const std::size_t count = content.size() < 2 ? 0 : static_cast<unsigned char>(content[1]);
+  constexpr std::size_t kMostFilters = 32;  // which they did not go through is said in as many bits
   std::size_t at = version == 1 ? 8 : 2;
   for (std::size_t i = 0; i < count; ++i) {
-    if (content.size() < at + 8) {
+    const bool is_short =
+        version != 1 && content.size() >= at + 6 && number_at<std::uint16_t>(content.data() + at) < 256;
+    if (content.size() < at + (is_short ? 6 : 8) || count > kMostFilters) {
       set.unusable = "damaged";
       return;
     }
     const std::uint16_t filter = number_at<std::uint16_t>(content.data() + at);
-    const bool has_name = version == 1 || filter >= 256;
+    const bool has_name = !is_short;
     const std::size_t name = has_name ? number_at<std::uint16_t>(content.data() + at + 2) : 0;
     const std::size_t values = number_at<std::uint16_t>(content.data() + at + (has_name ? 6 : 4));
     at += (has_name ? 8U : 6U) + (version == 1 ? (name + 7) / 8 * 8 : name) + 4 * values;
@@ -272,8 +311,11 @@ Hdf5Set set_of(const std::vector<Hdf5Message>& messages) {
   for (const Hdf5Message& message : messages) {
     Hdf5Set part;
     if (message.shared && message.kind == kHdf5Datatype) part.unusable = "of a type that is named elsewhere";
-    else if (message.kind == kHdf5Dataspace) read_dataspace(message.content, part), set.shape = part.shape;
-    else if (message.kind == kHdf5Datatype) read_datatype(message.content, part), set.type = part.type;
+    else if (message.kind == kHdf5Dataspace) {
+      read_dataspace(message.content, part);
+      set.shape = part.shape;
+      set.most = part.most;
+    } else if (message.kind == kHdf5Datatype) read_datatype(message.content, part), set.type = part.type;
     else if (message.kind == kHdf5Filters) read_filters(message.content, part), set.filters = part.filters;
     else if (message.kind == kHdf5Attribute) read_attribute(message.content, part);
     else if (message.kind == kHdf5Layout) {
@@ -282,6 +324,10 @@ Hdf5Set set_of(const std::vector<Hdf5Message>& messages) {
       set.at = part.at;
       set.bytes = part.bytes;
       set.chunk = part.chunk;
+      set.index = part.index;
+      set.single_bytes = part.single_bytes;
+      set.single_without = part.single_without;
+      set.bare_edges = part.bare_edges;
     }
     if (!part.matlab.empty()) set.matlab = part.matlab;
     if (!part.unusable.empty()) set.unusable = part.unusable;
@@ -354,24 +400,18 @@ ArrayFile open_hdf5(SharedBytes bytes) {
   arrays.format =
       std::string_view(head.data(), count).starts_with("MATLAB") ? "MATLAB (version 7.3)" : "HDF5";
   const auto file = std::make_shared<const Hdf5File>(std::move(bytes));
-  const auto table_in = [](const std::vector<Hdf5Message>& messages) {
-    return std::find_if(messages.begin(), messages.end(),
-                        [](const Hdf5Message& m) { return m.kind == kHdf5SymbolTable; });
-  };
   const std::vector<Hdf5Message> root = file->messages_of(file->root());
-  const auto table = table_in(root);
-  if (table == root.end()) file->fail(file->root(), "found no table of what is in the file");
-  for (const auto& [name, header] : file->objects_in(*table)) {
+  if (!Hdf5File::is_group(root)) file->fail(file->root(), "found no table of what is in the file");
+  for (const auto& [name, header] : file->objects_in(root)) {
     if (name.empty() || name[0] == '#') continue;  // MATLAB's own
     const std::vector<Hdf5Message> messages = file->messages_of(header);
-    const auto inner = table_in(messages);
-    if (inner == messages.end()) {
+    if (!Hdf5File::is_group(messages)) {
       add_set(file, name, messages, arrays);
       continue;
     }
-    for (const auto& [field, field_header] : file->objects_in(*inner)) {
+    for (const auto& [field, field_header] : file->objects_in(messages)) {
       const std::vector<Hdf5Message> of_field = file->messages_of(field_header);
-      if (table_in(of_field) == of_field.end()) add_set(file, name + "." + field, of_field, arrays);
+      if (!Hdf5File::is_group(of_field)) add_set(file, name + "." + field, of_field, arrays);
     }
   }
   return arrays;

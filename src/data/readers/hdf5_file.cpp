@@ -11,7 +11,61 @@ namespace {
 constexpr std::size_t kMostNodes = 2000, kMostBlocks = 16, kMostMessages = 4096;
 constexpr std::uint64_t kLongestBlock = std::uint64_t{1} << 17;
 
+/// The blocks of an object's header, one after the other, and the messages in them.
+class MessageBlocks {
+ public:
+  void add(std::uint64_t at, std::uint64_t length) { blocks_.emplace_back(at, length); }
+  /// Goes to the next block. @return false where there is none
+  bool next(const Hdf5File& file) {
+    if (number_ == blocks_.size()) return false;
+    const auto [at, length] = blocks_[number_++];
+    if (length > kLongestBlock || blocks_.size() > kMostBlocks)
+      file.fail(at, "found a header of {} bytes", length);
+    at_ = at;
+    used_ = 0;
+    block_ = file.read(at, length);
+    return true;
+  }
+  void strip(const Hdf5File& file, std::string_view signature, std::size_t front, std::size_t back) {
+    if (block_.size() < front + back || !block_.starts_with(signature))
+      file.fail(at_, "found no block of an object's header");
+    used_ = front;
+    block_.resize(block_.size() - back);
+  }
+  std::size_t left() const { return block_.size() - used_; }
+  const char* data() const { return block_.data() + used_; }
+  /// Takes the message whose head of `head` bytes comes next.
+  void take(const Hdf5File& file, std::uint16_t kind, std::size_t count, bool shared, std::size_t head) {
+    used_ += head;
+    if (count > left()) file.fail(at_ + used_, "found a message of {} bytes in the {} left", count, left());
+    Hdf5Message message{kind, shared, at_ + used_, block_.substr(used_, count)};
+    used_ += count;
+    if (kind == kHdf5Continuation && count >= 16) {
+      add(number_at<std::uint64_t>(message.content.data()),
+          number_at<std::uint64_t>(message.content.data() + 8));
+    }
+    if (kind != 0) messages.push_back(std::move(message));
+    if (messages.size() > kMostMessages)
+      file.fail(at_, "found more than {} messages of an object", kMostMessages);
+  }
+
+  std::vector<Hdf5Message> messages;
+
+ private:
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> blocks_;
+  std::size_t number_{0}, used_{0};
+  std::uint64_t at_{0};
+  std::string block_;
+};
+
 }  // namespace
+
+std::uint64_t hdf5_number(const char* at, std::size_t bytes) {
+  std::uint64_t number = 0;
+  for (std::size_t k = std::min<std::size_t>(bytes, 8); k-- > 0;)
+    number = number << 8 | static_cast<unsigned char>(at[k]);
+  return number;
+}
 
 void Hdf5File::find_root() {
   std::array<char, 8> found{};
@@ -21,53 +75,67 @@ void Hdf5File::find_root() {
   }
   const std::string block = read(0, 24);
   const int version = block[8];
-  if (version > 1) {
-    file_->fail(base_ + 8,
-                "found version {} of the head of HDF5; expected 0 or 1; save it with 'save -v7.3', or h5py's "
-                "libver='earliest'",
-                version);
+  if (version < 0 || version > 3) {
+    file_->fail(
+        base_ + 8,
+        "found version {} of the head of HDF5; expected 0 to 3; save it with 'save -v7.3', or rewrite it: h5repack "
+        "--low=0 --high=0 OLD.h5 NEW.h5",
+        version);
   }
-  if (block[13] != 8 || block[14] != 8) fail(13, "found addresses of {} bytes; expected 8", int{block[13]});
+  const std::size_t sizes = version < 2 ? 13 : 9;
+  if (block[sizes] != 8 || block[sizes + 1] != 8)
+    fail(sizes, "found addresses of {} bytes; expected 8", int{block[sizes]});
+  if (version >= 2) {  // behind them flags; then come four addresses
+    root_ = number_at<std::uint64_t>(read(12, 32).data() + 24);
+    return;
+  }
   // Version 1 has four bytes more; then come four addresses, and the root's entry: name, header.
   const std::uint64_t entry = 24 + (version == 1 ? 4 : 0) + 32;
   root_ = number_at<std::uint64_t>(read(entry, 40).data() + 8);
 }
 
 std::vector<Hdf5Message> Hdf5File::messages_of(std::uint64_t header) const {
-  constexpr std::size_t kHead = 16, kMessageHead = 8;
-  const std::string head = read(header, kHead);
-  if (head[0] != 1) {
-    fail(header, "found an object's header of version {}; expected 1, which MATLAB and h5py write",
-         int{head[0]});
-  }
-  std::vector<std::pair<std::uint64_t, std::uint64_t>> blocks{
-      {header + kHead, number_at<std::uint32_t>(head.data() + 8)}};
-  std::vector<Hdf5Message> messages;
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
-    const auto [at, length] = blocks[b];
-    if (length > kLongestBlock || blocks.size() > kMostBlocks) fail(at, "found a header of {} bytes", length);
-    const std::string block = read(at, length);
-    for (std::size_t used = 0; block.size() - used >= kMessageHead;) {
-      Hdf5Message message;
-      message.kind = number_at<std::uint16_t>(block.data() + used);
-      const std::size_t count = number_at<std::uint16_t>(block.data() + used + 2);
-      message.shared = (block[used + 4] & 2) != 0;
-      used += kMessageHead;
-      if (count > block.size() - used)
-        fail(at + used, "found a message of {} bytes in the {} left", count, block.size() - used);
-      message.at = at + used;
-      message.content = block.substr(used, count);
-      used += count;
-      if (message.kind == kHdf5Continuation && count >= 16) {
-        blocks.emplace_back(number_at<std::uint64_t>(message.content.data()),
-                            number_at<std::uint64_t>(message.content.data() + 8));
-      }
-      if (message.kind != 0) messages.push_back(std::move(message));
-      if (messages.size() > kMostMessages)
-        fail(at, "found more than {} messages of an object", kMostMessages);
+  const std::string head = read(header, 16);
+  if (head.starts_with("OHDR")) return messages_of_new(header);
+  if (head[0] != 1)
+    fail(header, "found no object's header, or one of version {}; expected 1 or 2", int{head[0]});
+  return messages_of_old(header, head);
+}
+
+std::vector<Hdf5Message> Hdf5File::messages_of_old(std::uint64_t header, const std::string& head) const {
+  MessageBlocks blocks;
+  blocks.add(header + head.size(), number_at<std::uint32_t>(head.data() + 8));
+  while (blocks.next(*this)) {
+    constexpr std::size_t kMessageHead = 8;
+    while (blocks.left() >= kMessageHead) {
+      const char* const at = blocks.data();
+      blocks.take(*this, number_at<std::uint16_t>(at), number_at<std::uint16_t>(at + 2), (at[4] & 2) != 0,
+                  kMessageHead);
     }
   }
-  return messages;
+  return blocks.messages;
+}
+
+/// Version 2: shorter heads of messages, a signature in front of each block but the first and a checksum behind it.
+std::vector<Hdf5Message> Hdf5File::messages_of_new(std::uint64_t header) const {
+  constexpr std::size_t kSignature = 4, kChecksum = 4;
+  const std::string head = read(header, 6);
+  if (head[4] != 2) fail(header, "found an object's header of version {}; expected 1 or 2", int{head[4]});
+  const int flags = head[5];
+  const std::size_t length_bytes = std::size_t{1} << (flags & 3);
+  const std::uint64_t length_at = header + 6 + ((flags & 0x20) != 0 ? 16 : 0) + ((flags & 0x10) != 0 ? 4 : 0);
+  const std::size_t message_head = (flags & 4) != 0 ? 6 : 4;
+  MessageBlocks blocks;
+  blocks.add(length_at + length_bytes, hdf5_number(read(length_at, length_bytes).data(), length_bytes));
+  for (bool is_first = true; blocks.next(*this); is_first = false) {
+    if (!is_first) blocks.strip(*this, "OCHK", kSignature, kChecksum);
+    while (blocks.left() >= message_head) {
+      const char* const at = blocks.data();
+      blocks.take(*this, static_cast<unsigned char>(at[0]), number_at<std::uint16_t>(at + 1),
+                  (at[3] & 2) != 0, message_head);
+    }
+  }
+  return blocks.messages;
 }
 
 std::string Hdf5File::name_at(std::uint64_t heap, std::uint64_t offset) const {
@@ -81,11 +149,28 @@ std::string Hdf5File::name_at(std::uint64_t heap, std::uint64_t offset) const {
   return text.substr(0, text.find('\0'));
 }
 
-std::vector<std::pair<std::string, std::uint64_t>> Hdf5File::objects_in(const Hdf5Message& table) const {
+bool Hdf5File::is_group(const std::vector<Hdf5Message>& messages) {
+  return std::ranges::any_of(messages, [](const Hdf5Message& m) {
+    return m.kind == kHdf5SymbolTable || m.kind == kHdf5LinkInfo || m.kind == kHdf5Link;
+  });
+}
+
+std::vector<std::pair<std::string, std::uint64_t>> Hdf5File::objects_in(
+    const std::vector<Hdf5Message>& group) const {
+  Objects objects;
+  for (const Hdf5Message& message : group) {
+    if (message.kind == kHdf5SymbolTable) add_symbols(message, objects);
+    if (message.kind == kHdf5Link) add_link(message.at, message.content, objects);
+    if (message.kind == kHdf5LinkInfo) add_heap_of_links(message, objects);
+  }
+  std::sort(objects.begin(), objects.end());
+  return objects;
+}
+
+void Hdf5File::add_symbols(const Hdf5Message& table, Objects& objects) const {
   constexpr std::size_t kNode = 24, kEntry = 40;
   if (table.content.size() < 16) fail(table.at, "found a table of symbols of {} bytes", table.content.size());
   const std::uint64_t heap = number_at<std::uint64_t>(table.content.data() + 8);
-  std::vector<std::pair<std::string, std::uint64_t>> objects;
   std::vector<std::uint64_t> nodes{number_at<std::uint64_t>(table.content.data())};
   std::set<std::uint64_t> seen;
   while (!nodes.empty()) {
@@ -112,44 +197,6 @@ std::vector<std::pair<std::string, std::uint64_t>> Hdf5File::objects_in(const Hd
       fail(at, "found no node of a tree of names");
     }
   }
-  std::sort(objects.begin(), objects.end());
-  return objects;
-}
-
-/// Every chunk of a data set. @throws DataError where the tree does not hold together
-std::vector<Hdf5Chunk> Hdf5File::chunks_of(const Hdf5Set& set) const {
-  constexpr std::size_t kNode = 24;
-  const std::size_t axes = set.shape.size(), key = 8 + 8 * (axes + 1);
-  std::vector<Hdf5Chunk> chunks;
-  std::vector<std::uint64_t> nodes;
-  if (set.at != kHdf5Nowhere) nodes.push_back(set.at);
-  std::set<std::uint64_t> seen;
-  while (!nodes.empty()) {
-    const std::uint64_t at = nodes.back();
-    nodes.pop_back();
-    if (!seen.insert(at).second) fail(at, "found a tree of chunks that runs in circles");
-    const std::string head = read(at, kNode);
-    if (!head.starts_with("TREE") || head[4] != 1) fail(at, "found no node of a tree of chunks");
-    const std::size_t count = number_at<std::uint16_t>(head.data() + 6);
-    const std::string entries = read(at + kNode, count * (key + 8));
-    for (std::size_t i = 0; i < count; ++i) {
-      const char* const entry = entries.data() + i * (key + 8);
-      const std::uint64_t child = number_at<std::uint64_t>(entry + key);
-      if (head[5] != 0) {  // not a leaf
-        nodes.push_back(child);
-        continue;
-      }
-      Hdf5Chunk chunk;
-      chunk.at = child;
-      chunk.bytes = number_at<std::uint32_t>(entry);
-      chunk.without = number_at<std::uint32_t>(entry + 4);
-      if (chunks.size() > bytes().size() / key) fail(at, "found more chunks than the file has bytes for");
-      for (std::size_t a = 0; a < axes; ++a)
-        chunk.begin.push_back(number_at<std::uint64_t>(entry + 8 + 8 * a));
-      chunks.push_back(std::move(chunk));
-    }
-  }
-  return chunks;
 }
 
 }  // namespace heft::data

@@ -230,6 +230,32 @@ def write_mat(folder, run):
             file.write(header.ljust(124) + b"\x00\x02IM")
 
 
+def write_latest(folder, run):
+    """Newer structures: an index of chunks each, links in the group's header and, where they are many, in a heap."""
+    packed = {"compression": "gzip", "shuffle": True}
+    for name, version, options in (("latest.h5", "latest", packed), ("v110.h5", ("v110", "v110"), {})):
+        with h5py.File(folder / name, "w", libver=version) as file:
+            group = file.create_group("run") if options else file
+            group.create_dataset("time", data=run.time, chunks=(16,), maxshape=(None,), **options)  # extensible array
+            group.create_dataset("q", data=run.q, chunks=(7, 6), **options)  # fixed array
+            group.create_dataset("qd", data=run.qd, chunks=(16, 4), maxshape=(None, None), **options)  # B-tree
+            group.create_dataset("tau", data=run.tau, chunks=run.tau.shape, **options)  # one chunk
+            for number in range(0 if options else 8):
+                group.create_dataset(f"setting_{number}", data=float(number))
+            if options:
+                continue
+            early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)  # chunks one behind the other, without index
+            early.set_chunk((16, 3))
+            early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+            space = h5py.h5s.create_simple(run.q.shape)
+            set_ = h5py.h5d.create(group.id, b"qref", h5py.h5t.NATIVE_DOUBLE, space, early)
+            set_.write(h5py.h5s.ALL, h5py.h5s.ALL, np.ascontiguousarray(run.q))
+    with h5py.File(folder / "pages.h5", "w", libver=("v110", "v110")) as file:  # an index in pages
+        rows = np.arange(1100)
+        file.create_dataset("time", data=rows / 125, chunks=(1,), maxshape=(None,))
+        file.create_dataset("q", data=rows.astype(np.int16), chunks=(1,))
+
+
 def main():
     run, folder = Run(sys.argv[1]), pathlib.Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
@@ -237,6 +263,7 @@ def main():
     write_bags(folder, run)
     write_numpy(folder, run)
     write_mat(folder, run)
+    write_latest(folder, run)
 
 
 if __name__ == "__main__":
