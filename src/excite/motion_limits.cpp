@@ -168,6 +168,11 @@ LimitsFile read_limits(const model::Robot& robot, const std::string& path, Motio
   take("start", host::Range::kAny, file.start);
   take("torque_noise", host::Range::kPositive, file.torque_noise);
   reader.finish();
+  try {
+    check_space(robot, read);
+  } catch (const ModelError& error) {
+    throw ModelError(fmt::format("{}: {}", path, error.what()));
+  }
   return file;
 }
 

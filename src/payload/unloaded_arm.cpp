@@ -53,6 +53,10 @@ std::optional<statistics::ResidualStatistics> residual_of(const model::ModelFile
   const auto others = nlohmann::ordered_json::parse(file.other_fields);
   if (!others.contains(kResidualField)) return std::nullopt;
   const auto& json = others[kResidualField];
+  if (!json.is_object()) {
+    throw ModelError(fmt::format("{}: /{}: found {}; expected an object, as heft payload writes it",
+                                 file.path, kResidualField, shown(json)));
+  }
   statistics::ResidualStatistics residual;
   residual.std = numbers(json, "std", file.num_joints(), file.path);
   residual.correlation_time = numbers(json, "correlation_time", file.num_joints(), file.path);
