@@ -21,6 +21,7 @@ constexpr double kSlopeNoiseShare = 0.05;
 /// Offset of a joint: sensor zero and asymmetric friction where it moves, friction of any size where it rests.
 constexpr double kMovingOffset = 0.1, kRestingOffset = 0.35;
 constexpr double kEffortFloor = 0.01, kArmFloor = 0.02;
+constexpr double kFeltWeight = 0.2;  ///< of a joint's torque that changes with its weight
 constexpr double kQuarterTurn = 0.5 * std::numbers::pi;
 
 }  // namespace
@@ -168,6 +169,28 @@ std::vector<Hypothesis> Comparison::gravities() const {
     }
   }
   return list;
+}
+
+Comparison::Weightless Comparison::weightless() const {
+  model::Robot floating = robot_;
+  floating.gravity = {0.0, 0.0, 0.0};
+  const std::vector<JointMoments> moments = moments_of(floating, samples_);
+  const model::Dynamics dynamics(robot_);
+  MatrixXd weight(samples_.q.rows(), samples_.q.cols());
+  for (Index i = 0; i < weight.rows(); ++i)
+    weight.row(i) = dynamics.gravity_torque(samples_.q.row(i).transpose());
+  weight.rowwise() -= weight.colwise().mean().eval();
+  Weightless found{gain_of(moments), {}};
+  for (int j = 0; j < num_joints(); ++j) {
+    const double varies = std::sqrt(weight.col(j).squaredNorm() / static_cast<double>(weight.rows()));
+    // No sensor's error, and not next to nothing in what the joint carries.
+    if (dead(j) || varies < 2.0 * floor(j) || varies < kFeltWeight * joint(j).expected_rms()) continue;
+    const double with = joint(j).free_residual(j),
+                 without = moments[static_cast<std::size_t>(j)].free_residual(j);
+    found.joints.push_back({j, std::sqrt(std::max(0.0, without * without - with * with)) / varies,
+                            without / std::max(with, 1e-12)});
+  }
+  return found;
 }
 
 Comparison::Other Comparison::under(const model::Robot& other) const {

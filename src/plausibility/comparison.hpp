@@ -52,6 +52,17 @@ class Comparison {
   std::vector<Hypothesis> interchanges() const;
   std::vector<Hypothesis> zeros() const;
   std::vector<Hypothesis> gravities() const;
+  /// The arm without weight. Joints whose weight changes along the log show whether the torque holds any.
+  struct Weightless {
+    double gain{0.0};
+    struct Joint {
+      int joint{0};
+      double share{0.0};  ///< of the change of its weight in the measured torque, parameters free
+      double rise{1.0};   ///< of the free residual without gravity
+    };
+    std::vector<Joint> joints;
+  };
+  Weightless weightless() const;
   /// Gain and slopes under another robot.
   struct Other {
     double gain{0.0};

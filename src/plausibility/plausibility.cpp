@@ -42,6 +42,10 @@ constexpr double kFarTooSmall = 0.15, kAllTooSmall = 0.2;
 constexpr double kLight = 0.55, kHeavy = 1.8;
 /// And beyond these something is wrong even where no known robot fits: masses of catalogues are not so far off.
 constexpr double kFarTooLight = 0.4, kFarTooHeavy = 2.5;
+/// A torque without weight: shares of the expected weight in the joints' torque, and rises of their residuals without, at
+/// most. Torque that is sound has shares above that; in another unit it has small ones, but then gravity explains most of it.
+/// Of measured logs, as they are or in another unit, the likelihood falls by 2 to 1500 where weight is taken off the arm.
+constexpr double kWeightShare = 0.25, kWeightRise = 2.0;
 /// Torque on the motor's side is smaller by the gear ratio, amperes by the torque constant.
 constexpr double kGearShare = 0.03;
 /// A torque of which friction explains less than 6 % of what is left, and of which no more than 6 % is left.
@@ -104,6 +108,7 @@ class Judge {
   std::vector<Finding> findings() {
     add_dead();
     const Structure structure = find_structure();
+    if (add_weightless(structure)) return std::move(findings_);
     const bool scale = arm_is_scaled();
     if (scale && (all_too_small() || (ratio(heaviest()) < kFarTooSmall && !structure.clear))) {
       add_arm_scale();
@@ -259,6 +264,26 @@ class Judge {
                           degrees(zero->value), zero->joint + 1);
     }
     findings_.push_back({Contradiction::kGravity, clear, -1, -1, 0.0, h.gain, std::move(text)});
+  }
+
+  /// The torque fits an arm without weight, better than a turned one, and that of no joint changes with its weight on any scale.
+  bool add_weightless(const Structure& structure) {
+    const Comparison::Weightless found = comparison_.weightless();
+    const double threshold = std::max(kTurnGain, kTurnShare * comparison_.misfit());
+    if (found.gain < threshold || (structure.found && structure.gain > found.gain)) return false;
+    for (const Comparison::Weightless::Joint& joint : found.joints) {
+      if (joint.share > kWeightShare || joint.rise > kWeightRise) return false;
+    }
+    findings_.push_back(
+        {Contradiction::kWeightless, found.gain > kClear * threshold, -1, -1, ratio(heaviest()), found.gain,
+         fmt::format(
+             "gravity is already compensated in this torque: it fits {} without weight (joint {}: {:.3g} N·m rms, expected "
+             "{:.3g}); record the torque with gravity (libfranka: tau_J, not tau_J_d or tau_ext_hat_filtered; a measured "
+             "torque, not an external or commanded one), or add the gravity torque of the controller's model "
+             "(heft dynamics --what gravity)",
+             robot_.name, heaviest() + 1, comparison_.torque_rms(heaviest()),
+             comparison_.joint(heaviest()).expected_rms())});
+    return true;
   }
 
   /// Another robot that is known explains the torque, and with masses of the right size.
@@ -420,9 +445,8 @@ class Judge {
       return;
     findings_.push_back(
         {Contradiction::kModelTorque, false, -1, -1, statistics::median(rise), 0.0,
-         "the torque shows no friction in any joint, as the torque that a controller computes from its own "
-         "model; give what the drives measured, or --torque-at joint if sensors behind the "
-         "gears measured it"});
+         "the torque shows no friction in any joint: commanded, not measured, as what a controller computes from its own model; give "
+         "what the drives measured, or --torque-at joint if sensors behind the gears measured it"});
   }
 
   const model::Robot& robot_;

@@ -231,9 +231,11 @@ class Altered {
     Samples s = loaded_.samples;
     s.tau /= 101.0;
     TorqueCheck result = check(s);
+    EXPECT_EQ(first(result, Contradiction::kWeightless), nullptr) << name_ << ": " << text_of(result);
     count("motor side", is_scale(result), "divided by 101", result);
     s.tau = loaded_.samples.tau / 11.0;
     result = check(s);
+    EXPECT_EQ(first(result, Contradiction::kWeightless), nullptr) << name_ << ": " << text_of(result);
     count("amperes", is_scale(result), "divided by 11", result);
     s.tau = MatrixXd::Zero(s.tau.rows(), s.tau.cols());
     result = check(s);

@@ -1,6 +1,7 @@
 // Simulated logs of arms whose masses are known only roughly: nothing is suspected as they are, and what is altered is
 // named.
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <random>
@@ -11,10 +12,9 @@
 #include <gtest/gtest.h>
 
 #include "heft/host/error.hpp"
-#include "heft/plausibility/plausibility.hpp"
-
-#include <limits>
+#include "heft/model/dynamics.hpp"
 #include "heft/plausibility/gear.hpp"
+#include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/fourier_log.hpp"
 
@@ -56,6 +56,36 @@ Finding only(const TorqueCheck& check) {
   EXPECT_EQ(check.findings.size(), 1u) << check.log;
   for (const Finding& f : check.findings) EXPECT_TRUE(f.clear) << f.message;
   return check.findings.empty() ? Finding{} : check.findings.front();
+}
+
+/// What a controller takes off by a model that is `error` off.
+void take_weight_off(const model::Robot& arm, double error, data::Log& log) {
+  const model::Dynamics dynamics(arm);
+  for (Eigen::Index k = 0; k < log.q.rows(); ++k)
+    log.tau.row(k) -= (1.0 + error) * dynamics.gravity_torque(log.q.row(k).transpose()).transpose();
+}
+
+TEST(Plausibility, TorqueWithoutGravityIsNamed) {
+  for (const std::string name : {"ur5e", "panda", "kawasaki6r"}) {
+    for (const double error : {0.0, 0.1}) {
+      SCOPED_TRACE(name + " " + std::to_string(error));
+      const model::Robot nominal = robot(name);
+      data::Log log = log_of(nominal, 3);
+      take_weight_off(true_arm(nominal, 3), error, log);
+      const TorqueCheck check = check_torque(nominal, log);
+      ASSERT_EQ(check.findings.size(), 1U);
+      const Finding& found = check.findings.front();
+      EXPECT_EQ(found.kind, Contradiction::kWeightless) << found.message;
+      // The Kawasaki's heavy base joint feels no weight: its logs leave a doubt.
+      EXPECT_EQ(found.clear, name == "ur5e" || (name == "panda" && error == 0.0)) << found.evidence;
+      EXPECT_THAT(found.message, HasSubstr("gravity is already compensated in this torque"));
+      // Another unit is none of that, though it leaves little torque too.
+      log = log_of(nominal, 3);
+      log.tau /= 50.0;
+      for (const Finding& other : check_torque(nominal, log).findings)
+        EXPECT_NE(other.kind, Contradiction::kWeightless) << other.message;
+    }
+  }
 }
 
 TEST(Plausibility, SuspectsNothingInSoundLogs) {

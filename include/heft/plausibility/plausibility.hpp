@@ -1,5 +1,5 @@
 /// @file
-/// Does the torque of a log belong to the robot? Signs, joint order, unit, joint zeros, direction of gravity.
+/// Does the torque of a log belong to the robot? Signs, joint order, unit, joint zeros, direction of gravity, gravity left out.
 #pragma once
 
 #include <functional>
@@ -23,6 +23,7 @@ enum class Contradiction {
   kInterchanged,  ///< torques, positions or all columns of two joints are interchanged
   kZero,          ///< a joint counts its position from another zero
   kGravity,       ///< gravity points elsewhere than the robot's mounting says
+  kWeightless,    ///< gravity is already compensated in the torque
   kScale,         ///< the torque is too small or too large: another unit, or another side of the gear
   kRobot,         ///< the torque is that of another robot
   kModelTorque    ///< a motor torque without friction: computed by a model, not measured
