@@ -1,30 +1,18 @@
 #include "log_fingerprint.hpp"
 
 #include <algorithm>
-#include <bit>
+
+#include "heft/host/hash.hpp"
 
 namespace heft::data {
+
+using host::bits_of;
+using host::combine;
+
 namespace {
 
 /// Runs kept before every other one is dropped: 16 MB at most.
 constexpr std::size_t kMostRuns = std::size_t{1} << 20U;
-
-/// The finaliser of splitmix64 (G. Steele, D. Lea, C. Flood, 2014): every bit of the input moves every bit of the
-/// result.
-std::uint64_t mix(std::uint64_t x) {
-  x ^= x >> 30U;
-  x *= 0xbf58476d1ce4e5b9U;
-  x ^= x >> 27U;
-  x *= 0x94d049bb133111ebU;
-  return x ^ (x >> 31U);
-}
-
-std::uint64_t combine(std::uint64_t hash, std::uint64_t next) {
-  return mix(hash * 0x9e3779b97f4a7c15U + next + 1U);
-}
-
-/// Zero has two signs and one meaning.
-std::uint64_t bits_of(double value) { return std::bit_cast<std::uint64_t>(value == 0.0 ? 0.0 : value); }
 
 }  // namespace
 

@@ -10,14 +10,15 @@
 #include "bias_test.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/identify/sums.hpp"
 #include "heft/model/physical_links.hpp"
 #include "heft/statistics/distributions.hpp"
-#include "heft/statistics/residual_moments.hpp"
 #include "heft/statistics/residual_statistics.hpp"
 #include "instrumental.hpp"
 #include "missing_motion.hpp"
 #include "physical.hpp"
 #include "robust.hpp"
+#include "sums_checks.hpp"
 #include "total_least_squares.hpp"
 
 namespace heft::identify {
@@ -37,7 +38,6 @@ const char* to_string(Method method) {
 namespace {
 
 using Logs = std::vector<const data::MotionStream*>;
-using Rows = regression::ObservationRows;
 using regression::WeightedFit;
 
 /// Share of outliers that is worth a note; normal noise has 1.1 % of its rows at less than half weight.
@@ -50,7 +50,8 @@ constexpr double kWidestInterval = 0.5;
 /// What every step of a fit looks at.
 struct Task {
   const FitOptions& options;
-  const Logs& logs;
+  const Logs& logs;  ///< empty: sums of logs are fitted to, and no row can be read again
+  const std::vector<data::StreamSummary>& summaries;  ///< one a log
   const regression::RegressionColumns& columns;
   const regression::BaseParameters& base;
   Eigen::VectorXd prior_x;  ///< p: the robot's own parameters
@@ -61,9 +62,6 @@ struct Task {
   void report(double done) const {
     if (options.progress) options.progress(done);
   }
-  void for_each_row(const std::function<void(const Rows&)>& rows) const {
-    regression::for_each_observation(columns, base.kept, logs, options.observation, rows);
-  }
 };
 
 /// Blocks of the logs that count as independent of one another.
@@ -72,10 +70,9 @@ struct Independence {
   double edge_factor{1.0};  ///< on the covariance, for what neighbours share
 };
 
-double duration_of(const Logs& logs) {
+double duration_of(const std::vector<data::StreamSummary>& logs) {
   double duration = 0.0;
-  for (const data::MotionStream* log : logs)
-    duration += log->summary().moving_to - log->summary().moving_from;
+  for (const data::StreamSummary& log : logs) duration += log.moving_to - log.moving_from;
   return duration;
 }
 
@@ -101,12 +98,12 @@ void count_rows(const Task& task, const regression::BlockFactors& factors, Fit& 
   const int n = task.num_joints(), b = task.base.count();
   result.rows = Eigen::VectorXi::Zero(n);
   for (int j = 0; j < n; ++j) result.rows[j] = static_cast<int>(factors.joint(j).rows());
-  for (const data::MotionStream* log : task.logs) result.samples += log->summary().samples;
+  for (const data::StreamSummary& log : task.summaries) result.samples += log.samples;
   if (result.samples < b) {
     throw DataError(fmt::format(
         "{}: {} samples for {} unknowns; expected at least {}, and better some seconds of motion; "
         "record a longer log",
-        task.logs.front()->summary().path, result.samples, b, b));
+        task.summaries.front().path, result.samples, b, b));
   }
   if (result.rows.sum() <= b || result.rows.maxCoeff() <= b / n) {
     throw NotIdentifiableError(
@@ -159,21 +156,21 @@ void allow_for_errors_in_columns(const Task& task, WeightedFit& fit, Fit& result
   fit.solution.beta = total.beta;
 }
 
-/// Second pass: how the residual is correlated in time, and so how long blocks must be.
-Independence independent_blocks(const Task& task, const WeightedFit& fit, const Eigen::VectorXd& noise) {
-  statistics::ResidualMoments moments(task.num_joints());
-  task.for_each_row([&](const Rows& rows) {
-    moments.add(rows.log, rows.joint, rows.time, rows.tau - rows.W * fit.solution.beta);
-  });
-  const statistics::ResidualStatistics residual{noise, moments.correlation_time(), 0.0};
-  const double length = std::max(residual.block_length(duration_of(task.logs)), fit.factors.block_length());
+/// How long blocks must be.
+Independence independent_blocks(const Task& task, const regression::BlockFactors& factors,
+                                const Eigen::VectorXd& correlation_time, const Eigen::VectorXd& noise) {
+  const statistics::ResidualStatistics residual{noise, correlation_time, 0.0};
+  const double length = std::max(residual.block_length(duration_of(task.summaries)), factors.block_length());
   return {length, residual.edge_factor(length)};
 }
 
 /// Estimate and covariance from the rows as they are.
 void put_estimate(const Task& task, const WeightedFit& fit, const Independence& blocks, Fit& result) {
   result.beta = fit.solution.beta;
-  result.block_length = blocks.length;
+  // Blocks of whole logs are as long as these are.
+  result.block_length = fit.factors.partition().has_whole_logs()
+                            ? duration_of(task.summaries) / fit.factors.num_blocks()
+                            : blocks.length;
   if (task.is(Method::kTls)) {
     // The gradient of least squares does not vanish there: it has a spread of its own.
     TotalLeastSquaresSpread spread =
@@ -225,13 +222,14 @@ void put_intervals(const Task& task, const WeightedFit& fit, Fit& result) {
   result.condition_unscaled =
       raw[raw.size() - 1] > 0.0 ? raw[0] / raw[raw.size() - 1] : std::numeric_limits<double>::infinity();
   const double cutoff = task.options.observation.cutoff;
-  result.cutoff = cutoff > 0.0 ? cutoff : task.logs.front()->summary().cutoff;
+  result.cutoff = cutoff > 0.0 ? cutoff : task.summaries.front().cutoff;
 }
 
 /// p: a size that each parameter can be expected to have on this robot, against which "undetermined" is measured.
-Eigen::VectorXd expected_sizes(const regression::RegressionColumns& columns, const Logs& logs) {
+Eigen::VectorXd expected_sizes(const regression::RegressionColumns& columns,
+                               const std::vector<data::StreamSummary>& logs) {
   Eigen::VectorXd torque = Eigen::VectorXd::Zero(columns.num_joints());
-  for (const data::MotionStream* log : logs) torque = torque.cwiseMax(log->summary().max_torque);
+  for (const data::StreamSummary& log : logs) torque = torque.cwiseMax(log.max_torque);
   const model::Robot& robot = columns.robot();
   const auto n = static_cast<std::size_t>(columns.num_joints());
   // Mass beyond each joint and reach from link to link.
@@ -308,46 +306,103 @@ void find_determined(const Task& task, const Eigen::VectorXd& resolution, const 
   }
 }
 
-}  // namespace
-
-Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) {
+/// A fit before it has seen a row: columns, base parameters, what the robot says of them.
+Fit begin(const model::Robot& robot, const FitOptions& options, const regression::ModelStructure& structure) {
   Fit result;
   result.method = options.method;
   result.robot = robot;
-  result.columns = std::make_shared<const regression::RegressionColumns>(robot, options.structure);
-  const regression::RegressionColumns& columns = *result.columns;
-  check_logs(columns, logs);
-  const std::vector<int> resting = resting_joints(columns, logs);
-  refuse_arm_at_rest(columns, resting);
-  result.base = regression::find_base_parameters(columns);
-  const Eigen::VectorXd prior_x = columns.values(robot);
-  const Task task{options, logs, columns, result.base, prior_x, result.base.regrouping * prior_x};
+  result.columns = std::make_shared<const regression::RegressionColumns>(robot, structure);
+  return result;
+}
 
-  WeightedFit weighted{regression::compressed(columns, task.base, logs, options.observation),
-                       Eigen::VectorXd::Ones(task.num_joints()),
-                       {}};
+/// The fit of rows that were read once. `correlation` gives the correlation time of the residual [s], n.
+void solve(const Task& task, regression::BlockFactors factors,
+           const std::function<Eigen::VectorXd(const Eigen::VectorXd& beta)>& correlation, Fit& result) {
+  WeightedFit weighted{std::move(factors), Eigen::VectorXd::Ones(task.num_joints()), {}};
   task.report(0.35);
   count_rows(task, weighted.factors, result);
-  regression::weigh_joints(task.prior, options.ridge_from_condition, !task.is(Method::kOls), weighted);
+  regression::weigh_joints(task.prior, task.options.ridge_from_condition, !task.is(Method::kOls), weighted);
   task.report(0.4);
   if (task.is(Method::kIrls)) reweight_outliers(task, weighted, result);
   if (task.is(Method::kTls)) allow_for_errors_in_columns(task, weighted, result);
   if (!task.is(Method::kIrls))
     result.noise_std = regression::noise_of(weighted.factors, weighted.solution.beta);
 
-  const Independence blocks = independent_blocks(task, weighted, result.noise_std);
+  const Independence blocks =
+      independent_blocks(task, weighted.factors, correlation(weighted.solution.beta), result.noise_std);
   task.report(0.7);
   put_estimate(task, weighted, blocks, result);
   const bool may_be_biased = task.is(Method::kWls) || task.is(Method::kOls);
-  if (task.is(Method::kIv) || (may_be_biased && options.test_bias))
+  if (task.is(Method::kIv) || (may_be_biased && task.options.test_bias && !task.logs.empty()))
     use_instruments(task, weighted.solution.beta, blocks, result);
   put_intervals(task, weighted, result);
 
-  const Eigen::VectorXd size = expected_sizes(columns, logs);
+  const Eigen::VectorXd size = expected_sizes(task.columns, task.summaries);
   put_link_parameters(task, weighted.factors, size, result);
   find_determined(task, weighted.solution.resolution, size, result);
-  result.missing = missing_motion(result, resting);
+  result.missing = missing_motion(result, resting_joints(task.columns, task.summaries));
   task.report(1.0);
+}
+
+/// Rows-weighted mean over the logs of the correlation times of their own fits, n [s].
+Eigen::VectorXd mean_correlation(const Sums& sums) {
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(sums.factors.num_joints());
+  double samples = 0.0;
+  for (const LogShare& log : sums.logs) {
+    sum += static_cast<double>(log.summary.samples) * log.correlation_time;
+    samples += static_cast<double>(log.summary.samples);
+  }
+  return sum / samples;
+}
+
+}  // namespace
+
+Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) {
+  Fit result = begin(robot, options, options.structure);
+  const regression::RegressionColumns& columns = *result.columns;
+  check_logs(columns, logs);
+  std::vector<data::StreamSummary> summaries;
+  for (const data::MotionStream* log : logs) summaries.push_back(log->summary());
+  refuse_arm_at_rest(columns, resting_joints(columns, summaries));
+  result.base = regression::find_base_parameters(columns);
+  const Eigen::VectorXd prior = columns.values(robot);
+  const Task task{options, logs, summaries, columns, result.base, prior, result.base.regrouping * prior};
+  solve(
+      task, regression::compressed(columns, task.base, logs, options.observation),
+      [&](const Eigen::VectorXd& beta) {
+        return regression::residual_correlation(columns, task.base, logs, options.observation, beta);
+      },
+      result);
+  return result;
+}
+
+Fit fit(const model::Robot& robot, const Sums& sums, const FitOptions& options) {
+  refuse_other_robot(robot, sums);
+  if (options.method == Method::kIrls || options.method == Method::kIv) {
+    throw InputError(fmt::format(
+        "method {}: reads the rows of the logs several times, sums hold none; expected ols, wls, tls or physical; "
+        "or fit to the logs themselves",
+        to_string(options.method)));
+  }
+  Fit result = begin(robot, options, sums.structure);
+  const regression::RegressionColumns& columns = *result.columns;
+  std::vector<data::StreamSummary> summaries;
+  for (const LogShare& log : sums.logs) summaries.push_back(log.summary);
+  refuse_arm_at_rest(columns, resting_joints(columns, summaries));
+  result.base = regression::find_base_parameters(columns);
+  if (result.base.count() != sums.factors.num_columns()) {
+    throw DataError(
+        fmt::format("sums: hold {} base parameters; expected {}, as robot \"{}\" has; make them again "
+                    "with this version of heft",
+                    sums.factors.num_columns(), result.base.count(), robot.name));
+  }
+  const Eigen::VectorXd prior = columns.values(robot);
+  FitOptions as_summed = options;
+  as_summed.observation = sums.observation;
+  const Logs none;
+  const Task task{as_summed, none, summaries, columns, result.base, prior, result.base.regrouping * prior};
+  solve(
+      task, sums.factors, [&](const Eigen::VectorXd&) { return mean_correlation(sums); }, result);
   return result;
 }
 

@@ -2,8 +2,12 @@
 
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include "heft/identify/fit_record.hpp"
+#include "heft/identify/sums.hpp"
 #include "judgement.hpp"
+#include "sums_checks.hpp"
 
 namespace heft::identify {
 namespace {
@@ -46,6 +50,40 @@ std::vector<validate::Score> judge_each(const Streams& streams, const model::Rob
   return scores;
 }
 
+/// The model as it stands, scored on the logs that can be read.
+void judge_model(const Streams& train, const Streams& judged, const Options& options,
+                 Identification& result) {
+  result.mass = model::check_mass_matrix(result.fit.robot, kManyPoses, 1);
+  double band = options.band;
+  for (const auto* summaries : {&result.train_logs, &result.judge_logs}) {
+    for (const data::StreamSummary& summary : *summaries) {
+      if (options.band == 0.0) band = std::max(band, validate::default_band(summary.bandwidth));
+    }
+  }
+  result.train = judge_each(train, result.fit.robot, band, options, result.train_traces);
+  result.held_out = judge_each(judged, result.fit.robot, band, options, result.held_out_traces);
+  if (!result.train.empty()) result.trained = validate::pool(result.train);
+  result.judgement = judge(result.fit, result.mass, result.held_out, result.train);
+  result.judgement.add(options.torque);
+}
+
+/// What was known against the torque of the logs when the sums were made: one reason, for one log of many.
+host::Judgement torque_of(const Sums& sums) {
+  const LogShare* worst = nullptr;
+  int doubted = 0;
+  for (const LogShare& log : sums.logs) {
+    if (log.torque.reasons.empty()) continue;
+    ++doubted;
+    if (worst == nullptr || log.torque.verdict > worst->torque.verdict) worst = &log;
+  }
+  host::Judgement judgement;
+  if (worst == nullptr) return judgement;
+  judgement.add(worst->torque.verdict,
+                fmt::format("the torque of {} of {} logs contradicts the robot, for one in {}: {}", doubted,
+                            sums.logs.size(), worst->summary.path, worst->torque.reasons.front()));
+  return judgement;
+}
+
 }  // namespace
 
 Identification identify(const model::Robot& robot, const data::LogSet& logs, const Options& options) {
@@ -64,24 +102,35 @@ Identification identify(const model::Robot& robot, const data::LogSet& logs, con
   std::vector<const data::MotionStream*> pointers;
   for (const data::MotionStream& stream : train) pointers.push_back(&stream);
   result.fit = fit(robot, pointers, fitting);
-  result.mass = model::check_mass_matrix(result.fit.robot, kManyPoses, 1);
+  judge_model(train, judged, options, result);
+  return result;
+}
 
-  double band = options.band;
-  for (const auto* summaries : {&result.train_logs, &result.judge_logs}) {
-    for (const data::StreamSummary& summary : *summaries) {
-      if (options.band == 0.0) band = std::max(band, validate::default_band(summary.bandwidth));
-    }
+Identification identify(const model::Robot& robot, const Sums& sums, const data::LogSet& judge,
+                        const Options& options) {
+  Identification result;
+  result.torque_at = sums.torque_at;
+  for (const LogShare& log : sums.logs) {
+    result.log_paths.push_back(log.summary.path);
+    result.train_logs.push_back(log.summary);
+    result.notes.insert(result.notes.end(), log.summary.notes.begin(), log.summary.notes.end());
   }
-  result.train = judge_each(train, result.fit.robot, band, options, result.train_traces);
-  result.held_out = judge_each(judged, result.fit.robot, band, options, result.held_out_traces);
-  result.trained = validate::pool(result.train);
-  result.judgement = judge(result.fit, result.mass, result.held_out, result.train);
-  result.judgement.add(options.torque);
+  const Streams judged = open(judge.judge(), options, result.judge_logs, result.notes);
+  refuse_fitted_logs(sums, result.judge_logs);
+  result.how = judged.empty() ? fmt::format("fitted to the sums of {} logs, not judged: no log was held back",
+                                            sums.logs.size())
+                              : judge.how();
+  FitOptions fitting = options.fit;
+  if (options.progress) fitting.progress = [&](double done) { options.progress("fitting", done); };
+  result.fit = fit(robot, sums, fitting);
+  Options judging = options;
+  judging.torque.add(torque_of(sums));
+  judge_model({}, judged, judging, result);
   return result;
 }
 
 model::FitRecord Identification::record() const {
-  return fit_record(fit, data::to_string(torque_at), &trained);
+  return fit_record(fit, data::to_string(torque_at), train.empty() ? nullptr : &trained);
 }
 
 model::ModelFile Identification::model_file() const {

@@ -10,14 +10,13 @@
 namespace heft::identify {
 
 InstrumentSums::InstrumentSums(int joints, int columns, double block, int max_blocks)
-    : plain_(joints, columns, block, max_blocks), length_(block) {}
+    : plain_(joints, columns, block, max_blocks), partition_(block) {}
 
-void InstrumentSums::merge() {
-  length_ *= 2.0;
-  std::map<std::pair<int, long>, std::vector<Moments>> merged;
+void InstrumentSums::coarsen() {
+  partition_.coarsen();
+  std::map<regression::BlockPartition::Key, std::vector<Moments>> merged;
   for (auto& [key, joints] : blocks_) {
-    const long half = key.second >= 0 ? key.second / 2 : (key.second - 1) / 2;
-    const auto [place, fresh] = merged.try_emplace({key.first, half}, joints);
+    const auto [place, fresh] = merged.try_emplace(partition_.coarser(key), joints);
     if (fresh) continue;
     for (std::size_t j = 0; j < joints.size(); ++j) {
       place->second[j].A += joints[j].A;
@@ -40,14 +39,14 @@ void InstrumentSums::add(int log, int joint, const Eigen::Ref<const Eigen::Vecto
   }
   plain_.add(log, joint, time, W, y);
   // The plain blocks lead: ours are merged when theirs were.
-  while (length_ < plain_.block_length()) merge();
+  while (partition_.level() < plain_.partition().level()) coarsen();
   for (Eigen::Index first = 0; first < time.size();) {
-    const long index = static_cast<long>(std::floor(time[first] / length_));
+    const regression::BlockPartition::Key key = partition_.key_of(log, time[first]);
     Eigen::Index end = first;
-    while (end < time.size() && static_cast<long>(std::floor(time[end] / length_)) == index) ++end;
+    while (end < time.size() && partition_.key_of(log, time[end]) == key) ++end;
     std::vector<Moments>& joints =
         blocks_
-            .try_emplace({log, index},
+            .try_emplace(key,
                          std::vector<Moments>(static_cast<std::size_t>(num_joints()),
                                               Moments{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)}))
             .first->second;

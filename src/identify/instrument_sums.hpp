@@ -3,7 +3,6 @@
 #pragma once
 
 #include <map>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -40,11 +39,11 @@ class InstrumentSums {
   Moments weighted(const Eigen::VectorXd& weights) const;
 
  private:
-  void merge();
+  void coarsen();
 
   regression::BlockFactors plain_;
-  double length_;
-  std::map<std::pair<int, long>, std::vector<Moments>> blocks_;  ///< by log and number, per joint
+  regression::BlockPartition partition_;
+  std::map<regression::BlockPartition::Key, std::vector<Moments>> blocks_;  ///< per joint
 };
 
 }  // namespace heft::identify

@@ -51,11 +51,11 @@ std::string motion_for(const regression::RegressionColumns& columns, const regre
 }  // namespace
 
 std::vector<int> resting_joints(const regression::RegressionColumns& columns,
-                                const std::vector<const data::MotionStream*>& logs) {
+                                const std::vector<data::StreamSummary>& logs) {
   std::vector<int> resting;
   for (int j = 0; j < columns.num_joints(); ++j) {
     double travel = 0.0;
-    for (const data::MotionStream* log : logs) travel = std::max(travel, log->summary().travel[j]);
+    for (const data::StreamSummary& log : logs) travel = std::max(travel, log.travel[j]);
     if (travel < kRestingTravel) resting.push_back(j + 1);
   }
   return resting;

@@ -13,7 +13,7 @@ namespace heft::identify {
 
 /// Joints at rest in every log, from 1.
 std::vector<int> resting_joints(const regression::RegressionColumns& columns,
-                                const std::vector<const data::MotionStream*>& logs);
+                                const std::vector<data::StreamSummary>& logs);
 
 /// Undetermined parameters of a fit by the motion they lack, one line each.
 /// @param resting  joints, from 1, that never moved

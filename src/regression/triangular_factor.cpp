@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Core>
 
@@ -69,34 +70,33 @@ double TriangularFactor::squared_error(const Eigen::VectorXd& beta) const {
 }
 
 BlockFactors::BlockFactors(int joints, int columns, double block, int max_blocks)
-    : joints_(joints), columns_(columns), length_(block), max_blocks_(max_blocks) {}
+    : joints_(joints), columns_(columns), partition_(block), max_blocks_(max_blocks) {}
 
-BlockFactors::Block& BlockFactors::block_at(int log, long index) {
+BlockFactors::Block& BlockFactors::block_at(BlockPartition::Key key) {
   for (;;) {
-    const auto place = std::lower_bound(blocks_.begin(), blocks_.end(), std::pair(log, index),
-                                        [](const Block& block, const std::pair<int, long>& key) {
-                                          return std::pair(block.log, block.index) < key;
-                                        });
-    if (place != blocks_.end() && place->log == log && place->index == index) return *place;
-    if (num_blocks() < max_blocks_) {
-      return *blocks_.insert(place, Block{log, index,
-                                          std::vector<TriangularFactor>(static_cast<std::size_t>(joints_),
-                                                                        TriangularFactor(columns_))});
+    const auto place =
+        std::lower_bound(blocks_.begin(), blocks_.end(), key,
+                         [](const Block& block, const BlockPartition::Key& k) { return block.key < k; });
+    if (place != blocks_.end() && place->key == key) return *place;
+    if (num_blocks() < max_blocks_ || partition_.is_coarsest()) {
+      return *blocks_.insert(place,
+                             Block{key, std::vector<TriangularFactor>(static_cast<std::size_t>(joints_),
+                                                                      TriangularFactor(columns_))});
     }
-    const std::size_t before = blocks_.size();
-    merge();
-    index = index >= 0 ? index / 2 : (index - 1) / 2;
-    // Blocks of a log of their own each cannot be merged: then memory grows with the number of logs.
-    if (blocks_.size() == before) ++max_blocks_;
+    coarsen();
+    key = partition_.coarser(key);
   }
 }
 
-void BlockFactors::merge() {
-  length_ *= 2.0;
+void BlockFactors::coarsen() {
+  partition_.coarsen();
+  for (Block& block : blocks_) block.key = partition_.coarser(block.key);
+  // In sequence already but for logs that go together by their numbers.
+  std::stable_sort(blocks_.begin(), blocks_.end(),
+                   [](const Block& a, const Block& b) { return a.key < b.key; });
   std::vector<Block> merged;
   for (Block& block : blocks_) {
-    block.index = block.index >= 0 ? block.index / 2 : (block.index - 1) / 2;
-    if (!merged.empty() && merged.back().log == block.log && merged.back().index == block.index) {
+    if (!merged.empty() && merged.back().key == block.key) {
       for (std::size_t j = 0; j < block.joints.size(); ++j) merged.back().joints[j].add(block.joints[j]);
     } else {
       merged.push_back(std::move(block));
@@ -105,17 +105,37 @@ void BlockFactors::merge() {
   blocks_ = std::move(merged);
 }
 
-void BlockFactors::add(int log, int joint, const Eigen::Ref<const Eigen::VectorXd>& time,
+void BlockFactors::coarsen_to(int level) {
+  while (partition_.level() < level && !partition_.is_coarsest()) coarsen();
+}
+
+void BlockFactors::add(long log, int joint, const Eigen::Ref<const Eigen::VectorXd>& time,
                        const Eigen::Ref<const Eigen::MatrixXd>& W,
                        const Eigen::Ref<const Eigen::VectorXd>& y) {
   for (Eigen::Index first = 0; first < time.size();) {
-    Block& block = block_at(log, static_cast<long>(std::floor(time[first] / length_)));
+    Block& block = block_at(partition_.key_of(log, time[first]));
     Eigen::Index end = first;
-    while (end < time.size() && static_cast<long>(std::floor(time[end] / length_)) == block.index) ++end;
+    while (end < time.size() && partition_.key_of(log, time[end]) == block.key) ++end;
     block.joints[static_cast<std::size_t>(joint)].add(W.middleRows(first, end - first),
                                                       y.segment(first, end - first));
     first = end;
   }
+}
+
+void BlockFactors::add(const BlockFactors& other) {
+  coarsen_to(other.partition_.level());
+  for (const Block& from : other.blocks_) {
+    // The blocks may become coarser while this goes on: each starts from the level at which it is.
+    BlockPartition partition = other.partition_;
+    BlockPartition::Key key = from.key;
+    while (partition.level() < partition_.level()) partition.coarsen(), key = partition.coarser(key);
+    Block& to = block_at(key);
+    for (std::size_t j = 0; j < to.joints.size(); ++j) to.joints[j].add(from.joints[j]);
+  }
+}
+
+void BlockFactors::put(const BlockPartition::Key& key, int joint, TriangularFactor factor) {
+  block_at(key).joints[static_cast<std::size_t>(joint)] = std::move(factor);
 }
 
 TriangularFactor BlockFactors::joint(int joint) const {

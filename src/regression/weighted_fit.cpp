@@ -9,6 +9,7 @@
 #include "heft/regression/block_groups.hpp"
 #include "heft/regression/scaled_svd.hpp"
 #include "heft/statistics/jackknife.hpp"
+#include "heft/statistics/residual_moments.hpp"
 
 namespace heft::regression {
 
@@ -60,13 +61,24 @@ Eigen::VectorXd weights_of(const Eigen::VectorXd& noise) {
 
 BlockFactors compressed(const RegressionColumns& columns, const BaseParameters& base,
                         const std::vector<const data::MotionStream*>& logs,
-                        const ObservationOptions& observation) {
+                        const ObservationOptions& observation, const std::vector<long>& keys) {
   constexpr double kBlock = 0.5;  // [s]; the covariance merges blocks to several correlation times
   BlockFactors factors(columns.num_joints(), base.count(), kBlock);
   for_each_observation(columns, base.kept, logs, observation, [&](const ObservationRows& rows) {
-    factors.add(rows.log, rows.joint, rows.time, rows.W, rows.tau);
+    const long key = keys.empty() ? rows.log : keys[static_cast<std::size_t>(rows.log)];
+    factors.add(key, rows.joint, rows.time, rows.W, rows.tau);
   });
   return factors;
+}
+
+Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const BaseParameters& base,
+                                     const std::vector<const data::MotionStream*>& logs,
+                                     const ObservationOptions& observation, const Eigen::VectorXd& beta) {
+  statistics::ResidualMoments moments(columns.num_joints());
+  for_each_observation(columns, base.kept, logs, observation, [&](const ObservationRows& rows) {
+    moments.add(rows.log, rows.joint, rows.time, rows.tau - rows.W * beta);
+  });
+  return moments.correlation_time();
 }
 
 void weigh_joints(const Eigen::VectorXd& prior, double ridge_from, bool weighed, WeightedFit& fit) {

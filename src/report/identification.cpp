@@ -66,8 +66,25 @@ std::string summary(const Identification& found) {
       fit.ridge ? ", steadied by a ridge towards the URDF" : "", fit.blocks, fit.block_length);
 }
 
+/// A model fitted to sums has no score on its own logs.
+bool is_scored(const Identification& found) { return !found.train.empty() || !found.held_out.empty(); }
+
 std::string meaning(const Identification& found) {
-  return score_meaning(found.trained) + validation_meaning();
+  return score_meaning(found.train.empty() ? found.held_out.front() : found.trained) + validation_meaning();
+}
+
+/// What the fit itself leaves of the torque, where nothing was scored.
+std::string residual_in_words(const Identification& found) {
+  const Fit& fit = found.fit;
+  Eigen::VectorXd largest = Eigen::VectorXd::Zero(fit.noise_std.size());
+  for (const data::StreamSummary& log : found.train_logs) largest = largest.cwiseMax(log.max_torque);
+  Eigen::Index joint = 0;
+  const Eigen::VectorXd percent = 100.0 * fit.noise_std.cwiseQuotient(largest.cwiseMax(1e-300));
+  const double worst = percent.maxCoeff(&joint);
+  return fmt::format(
+      "Behind the low-pass of {:.3g} Hz the fit leaves {:.2g} % of the joint's largest torque on average and {:.2g} % "
+      "in the worst joint ({}); it was not judged on any log.",
+      fit.cutoff, percent.mean(), worst, joint + 1);
 }
 
 std::string list(const std::string& title, const std::vector<std::string>& lines) {
@@ -91,8 +108,10 @@ void add_torque_plots(page::Page& page, const std::string& title, const validate
 }
 
 void add_torque(page::Page& page, const Identification& found) {
+  if (!is_scored(found)) return;
   page.heading("Torque");
-  page.table(validation_table(found.trained), "Training. " + meaning(found) + moving_line(found.trained));
+  if (!found.train.empty())
+    page.table(validation_table(found.trained), "Training. " + meaning(found) + moving_line(found.trained));
   for (std::size_t k = 0; k < found.held_out.size(); ++k) {
     const validate::Score& score = found.held_out[k];
     page.table(validation_table(score), "Held out: " + file_name_of(score.log) + "." + moving_line(score));
@@ -109,6 +128,7 @@ void add_torque(page::Page& page, const Identification& found) {
 }  // namespace
 
 std::string brief(const Identification& found) {
+  if (!is_scored(found)) return residual_in_words(found);
   const bool own = found.held_out.empty();
   const std::vector<validate::Score>& scores = own ? found.train : found.held_out;
   double worst = 0.0, mean = 0.0;
@@ -128,12 +148,13 @@ std::string brief(const Identification& found) {
 std::string full(const Identification& found) {
   std::string text = fmt::format("{}\n{}\n{}: {}.\n", brief(found), verdict_text(found.judgement),
                                  found.fit.robot.name, summary(found));
-  text += fmt::format("\nTraining\n{}", validation_text(found.trained));
+  if (!found.train.empty()) text += fmt::format("\nTraining\n{}", validation_text(found.trained));
   for (const validate::Score& score : found.held_out) {
     text += fmt::format("\nHeld out: {}, {} samples\n{}", score.log, score.samples, validation_text(score));
   }
-  text += fmt::format("{} {}.\n\nBase parameters (* with others, see expression)\n{}", meaning(found),
-                      host::capital(found.how), base_parameter_table(found.record()).to_text(2));
+  if (is_scored(found)) text += meaning(found) + " ";
+  text += fmt::format("{}.\n\nBase parameters (* with others, see expression)\n{}", host::capital(found.how),
+                      base_parameter_table(found.record()).to_text(2));
   text += fmt::format("\n{}\n", physics_in_words(found));
   if (found.fit.bias) text += fmt::format("Noise in the motion: {}\n", found.fit.bias->verdict);
   text += list("\nNot determined by these logs:", found.fit.missing);
@@ -147,10 +168,11 @@ std::string json(const Identification& found) {
                               {"method", identify::to_string(fit.method)},
                               {"torque_at", data::to_string(found.torque_at)}};
   put_verdict(json, found.judgement);
-  json["train"] = validation_json(found.trained);
+  if (!found.train.empty()) json["train"] = validation_json(found.trained);
   // The judged figures come first where there are any: the error on logs not seen is the model's error.
-  json.update(validation_json(found.held_out.empty() ? found.trained : validate::pool(found.held_out)));
-  json["judged_on"] = found.held_out.empty() ? "train" : "held_out";
+  if (is_scored(found))
+    json.update(validation_json(found.held_out.empty() ? found.trained : validate::pool(found.held_out)));
+  json["judged_on"] = !is_scored(found) ? "nothing" : found.held_out.empty() ? "train" : "held_out";
   json["held_out"] = nlohmann::ordered_json::array();
   for (const validate::Score& score : found.held_out) {
     nlohmann::ordered_json entry{{"log", score.log}};
@@ -177,15 +199,18 @@ page::Page page(const Identification& found) {
   for (const auto* logs : {&found.train_logs, &found.judge_logs}) {
     for (const data::StreamSummary& log : *logs) add_log_line(page, log_line(log));
   }
-  const validate::Score& judged = found.held_out.empty() ? found.trained : found.held_out.front();
   page.verdict(brief(found), found.judgement);
-  page.facts({{"base parameters", fmt::format("{}", fit.base.count()),
-               fmt::format("{} determined", determined(fit))},
-              {"condition number", page::number(fit.condition, 3), "weighted, columns of norm 1"},
-              {"physical", fit.physically_consistent ? "yes" : "no",
-               "every link physically possible, no negative friction"},
-              {"mean R²", fmt::format("{:.3f}", judged.r2.mean()),
-               found.held_out.empty() ? "training" : "held out"}});
+  std::vector<page::Fact> facts{
+      {"base parameters", fmt::format("{}", fit.base.count()), fmt::format("{} determined", determined(fit))},
+      {"condition number", page::number(fit.condition, 3), "weighted, columns of norm 1"},
+      {"physical", fit.physically_consistent ? "yes" : "no",
+       "every link physically possible, no negative friction"}};
+  if (is_scored(found)) {
+    const validate::Score& judged = found.held_out.empty() ? found.trained : found.held_out.front();
+    facts.push_back({"mean R²", fmt::format("{:.3f}", judged.r2.mean()),
+                     found.held_out.empty() ? "training" : "held out"});
+  }
+  page.facts(facts);
   page.paragraph(summary(found) + ".");
   page.paragraph(physics_in_words(found));
   if (fit.bias) page.note("Noise in the motion: " + fit.bias->verdict);

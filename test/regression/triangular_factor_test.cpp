@@ -1,4 +1,5 @@
 // The triangular factor against a QR of all rows at once.
+#include <algorithm>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -73,12 +74,54 @@ TEST(BlockFactors, StayBoundedAndLoseNothing) {
   const TriangularFactor all = blocks.weighted(Eigen::Vector2d(1.0, 0.25));
   EXPECT_LT((all.information() - 4.0 * (W.transpose() * W)).norm(), 1e-9 * W.squaredNorm());
   for (int b = 1; b < blocks.num_blocks(); ++b) {
-    EXPECT_TRUE(blocks.log_of(b) > blocks.log_of(b - 1) || blocks.begin_of(b) > blocks.begin_of(b - 1));
+    EXPECT_GT(blocks.key(b), blocks.key(b - 1));
   }
   std::vector<bool> leave_out(static_cast<std::size_t>(blocks.num_blocks()), true);
   leave_out[3] = false;
   EXPECT_EQ(blocks.weighted(Eigen::Vector2d::Ones(), leave_out).rows(),
             blocks.factor(3, 0).rows() + blocks.factor(3, 1).rows());
+}
+
+/// Rows of a log of its own length, beginning at its own time.
+void add_log(BlockFactors& factors, long log) {
+  const Eigen::Index rows = 40 + 7 * (log % 11);
+  const double begin = log % 3 == 0 ? -1.7 : 1.7e9 + static_cast<double>(log);
+  const Eigen::VectorXd time =
+      Eigen::VectorXd::LinSpaced(rows, begin, begin + 0.05 * static_cast<double>(rows));
+  const auto seed = static_cast<std::uint64_t>(log);
+  for (int joint = 0; joint < 2; ++joint)
+    factors.add(log, joint, time, random_matrix(rows, 4, 2 * seed), random_matrix(rows, 1, 2 * seed + 1));
+}
+
+TEST(BlockFactors, HoldTheSameBlocksInWhateverOrderAndGroupingTheyWereMerged) {
+  for (const long logs : {3L, 40L, 150L}) {
+    BlockFactors all(2, 4, 0.5, 32);
+    for (long log = 0; log < logs; ++log) add_log(all, log);
+    EXPECT_LE(all.num_blocks(), 32);
+    std::mt19937_64 random(7);
+    for (int round = 0; round < 5; ++round) {
+      std::vector<BlockFactors> parts;
+      for (long log = 0; log < logs; ++log) {
+        // Some parts hold several logs from the start.
+        if (parts.empty() || random() % 3 != 0) parts.emplace_back(2, 4, 0.5, 32);
+        add_log(parts.back(), log);
+      }
+      while (parts.size() > 1) {
+        std::shuffle(parts.begin(), parts.end(), random);
+        const BlockFactors last = std::move(parts.back());
+        parts.pop_back();
+        parts.back().add(last);
+      }
+      const BlockFactors& merged = parts.front();
+      ASSERT_EQ(merged.num_blocks(), all.num_blocks()) << logs;
+      EXPECT_EQ(merged.partition().level(), all.partition().level());
+      for (int b = 0; b < all.num_blocks(); ++b) {
+        EXPECT_EQ(merged.key(b), all.key(b));
+        EXPECT_EQ(merged.factor(b, 1).rows(), all.factor(b, 1).rows());
+        EXPECT_LT((merged.factor(b, 1).information() - all.factor(b, 1).information()).norm(), 1e-10);
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -12,14 +12,15 @@
 
 namespace heft::regression {
 
-/// Numbers of the blocks in each group; a group is at least `length` long [s] and never spans two logs.
+/// Numbers of the blocks in each group; a group is at least `length` long [s] and spans two logs only if a block does.
 inline std::vector<std::vector<int>> groups_of(const BlockFactors& blocks, double length) {
   const double least = std::max(length, blocks.block_length());
-  std::map<std::pair<int, long>, std::vector<int>> groups;
+  std::map<BlockPartition::Key, std::vector<int>> groups;
   for (int k = 0; k < blocks.num_blocks(); ++k) {
     // A begin that is a multiple of the length must not fall below it by rounding.
-    const auto index = static_cast<long>(std::floor((blocks.begin_of(k) + 1e-9) / least));
-    groups[{blocks.log_of(k), index}].push_back(k);
+    const BlockPartition::Key& key = blocks.key(k);
+    const auto index = static_cast<long>(std::floor((blocks.partition().begin_of(key) + 1e-9) / least));
+    groups[{key.log, index}].push_back(k);
   }
   std::vector<std::vector<int>> out;
   for (auto& [key, members] : groups) out.push_back(std::move(members));

@@ -2,9 +2,12 @@
 /// Least squares without keeping the rows: a triangular factor takes them up.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
+
+#include "heft/regression/block_partition.hpp"
 
 namespace heft::regression {
 
@@ -16,6 +19,9 @@ namespace heft::regression {
 class TriangularFactor {
  public:
   explicit TriangularFactor(int columns = 0);
+  /// As full() and rows() of another gave them.
+  /// @param R  (p+1) × (p+1), upper triangular
+  TriangularFactor(Eigen::MatrixXd R, long rows) : R_(std::move(R)), rows_(rows) {}
 
   int columns() const { return static_cast<int>(R_.cols()) - 1; }  ///< p
   long rows() const { return rows_; }
@@ -41,7 +47,8 @@ class TriangularFactor {
 };
 
 /// One factor for each joint and each block of time. Memory is bounded: when there would be more than
-/// `max_blocks`, neighbours are merged and the blocks become twice as long.
+/// `max_blocks`, neighbours are merged and the blocks become twice as long, then whole logs, then several logs
+/// together (BlockPartition).
 ///
 /// Weights per joint, covariances that hold for residuals correlated in time, and cross-validation over blocks
 /// all follow from these factors without reading the rows again.
@@ -52,19 +59,24 @@ class BlockFactors {
   BlockFactors(int joints, int columns, double block, int max_blocks = 96);
 
   /// Adds rows of one joint. Rows of one call lie in one block each by their time.
-  /// @param log   logs are kept apart: a block never spans two
+  /// @param log   logs are kept apart: a block spans two only where max_blocks leaves no other choice
   /// @param time  m, ascending
-  void add(int log, int joint, const Eigen::Ref<const Eigen::VectorXd>& time,
+  void add(long log, int joint, const Eigen::Ref<const Eigen::VectorXd>& time,
            const Eigen::Ref<const Eigen::MatrixXd>& W, const Eigen::Ref<const Eigen::VectorXd>& y);
+  /// Adds the rows of others, of the same joints, columns and first length, and of other logs. In whatever order and
+  /// grouping factors are added, the blocks are the same; their triangles agree up to rounding.
+  void add(const BlockFactors& other);
+  /// Puts a factor into a block as it is, to build up what partition(), key() and factor() of another gave.
+  void put(const BlockPartition::Key& key, int joint, TriangularFactor factor);
+  void coarsen_to(int level);
 
   int num_joints() const { return joints_; }
   int num_columns() const { return columns_; }
-  double block_length() const { return length_; }  ///< present length [s]
+  const BlockPartition& partition() const { return partition_; }
+  double block_length() const { return partition_.length(); }  ///< present length [s]
+  int max_blocks() const { return max_blocks_; }
   int num_blocks() const { return static_cast<int>(blocks_.size()); }
-  int log_of(int block) const { return blocks_[static_cast<std::size_t>(block)].log; }
-  double begin_of(int block) const {
-    return static_cast<double>(blocks_[static_cast<std::size_t>(block)].index) * length_;
-  }
+  const BlockPartition::Key& key(int block) const { return blocks_[static_cast<std::size_t>(block)].key; }
   const TriangularFactor& factor(int block, int joint) const {
     return blocks_[static_cast<std::size_t>(block)].joints[static_cast<std::size_t>(joint)];
   }
@@ -77,17 +89,16 @@ class BlockFactors {
 
  private:
   struct Block {
-    int log;
-    long index;  ///< of the block within its log: floor(time / length)
+    BlockPartition::Key key;
     std::vector<TriangularFactor> joints;
   };
-  Block& block_at(int log, long index);
-  void merge();
+  Block& block_at(BlockPartition::Key key);
+  void coarsen();
 
   int joints_, columns_;
-  double length_;
+  BlockPartition partition_;
   int max_blocks_;
-  std::vector<Block> blocks_;  ///< by log, then by index
+  std::vector<Block> blocks_;  ///< by key
 };
 
 }  // namespace heft::regression

@@ -52,9 +52,16 @@ struct WeightedFit {
 };
 
 /// Reads the logs once: the triangle of every joint and half second.
+/// @param keys  numbers that the logs go by in the blocks; empty: their places
 BlockFactors compressed(const RegressionColumns& columns, const BaseParameters& base,
                         const std::vector<const data::MotionStream*>& logs,
-                        const ObservationOptions& observation);
+                        const ObservationOptions& observation, const std::vector<long>& keys = {});
+
+/// Reads the logs once more: how long the residual of an estimate is correlated in time, n [s].
+/// @param beta  b
+Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const BaseParameters& base,
+                                     const std::vector<const data::MotionStream*>& logs,
+                                     const ObservationOptions& observation, const Eigen::VectorXd& beta);
 
 /// Solves with weights from the scatter that the fit before leaves, until they converge; cost does not depend on the
 /// length of the logs.
