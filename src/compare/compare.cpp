@@ -27,37 +27,6 @@ bool differ(const A& a, const A& b) {
   return false;
 }
 
-/// @throws ModelError when the models are not of one robot
-void refuse_different_robots(const model::ModelFile& a, const model::ModelFile& b, const model::Robot& before,
-                             const model::Robot& after) {
-  const std::string where = name_of(b), same = "; compare two models of one robot";
-  if (before.num_joints() != after.num_joints()) {
-    throw ModelError(fmt::format("{}: found a robot of {} joints; expected {}, as {} has{}", where,
-                                 after.num_joints(), before.num_joints(), name_of(a), same));
-  }
-  for (std::size_t k = 0; k < before.joints.size(); ++k) {
-    const model::RobotJoint &old_joint = before.joints[k], &new_joint = after.joints[k];
-    if (old_joint.name != new_joint.name) {
-      throw ModelError(fmt::format("{}: /joints/{}/name: found \"{}\"; expected \"{}\", as in {}{}", where, k,
-                                   new_joint.name, old_joint.name, name_of(a), same));
-    }
-    const Joint<double>&u = old_joint.joint, &v = new_joint.joint;
-    if (u.type != v.type || differ(u.rotation, v.rotation) || differ(u.position, v.position) ||
-        differ(u.axis, v.axis)) {
-      throw ModelError(fmt::format(
-          "{}: /kinematics/joints/{}: found joint {} in another place than in {}; expected the same "
-          "geometry, since parameters are about the link frames{}",
-          where, k, k + 1, name_of(a), same));
-    }
-  }
-  if (a.fit->torque_at != b.fit->torque_at) {
-    throw ModelError(fmt::format(
-        "{}: /fit/torque_at: found \"{}\"; expected \"{}\", as in {}: friction and rotor inertia are not "
-        "the same on both sides of a gear; fit both models to the same signal",
-        where, b.fit->torque_at, a.fit->torque_at, name_of(a)));
-  }
-}
-
 /// Degrees of freedom of a difference (Welch, Biometrika 34, 1947).
 double welch(double std_a, double freedom_a, double std_b, double freedom_b) {
   const double a = std_a * std_a, b = std_b * std_b;
@@ -282,6 +251,36 @@ void judge(const model::ModelFile& before, const model::ModelFile& after, Compar
 }
 
 }  // namespace
+
+void refuse_different_robots(const model::ModelFile& a, const model::ModelFile& b, const model::Robot& before,
+                             const model::Robot& after) {
+  const std::string where = name_of(b), same = "; compare two models of one robot";
+  if (before.num_joints() != after.num_joints()) {
+    throw ModelError(fmt::format("{}: found a robot of {} joints; expected {}, as {} has{}", where,
+                                 after.num_joints(), before.num_joints(), name_of(a), same));
+  }
+  for (std::size_t k = 0; k < before.joints.size(); ++k) {
+    const model::RobotJoint &old_joint = before.joints[k], &new_joint = after.joints[k];
+    if (old_joint.name != new_joint.name) {
+      throw ModelError(fmt::format("{}: /joints/{}/name: found \"{}\"; expected \"{}\", as in {}{}", where, k,
+                                   new_joint.name, old_joint.name, name_of(a), same));
+    }
+    const Joint<double>&u = old_joint.joint, &v = new_joint.joint;
+    if (u.type != v.type || differ(u.rotation, v.rotation) || differ(u.position, v.position) ||
+        differ(u.axis, v.axis)) {
+      throw ModelError(fmt::format(
+          "{}: /kinematics/joints/{}: found joint {} in another place than in {}; expected the same "
+          "geometry, since parameters are about the link frames{}",
+          where, k, k + 1, name_of(a), same));
+    }
+  }
+  if (a.fit->torque_at != b.fit->torque_at) {
+    throw ModelError(fmt::format(
+        "{}: /fit/torque_at: found \"{}\"; expected \"{}\", as in {}: friction and rotor inertia are not "
+        "the same on both sides of a gear; fit both models to the same signal",
+        where, b.fit->torque_at, a.fit->torque_at, name_of(a)));
+  }
+}
 
 const char* to_string(Kind kind) {
   switch (kind) {

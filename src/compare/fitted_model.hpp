@@ -81,6 +81,10 @@ class FittedModel {
   Eigen::VectorXd largest_torque_;
 };
 
+/// @throws ModelError when two models are not of one robot
+void refuse_different_robots(const model::ModelFile& a, const model::ModelFile& b, const model::Robot& before,
+                             const model::Robot& after);
+
 /// Gravity, inertia and friction of every joint in both models.
 std::vector<TorquePart> torque_parts(const FittedModel& before, const FittedModel& after,
                                      const std::vector<State>& states);

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "comparison_words.hpp"
 #include "effect_words.hpp"
 #include "host/json.hpp"
 #include "page_lines.hpp"
@@ -22,37 +23,14 @@ std::string torque_unit_of(const Comparison& comparison, int joint) {
   return is_prismatic(comparison.before, joint) ? "N" : "N·m";
 }
 
-/// "Coulomb friction", "mcx2* (mcx2 + 0.425 m3)".
-std::string quantity(const Change& change) {
-  switch (change.kind) {
-    case Kind::kCoulomb: return "Coulomb friction";
-    case Kind::kViscous: return "viscous friction";
-    case Kind::kOffset: return "torque offset";
-    case Kind::kRotorInertia: return "rotor inertia";
-    case Kind::kFriction:
-      return change.parameter.substr(0, 8) + change.parameter.substr(change.parameter.find(" at "));
-    case Kind::kLink: return change.parameter + (change.meaning.empty() ? "" : " (" + change.meaning + ")");
-    case Kind::kCoupling:
-    case Kind::kEffect: break;
-  }
-  return change.parameter;
-}
-
-/// "+41 %"; empty where the value before is within its own change of 0.
-std::string percent(const Change& change) {
-  const double share = change.difference.value / std::abs(change.before);
-  constexpr double kMost = 10.0;  // beyond, a percentage says nothing
-  return std::abs(share) < kMost ? minus(fmt::format("{:+.0f} %", 100.0 * share)) : "";
-}
-
 /// "joint 2: Coulomb friction 8.1 → 11.4 N·m (+41 %), beyond what the fits allow (±1.2); up to 3.3 N·m".
 std::string sentence(const Comparison& comparison, const Change& change) {
   const std::string share = percent(change);
   const bool link = change.kind == Kind::kLink || change.kind == Kind::kCoupling;
-  std::string text = fmt::format(
-      "{} {}: {} {} → {} {}{}, beyond what the fits allow (±{})", link ? "link" : "joint", change.joint + 1,
-      quantity(change), short_number(change.before, 3), short_number(change.after, 3), change.unit,
-      share.empty() ? "" : " (" + share + ")", short_number(change.difference.half_width(), 2));
+  std::string text =
+      fmt::format("{}: {} {} → {} {}{}, beyond what the fits allow (±{})", place(change), quantity(change),
+                  short_number(change.before, 3), short_number(change.after, 3), change.unit,
+                  share.empty() ? "" : " (" + share + ")", short_number(change.difference.half_width(), 2));
   if (link)
     text += fmt::format("; moves joint {} by up to {} {}", change.moved_joint + 1,
                         short_number(change.torque, 2), torque_unit_of(comparison, change.moved_joint));

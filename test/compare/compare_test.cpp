@@ -1,18 +1,23 @@
 // What changed is named and nothing else; truth: simulated arms with stated changes.
 #include "heft/compare/compare.hpp"
 
+#include <algorithm>
+#include <random>
 #include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "heft/compare/fleet.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/identify.hpp"
 #include "heft/report/comparison.hpp"
+#include "heft/report/fleet.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace heft::compare {
 namespace {
@@ -78,6 +83,56 @@ TEST(Compare, NamesFrictionThatRoseAndNothingElse) {
   EXPECT_NEAR(change.torque, 0.8, change.difference.half_width());
   EXPECT_THAT(report::brief(comparison), HasSubstr("joint 3: Coulomb friction 4"));
   EXPECT_THAT(report::json(comparison), HasSubstr("\"parameter\": \"Fc3\""));
+}
+
+/// Models of a fleet whose arms differ from one another by some percent of friction, as arms do.
+std::vector<model::ModelFile> fleet(unsigned seed, int odd_arm, double odd_friction) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<model::ModelFile> files;
+  for (int a = 0; a < 12; ++a) {
+    model::Robot one = arm();
+    for (model::RobotJoint& joint : one.joints) {
+      joint.actuation.coulomb_friction *= 1.0 + 0.03 * normal(random);
+      joint.actuation.viscous_friction *= 1.0 + 0.03 * normal(random);
+    }
+    if (a == odd_arm) one.joints[1].actuation.coulomb_friction *= odd_friction;
+    files.push_back(identified(one, 100 * seed + static_cast<unsigned>(a)));
+    files.back().path = "arm-" + std::to_string(a);
+  }
+  return files;
+}
+
+TEST(Fleet, NamesTheArmThatDiffersByMoreThanArmsDo) {
+  for (const unsigned seed : {1U, 2U}) {
+    const FleetComparison found = compare_fleet(fleet(seed, 7, 1.5));
+    EXPECT_THAT(found.odd_arms(), ElementsAre("arm-7")) << seed;
+    ASSERT_FALSE(found.deviations.empty());
+    const Change& change = found.deviations.front().change;
+    EXPECT_EQ(change.parameter, "Fc2");
+    EXPECT_TRUE(change.difference.contains(2.5));
+    EXPECT_THAT(report::brief(found), HasSubstr("arm-7: joint 2: Coulomb friction 7"));
+    EXPECT_THAT(report::json(found), HasSubstr("\"odd_arms\""));
+    // The scatter from arm to arm was made: 3 % of 5 N m, known from eleven arms.
+    const auto of = std::find_if(found.parameters.begin(), found.parameters.end(),
+                                 [](const FleetParameter& p) { return p.about.parameter == "Fc2"; });
+    ASSERT_NE(of, found.parameters.end());
+    EXPECT_GT(of->scatter, 0.05);
+    EXPECT_LT(of->scatter, 0.30);
+  }
+}
+
+TEST(Fleet, NamesNobodyWhereArmsDifferAsArmsDo) {
+  const FleetComparison found = compare_fleet(fleet(3, -1, 1.0));
+  EXPECT_THAT(found.odd_arms(), IsEmpty());
+  EXPECT_GT(found.comparisons, 12 * 9);
+  EXPECT_THAT(report::brief(found), HasSubstr("None of the 12 arms"));
+}
+
+TEST(Fleet, NeedsARest) {
+  std::vector<model::ModelFile> few(4, identified(arm(), 1));
+  EXPECT_THAT(test::message_of<InputError>([&] { (void)compare_fleet(few); }),
+              HasSubstr("expected at least 5"));
 }
 
 // A tool that is 600 g heavier: what the motion shows of it are first moments and inertias of the last link.

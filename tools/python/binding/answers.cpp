@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "binding.hpp"
+#include "answer_of.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/data/deflections.hpp"
 #include "heft/excite/excite.hpp"
@@ -12,12 +12,8 @@
 #include "heft/identify/identify.hpp"
 #include "heft/payload/payload.hpp"
 #include "heft/report/diagnosis.hpp"
-#include "heft/report/identification.hpp"
-#include "heft/report/motion.hpp"
 #include "heft/report/payload.hpp"
-#include "heft/report/simulation.hpp"
 #include "heft/report/stiffness.hpp"
-#include "heft/report/validation.hpp"
 #include "heft/sim/scenario.hpp"
 #include "heft/sim/simulation.hpp"
 #include "heft/stiffness/stiffness.hpp"
@@ -29,43 +25,6 @@ namespace heft::python {
 namespace {
 
 using Logs = std::vector<AnyLog>;
-
-/// The four verbs of an answer.
-template <typename Value>
-Answer answer_of(const char* kind, std::shared_ptr<const Value> value) {
-  Answer answer;
-  answer.kind = kind;
-  answer.brief = [value] { return report::brief(*value); };
-  answer.full = [value] { return report::full(*value); };
-  answer.json = [value] { return report::json(*value); };
-  answer.page = [value] { return report::page(*value); };
-  if constexpr (requires { value->judgement; }) answer.judgement = value->judgement;
-  if constexpr (requires { value->notes.size(); }) answer.notes = value->notes;
-  if constexpr (requires { value->model_file(); }) answer.model_file = [value] { return value->model_file(); };
-  return answer;
-}
-
-data::LogFiles files_of(const std::string& torque_at, double band, const std::vector<double>& torque_constant, double split) {
-  data::LogFiles files;
-  files.torque_at = torque_at_of(torque_at);
-  files.cutoff = band;
-  files.torque_constant = torque_constant;
-  files.split = split;
-  return files;
-}
-
-std::vector<std::string> with(const data::LogSet& logs, std::vector<std::string> notes) {
-  notes.insert(notes.begin(), logs.notes().begin(), logs.notes().end());
-  return notes;
-}
-
-identify::Method method_of(const std::string& name) {
-  for (const auto method : {identify::Method::kOls, identify::Method::kWls, identify::Method::kIrls, identify::Method::kIv,
-                            identify::Method::kTls, identify::Method::kPhysical}) {
-    if (name == to_string(method)) return method;
-  }
-  throw InputError(fmt::format("method: found '{}'; expected ols, wls, irls, iv, tls or physical", name));
-}
 
 Answer identify_logs(const Arm& arm, const Logs& train, const Logs& judge, const std::string& method, double split,
                      const std::string& torque_at, double band, const std::vector<double>& torque_constant,
@@ -224,6 +183,28 @@ Answer stiffness_of(const Arm& arm, const std::vector<std::string>& files) {
 }
 
 }  // namespace
+
+data::LogFiles files_of(const std::string& torque_at, double band, const std::vector<double>& torque_constant, double split) {
+  data::LogFiles files;
+  files.torque_at = torque_at_of(torque_at);
+  files.cutoff = band;
+  files.torque_constant = torque_constant;
+  files.split = split;
+  return files;
+}
+
+std::vector<std::string> with(const data::LogSet& logs, std::vector<std::string> notes) {
+  notes.insert(notes.begin(), logs.notes().begin(), logs.notes().end());
+  return notes;
+}
+
+identify::Method method_of(const std::string& name) {
+  for (const auto method : {identify::Method::kOls, identify::Method::kWls, identify::Method::kIrls, identify::Method::kIv,
+                            identify::Method::kTls, identify::Method::kPhysical}) {
+    if (name == to_string(method)) return method;
+  }
+  throw InputError(fmt::format("method: found '{}'; expected ols, wls, irls, iv, tls or physical", name));
+}
 
 Progress checked(const Progress& progress) {
   return [progress](const std::string& what, double done) {

@@ -16,6 +16,7 @@
 
 #include "heft/data/log_set.hpp"
 #include "heft/host/verdict.hpp"
+#include "heft/identify/fit.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/page/page.hpp"
@@ -49,6 +50,12 @@ struct Answer {
   std::shared_ptr<data::Log> log;                ///< of a motion or a simulation
 };
 
+/// What was asked of logs, as the facade takes it.
+data::LogFiles files_of(const std::string& torque_at, double band, const std::vector<double>& torque_constant, double split);
+/// Notes with those of the logs in front.
+std::vector<std::string> with(const data::LogSet& logs, std::vector<std::string> notes);
+identify::Method method_of(const std::string& name);
+
 /// Logs to fit to and to judge on: files piece by piece, or all in memory as soon as one of them is.
 data::LogSet open(const Arm& arm, const std::vector<AnyLog>& train, const std::vector<AnyLog>& judge,
                   data::LogFiles files);
@@ -61,5 +68,6 @@ Progress checked(const Progress& progress);
 void bind_logs(py::module_& module);
 void bind_answers(py::module_& module);
 void bind_live(py::module_& module);
+void bind_fleet(py::module_& module);
 
 }  // namespace heft::python

@@ -17,4 +17,5 @@ PYBIND11_MODULE(_heft, module) {
   heft::python::bind_logs(module);
   heft::python::bind_answers(module);
   heft::python::bind_live(module);
+  heft::python::bind_fleet(module);
 }

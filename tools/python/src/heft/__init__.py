@@ -19,12 +19,12 @@ if _robots.is_dir():
     _os.environ.setdefault("HEFT_URDF_PATH", str(_robots))
 
 from . import _heft
-from ._heft import DataError, Error, InputError, Log, ModelError, NotIdentifiableError, Robot, UrdfError, robot_names
+from ._heft import DataError, Error, InputError, Log, ModelError, NotIdentifiableError, Robot, Sums, UrdfError, robot_names
 from ._logs import log_of as _log_of, read_log
 
 __all__ = ["Answer", "DataError", "Error", "InputError", "LiveLoad", "Log", "ModelError", "NotIdentifiableError", "Robot",
-           "UrdfError", "diagnose", "excite", "identify", "payload", "read_log", "robot_names", "simulate", "stiffness",
-           "validate"]
+           "Sums", "UrdfError", "diagnose", "excite", "fleet", "identify", "merge", "payload", "read_log", "read_sums",
+           "robot_names", "simulate", "stiffness", "sums", "validate"]
 
 Answer = _heft.Answer
 
@@ -62,12 +62,52 @@ def identify(robot, logs, *, validate=None, method="wls", split=0.7, torque_at="
              accept_torque=False, progress=None):
     """Fits a model to logs, judged on logs that it has not seen.
 
-    robot: `Robot`, a URDF's path, or a name such as "ur5e". method: ols, wls, irls, iv, tls, physical. split: of a single log
-    without `validate`, the part that is fitted to. progress: called with what is being done and its share, 0 to 1.
+    robot: `Robot`, a URDF's path, or a name such as "ur5e". logs: or the `Sums` of logs, with the settings that these were
+    made with (no irls, no iv). method: ols, wls, irls, iv, tls, physical. split: of a single log without `validate`, the part
+    that is fitted to. progress: called with what is being done and its share, 0 to 1.
     Raises NotIdentifiableError with the motion that is missing, DataError for a log that cannot be used.
     """
+    if isinstance(logs, Sums):
+        return _heft.identify_sums(_robot(robot), logs, _logs(validate), method, band, _numbers(torque_constant), accept_torque,
+                                   progress)
     return _heft.identify(_robot(robot), _logs(logs), _logs(validate), method, split, torque_at, band,
                           _numbers(torque_constant), accept_torque, progress)
+
+
+def sums(robot, logs, *, torque_at="motor", band=0.0, torque_constant=None, accept_torque=False, progress=None):
+    """What a fit needs of logs, in place of them: to be pickled, sent to another process, merged and given to `identify`.
+
+    Merged with + or `merge` in whatever order, the parameters agree to 1e-10 and the intervals with them.
+    """
+    return _heft.sums(_robot(robot), _logs(logs), torque_at, band, _numbers(torque_constant), accept_torque, progress)
+
+
+def merge(parts):
+    """The sums of all parts. Raises DataError when a log is in two of them, or they are of different robots."""
+    parts = iter(parts)
+    whole = next(parts, None)
+    if whole is None:
+        raise InputError("merge: found no sums; expected at least one")
+    for part in parts:
+        whole = whole + part
+    return whole
+
+
+def read_sums(path):
+    """Sums that `Sums.save` wrote."""
+    return _heft.read_sums(_os.fspath(path))
+
+
+def fleet(fits):
+    """Which arms of one type differ from the rest, and in which parameter.
+
+    fits: a dictionary from the name of each arm to what `identify` found in its logs, or to its model file. Five at least.
+    """
+    return _heft.fleet([(str(name), _model(fit)) for name, fit in fits.items()])
+
+
+def _model(fit):
+    return fit.robot if isinstance(fit, Answer) else _robot(fit)
 
 
 def validate(robot, logs, *, torque_at=None, band=0.0, torque_constant=None, accept_torque=False, progress=None):
