@@ -4,11 +4,13 @@
 
 #include "heft/data/log.hpp"
 #include "heft/excite/excite.hpp"
+#include "heft/host/reproducible.hpp"
 #include "heft/report/motion.hpp"
 #include "heft/urdf/collision_shapes.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
 int main() {
+  heft::host::multiply_alike_everywhere();  // as the command does
   const auto path = heft::urdf::resolve_robot("scara");
   const auto robot = heft::urdf::load_urdf(path);
   heft::excite::Options options;

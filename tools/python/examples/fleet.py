@@ -1,6 +1,6 @@
 """One robot type from the logs of 50 arms on a local Dask cluster, and the arm that differs from the rest.
 
-    pip install "./tools/python[fleet]" && python fleet.py               # --table: the figures of tools/python/README.md
+    pip install "./tools/python[fleet]" && python fleet.py               # --table: time, bytes, agreement
 
 Workers turn logs into sums and add these up; only sums travel.
 """
