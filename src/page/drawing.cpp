@@ -37,11 +37,25 @@ std::string base64(const std::string& bytes) {
   return text;
 }
 
-std::string draw_png(int width, int height, const Script& script) {
+/// The axes at the same place as in the drawing that the picture stands for: data and points are those of the drawing.
+std::string margins(const Frame& frame, int width, int height) {
+  return fmt::format(
+      "set lmargin at screen {:.6f}\nset rmargin at screen {:.6f}\nset tmargin at screen {:.6f}\n"
+      "set bmargin at screen {:.6f}\n",
+      frame.left / width, frame.right / width, 1.0 - frame.top / height, 1.0 - frame.bottom / height);
+}
+
+std::string draw_png(int width, int height, const Script& script, const std::optional<Frame>& frame) {
+  std::string commands = script(solid);
+  // Margins stand in the script, before the command that draws, which is its last line.
+  if (frame) {
+    const std::size_t last = commands.rfind('\n', commands.size() - 2) + 1;
+    commands.insert(last, margins(*frame, width, height));
+  }
   const GnuplotResult result = run_gnuplot(fmt::format("set terminal pngcairo size {},{} noenhanced rounded "
                                                        "fontscale 1.6 linewidth 1.6 background '#ffffff'\n",
                                                        2 * width, 2 * height) +
-                                           script(solid));
+                                           commands);
   return result.ok ? result.output : std::string{};
 }
 
@@ -89,18 +103,22 @@ Drawing draw_svg(int width, int height, const Script& script) {
   return {compact_svg(result.output), {}, frame_in(result.remarks, height)};
 }
 
+bool is_dense(const Drawing& drawing) { return drawing.body.size() > kMaxSvgBytes; }
+
 std::string fragment(const Drawing& drawing, const std::string& title, const std::string& label, int width,
-                     int height, const Script& script, const std::string& data) {
+                     int height, const Script& script, const std::string& data, const std::string& points) {
   if (!drawing.error.empty()) return not_drawn(title, drawing.error);
-  if (drawing.body.size() <= kMaxSvgBytes) {
-    return fmt::format(
-        "<svg viewBox=\"0 0 {} {}\" font-size=\"12\" role=\"img\" aria-label=\"{}\"{}>\n{}</svg>\n", width,
-        height, escape_html(label), data.empty() ? data : " data-plot='" + data + "'", drawing.body);
+  std::string body = drawing.body;
+  if (is_dense(drawing)) {
+    const std::string png = draw_png(width, height, script, drawing.frame);
+    if (png.empty()) return not_drawn(title, "gnuplot could not draw it as a picture");
+    body = fmt::format(
+        "<g class=\"picture\"><image width=\"{}\" height=\"{}\" href=\"data:image/png;base64,{}\"/></g>\n{}",
+        width, height, base64(png), points);
   }
-  const std::string png = draw_png(width, height, script);
-  if (png.empty()) return not_drawn(title, "gnuplot could not draw it as a picture");
-  return fmt::format("<img class=\"raster\" alt=\"{}\" src=\"data:image/png;base64,{}\">\n",
-                     escape_html(label), base64(png));
+  return fmt::format(
+      "<svg viewBox=\"0 0 {} {}\" font-size=\"12\" role=\"img\" aria-label=\"{}\"{}>\n{}</svg>\n", width,
+      height, escape_html(label), data.empty() ? data : " data-plot='" + data + "'", body);
 }
 
 void write_standalone(const Drawing& drawing, const std::string& title, const std::string& legend, int width,

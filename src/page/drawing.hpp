@@ -33,11 +33,15 @@ std::string quote(const std::string& text);
 /// @param width, height  [px]
 Drawing draw_svg(int width, int height, const Script& script);
 
-/// Fragment of a page: the drawing, or as a picture when it is large, or why there is none.
-/// @param label  what a screen reader says instead of the drawing
-/// @param data   of plot_data(), for the page's script; may be empty
+/// Whether a drawing is so large that a picture of it is shown faster.
+bool is_dense(const Drawing& drawing);
+
+/// Fragment of a page: the drawing, or a picture of it when it is dense, or why there is none.
+/// @param label   what a screen reader says instead of the drawing
+/// @param data    of plot_data(), for the page's script; may be empty
+/// @param points  of series_points(), from which the script tells values of a picture; may be empty
 std::string fragment(const Drawing& drawing, const std::string& title, const std::string& label, int width,
-                     int height, const Script& script, const std::string& data);
+                     int height, const Script& script, const std::string& data, const std::string& points);
 
 /// A file of its own: title, then `legend`, then the drawing.
 void write_standalone(const Drawing& drawing, const std::string& title, const std::string& legend, int width,

@@ -38,10 +38,6 @@ std::string level_colour(double part) {
 /// Colours between the levels, one more than there are levels.
 std::size_t num_colours(const MapSpec& spec) { return spec.levels.size() + 1; }
 
-std::string tint(std::size_t k, std::size_t count) {
-  return level_colour(count > 1 ? static_cast<double>(k) / static_cast<double>(count - 1) : 0.0);
-}
-
 std::string axes_script(const MapSpec& spec, ColourName colour) {
   std::string s = "set encoding utf8\nunset key\n";
   s += fmt::format("set border 15 lc rgb '{}' lw 1\nset tics nomirror out scale 0.5\n", colour(kInk));
@@ -70,7 +66,7 @@ std::string key_script(const MapSpec& spec) {
     s += fmt::format(
         "set object rect from graph 1.025, graph {:.6g} to graph 1.05, graph {:.6g} noclip fc rgb '{}' fs "
         "solid noborder\n",
-        low, low + 1.0 / static_cast<double>(count), tint(k, count));
+        low, low + 1.0 / static_cast<double>(count), level_tint(k, count));
     if (k > 0) {
       s += fmt::format("set label {} at graph 1.058, graph {:.6g} left\n",
                        quote(fmt::format("{:.4g}", spec.levels[k - 1])), low);
@@ -113,7 +109,7 @@ std::string level_script(const MapSpec& spec) {
   s += fmt::format("$d0 << EOD\n{0:.9g} {1:.9g}\n{2:.9g} {1:.9g}\n{2:.9g} {3:.9g}\n{0:.9g} {3:.9g}\nEOD\n",
                    spec.x.front(), spec.y.front(), spec.x.back(), spec.y.back());
   std::string plot = fmt::format("plot $d0 using 1:2 with filledcurves closed fs solid noborder lc rgb '{}'",
-                                 tint(0, count));
+                                 level_tint(0, count));
   for (std::size_t k = 1; k < count; ++k) {
     const std::vector<Outline> outlines = level_outlines(spec.x, spec.y, spec.values, spec.levels[k - 1]);
     if (outlines.empty()) continue;
@@ -128,12 +124,16 @@ std::string level_script(const MapSpec& spec) {
     }
     s += "EOD\n";
     plot += fmt::format(", $d{} using 1:2 with filledcurves closed fs solid noborder lc rgb '{}'", k,
-                        tint(k, count));
+                        level_tint(k, count));
   }
   return s + plot + "\n";
 }
 
 }  // namespace
+
+std::string level_tint(std::size_t k, std::size_t count) {
+  return level_colour(count > 1 ? static_cast<double>(k) / static_cast<double>(count - 1) : 0.0);
+}
 
 std::string script_of(const MapSpec& spec, ColourName colour) {
   return axes_script(spec, colour) + key_script(spec) + annotation_script(spec) + level_script(spec);

@@ -43,7 +43,6 @@ figure{margin:1.1rem 0}
 figcaption{font-weight:600;margin-bottom:.15rem}
 figure>svg{display:block;width:100%;height:auto;overflow:visible}
 svg text{font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Noto Sans",sans-serif}
-.raster{width:100%;height:auto;border-radius:6px}
 .legend{display:flex;flex-wrap:wrap;gap:.2rem 1.2rem;font-size:.9rem;color:var(--mark);margin-bottom:.2rem}
 .key{display:inline-flex;align-items:center;gap:.45rem}
 .key i{display:inline-block;width:1.4rem;border-top:3px solid var(--k)}

@@ -70,14 +70,15 @@ std::string render_plot(const PlotSpec& spec) {
   const Drawing drawing = drawing_of(spec);
   return fragment(
       drawing, spec.title, spec.title.empty() ? spec.y_label : spec.title, spec.width, spec.height,
-      [&](auto colour) { return script_of(spec, colour); }, plot_data(spec, drawing));
+      [&](auto colour) { return script_of(spec, colour); }, plot_data(spec, drawing),
+      is_dense(drawing) ? series_points(spec, drawing) : "");
 }
 
 std::string render_plot(const MapSpec& spec) {
   const Drawing drawing = drawing_of(spec);
   return fragment(
       drawing, spec.title, spec.title.empty() ? spec.value_label : spec.title, spec.width, spec.height,
-      [&](auto colour) { return script_of(spec, colour); }, plot_data(spec, drawing));
+      [&](auto colour) { return script_of(spec, colour); }, plot_data(spec, drawing), "");
 }
 
 bool write_svg(const MapSpec& spec, const std::string& path) {

@@ -1,9 +1,13 @@
 #include "plot_data.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 #include <fmt/format.h>
 
 #include "compact_svg.hpp"
 #include "host/json.hpp"
+#include "map_script.hpp"
 #include "palette.hpp"
 #include "plot_script.hpp"
 
@@ -52,6 +56,39 @@ std::string escaped(const Json& json) {
   return text;
 }
 
+/// Of all series of a drawing: 40 kB of a page.
+constexpr std::size_t kMostPoints = 4000;
+
+double pixel_on_axis(double value, const Range& range, bool logarithmic, double low, double high) {
+  const double part = logarithmic ? std::log(value / range.low) / std::log(range.high / range.low)
+                                  : (value - range.low) / (range.high - range.low);
+  return low + part * (high - low);
+}
+
+/// Points one by one where each stands alone, else joined up to the next gap. What lies outside the axes is left out.
+std::string path_of(const Series& series, const Extent& shown, const Frame& frame, const PlotSpec& spec) {
+  const bool alone = series.style == Style::kPoints || series.style == Style::kDots;
+  std::string path;
+  bool joined = false;
+  for (std::size_t k = 0; k < series.x.size(); ++k) {
+    if (!can_be_shown(series.x[k], spec.log_x) || !can_be_shown(series.y[k], spec.log_y)) {
+      joined = false;
+      continue;
+    }
+    const double x = pixel_on_axis(series.x[k], shown.x, spec.log_x, frame.left, frame.right);
+    const auto add = [&](double value) {
+      const double y = pixel_on_axis(value, shown.y, spec.log_y, frame.bottom, frame.top);
+      if (alone && !(y >= frame.top && y <= frame.bottom)) return;
+      path += fmt::format("{}{:.1f},{:.1f}{}", joined ? ' ' : 'M', x, std::clamp(y, frame.top, frame.bottom),
+                          alone ? "h0" : "");
+      joined = !alone;
+    };
+    add(series.y[k]);
+    if (has_high(series.style) && can_be_shown(series.y_high[k], spec.log_y)) add(series.y_high[k]);
+  }
+  return path;
+}
+
 }  // namespace
 
 std::string plot_data(const PlotSpec& spec, const Drawing& drawing) {
@@ -87,8 +124,42 @@ std::string plot_data(const MapSpec& spec, const Drawing& drawing) {
     const std::string low = k > 0 ? fmt::format("{:.4g}", spec.levels[k - 1]) : "";
     const std::string high = k < count ? fmt::format("{:.4g}", spec.levels[k]) : "";
     json["levels"].push_back(low.empty() ? "< " + high : high.empty() ? "≥ " + low : low + " … " + high);
+    json["tints"].push_back(level_tint(k, count + 1));
+    if (k > 0) json["borders"].push_back(low);
   }
+  for (const MapSpec::Frame& f : spec.frames) {
+    json["frames"].push_back(
+        {{"x", {f.x_low, f.x_high}}, {"y", {f.y_low, f.y_high}}, {"label", f.label}, {"dashed", f.dashed}});
+  }
+  for (const MapSpec::Place& p : spec.places)
+    json["places"].push_back({{"x", p.x}, {"y", p.y}, {"label", p.label}});
   return escaped(json);
+}
+
+std::string series_points(const PlotSpec& spec, const Drawing& drawing) {
+  if (!drawing.frame) return {};
+  const Extent shown = extent_shown(spec);
+  // Coarser, until a reader who waits for the page does not notice them.
+  std::vector<Series> thinned;
+  for (int coarse = 2; coarse <= 64; coarse *= 2) {
+    thinned.clear();
+    std::size_t count = 0;
+    for (Series series : spec.series) {
+      // Of a curve that turns back, once a place rather than once a turn.
+      if (!has_high(series.style) && !std::is_sorted(series.x.begin(), series.x.end()))
+        series.style = Style::kPoints;
+      thinned.push_back(
+          decimate(series, spec.width / coarse, spec.height / coarse, spec.log_x, spec.log_y));
+      count += thinned.back().x.size();
+    }
+    if (count <= kMostPoints) break;
+  }
+  std::string text;
+  for (std::size_t k = 0; k < thinned.size(); ++k) {
+    text += fmt::format("<g class=\"series\" data-i=\"{}\" visibility=\"hidden\"><path d=\"{}\"/></g>\n", k,
+                        path_of(thinned[k], shown, *drawing.frame, spec));
+  }
+  return text;
 }
 
 }  // namespace heft::page

@@ -68,9 +68,8 @@ class Plot {
     this.svg = svg;
     this.base = JSON.parse(svg.dataset.plot);
     this.view = {x: this.base.x, y: this.base.y};
-    this.canZoom = !this.base.categories && !this.base.levels;
     this.groups = [...svg.querySelectorAll('g.series')];
-    this.frame = this.groups.length ? this.groups[0].parentNode : svg;
+    this.picture = svg.querySelectorAll('g.picture');  // instead of curves too dense to be drawn; the groups have some of their points
     this.readout = document.createElement('div');
     this.readout.className = 'readout controls';
     this.readout.setAttribute('role', 'status');
@@ -132,7 +131,7 @@ class Plot {
     for (const [place, colour] of dots) {
       const [cx, cy] = this.seen(place);
       if (cx >= low(x) - 1 && cx <= high(x) + 1 && cy >= low(y) - 1 && cy <= high(y) + 1)
-        this.cross.append(this.make('circle', {cx, cy, r: 3.5, fill: `var(${colour})`}));
+        this.cross.append(this.make('circle', {cx, cy, r: 3.5, fill: `var(${colour})`, stroke: 'var(--page)'}));
     }
     this.svg.append(this.cross);
   }
@@ -163,7 +162,8 @@ class Plot {
   levelAt(at) {
     const point = this.svg.createSVGPoint();
     [point.x, point.y] = at;
-    const inside = this.groups.filter(g => [...g.querySelectorAll('polygon')].some(p => p.isPointInFill(point))).pop();
+    const shown = this.window ? [...this.window.querySelectorAll('g.series')] : this.groups;
+    const inside = shown.filter(g => [...g.querySelectorAll('polygon')].some(p => p.isPointInFill(point))).pop();
     const {y} = this.base, up = parts(y.label);
     const lines = [`${up.name} ${asText(y, at[1])} ${up.unit}`.trim()];
     if (inside) lines.push(`${this.base.levels[inside.dataset.i]} ${this.base.value}`.trim());
@@ -172,7 +172,7 @@ class Plot {
 
   // Zoom
   pressed(event) {
-    if (!this.canZoom || event.button) return;
+    if (event.button) return;
     this.from = this.place(event);
     this.svg.setPointerCapture(event.pointerId);
   }
@@ -182,10 +182,11 @@ class Plot {
     this.frameOfDrag = this.make('rect', {x: x0, y: y0, width: x1 - x0, height: y1 - y0, fill: 'var(--mark)', 'fill-opacity': 0.2});
     this.svg.append(this.frameOfDrag);
   }
-  /** A drag that is mostly along x keeps the range of y. */
+  /** A drag along one axis keeps the range of the other. */
   dragged(at) {
-    const [a, b] = this.from, flat = Math.abs(at[1] - b) < 12, {y} = this.base;
-    return {x0: Math.min(a, at[0]), x1: Math.max(a, at[0]), y0: flat ? low(y) : Math.min(b, at[1]), y1: flat ? high(y) : Math.max(b, at[1])};
+    const [a, b] = this.from, {x, y} = this.base, flat = Math.abs(at[1] - b) < 12, narrow = !flat && Math.abs(at[0] - a) < 12;
+    return {x0: narrow ? low(x) : Math.min(a, at[0]), x1: narrow ? high(x) : Math.max(a, at[0]),
+            y0: flat ? low(y) : Math.min(b, at[1]), y1: flat ? high(y) : Math.max(b, at[1])};
   }
   released(event) {
     if (!this.from) return;
@@ -208,27 +209,49 @@ class Plot {
     if (share(x, this.base.x) < 1e-3 || share(y, this.base.y) < 1e-3) return;
     this.leave();
     this.view = {x, y};
-    this.window?.remove();
-    this.axes?.remove();
+    for (const part of ['window', 'axes', 'notes']) this[part]?.remove();
+    this.window = null;
     const whole = x.range.every((v, k) => v === this.base.x.range[k]) && y.range.every((v, k) => v === this.base.y.range[k]);
     this.svg.classList.toggle('zoomed', !whole);
     if (whole) return;
     const b = this.base, [left, top] = [low(b.x), low(b.y)], [wide, tall] = [high(b.x) - left, high(b.y) - top];
     const [x0, x1] = x.range.map(v => toPixel(b.x, v)), [y1, y0] = y.range.map(v => toPixel(b.y, v));
     this.window = this.make('svg', {x: left, y: top, width: wide, height: tall, viewBox: `${x0} ${y0} ${x1 - x0} ${y1 - y0}`, preserveAspectRatio: 'none', class: 'window'});
-    for (const group of this.groups) this.window.append(group.cloneNode(true));
+    for (const group of [...this.picture, ...this.groups]) this.window.append(group.cloneNode(true));
     this.axes = this.make('g', {class: 'axes'});
     this.drawAxes(x, y);
-    this.svg.append(this.axes, this.window);
+    this.notes = this.make('svg', {x: left, y: top, width: wide, height: tall, viewBox: `${left} ${top} ${wide} ${tall}`});
+    if (b.levels) this.drawMap(x, y);
+    this.svg.append(this.axes, this.window, this.notes);
+  }
+  /** Frames and places of a map over it, the key of its colours beside it. */
+  drawMap(x, y) {
+    const {levels, tints, borders = [], frames = [], places = [], value} = this.base, right = high(x), bottom = high(y), wide = right - low(x);
+    const add = (parent, tag, attributes, text) => parent.append(this.make(tag, attributes, text));
+    const ink = '#101418', tall = (bottom - low(y)) / levels.length;  // on colours that are the same on any ground
+    levels.forEach((text, k) => add(this.axes, 'rect', {x: right + 0.025 * wide, y: bottom - (k + 1) * tall, width: 0.025 * wide, height: tall + 0.5, fill: tints[k]}));
+    borders.forEach((text, k) => add(this.axes, 'text', {x: right + 0.058 * wide, y: bottom - (k + 1) * tall + 4, fill: 'var(--ink)'}, text));
+    add(this.axes, 'text', {x: right + 0.02 * wide, y: low(y) - 10, fill: 'var(--ink)'}, value);
+    for (const f of frames) {
+      const [x0, x1] = f.x.map(v => toPixel(x, v)), [y1, y0] = f.y.map(v => toPixel(y, v));
+      add(this.notes, 'rect', {x: x0, y: y0, width: x1 - x0, height: y1 - y0, fill: 'none', stroke: ink, 'stroke-width': 1.8, ...(f.dashed && {'stroke-dasharray': '6 4'})});
+      add(this.notes, 'text', {x: x0 + 5, y: y0 + 18, fill: ink}, f.label);
+    }
+    for (const p of places) {
+      const cx = toPixel(x, p.x), cy = toPixel(y, p.y);
+      add(this.notes, 'circle', {cx, cy, r: 8.5, fill: '#ffffff', stroke: ink});
+      add(this.notes, 'text', {x: cx, y: cy + 4, 'text-anchor': 'middle', fill: ink}, p.label);
+    }
   }
   drawAxes(x, y) {
     const [left, right, top, bottom] = [low(x), high(x), low(y), high(y)];
     const add = (tag, attributes, text) => this.axes.append(this.make(tag, attributes, text));
     const path = (d, colour, more) => add('path', {d, fill: 'none', stroke: `var(${colour})`, ...more});
     const word = (px, py, text, anchor, colour = '--ink') => add('text', {x: px, y: py, 'text-anchor': anchor, fill: `var(${colour})`}, text);
-    for (const [value, text] of tics(x, right - left > 600 ? 9 : 5)) {
+    const names = this.base.categories?.map((text, k) => [k, text]).filter(([k]) => k >= x.range[0] && k <= x.range[1]);
+    for (const [value, text] of names || tics(x, right - left > 600 ? 9 : 5)) {
       const px = toPixel(x, value);
-      path(`M${px},${top}V${bottom}`, '--grid');
+      if (!names) path(`M${px},${top}V${bottom}`, '--grid');
       path(`M${px},${bottom}v4.5`, '--ink');
       word(px, bottom + 26, text, 'middle');
     }
@@ -252,10 +275,10 @@ class Plot {
     const wide = high(this.base.x) - low(this.base.x), at = this.at || [(low(this.base.x) + high(this.base.x)) / 2, low(this.base.y)];
     const way = {ArrowLeft: -1, ArrowRight: 1}[event.key];
     if (event.altKey || event.ctrlKey || event.metaKey) return;
-    if (way && event.shiftKey) { if (this.canZoom) this.zoomAbout(1, 0.1 * way); }
+    if (way && event.shiftKey) this.zoomAbout(1, 0.1 * way);
     else if (way) this.point([clamp(at[0] + 0.01 * wide * way, low(this.base.x), high(this.base.x)), at[1]]);
-    else if (this.canZoom && (event.key === '+' || event.key === '=')) this.zoomAbout(0.5);
-    else if (this.canZoom && event.key === '-') this.zoomAbout(2);
+    else if (event.key === '+' || event.key === '=') this.zoomAbout(0.5);
+    else if (event.key === '-') this.zoomAbout(2);
     else if (event.key === 'Escape' || event.key === '0') { this.show(this.base.x, this.base.y); this.leave(); }
     else return;
     event.preventDefault();
