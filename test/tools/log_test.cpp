@@ -1,9 +1,6 @@
 /// heft log as a user runs it, and logs of other programs given to another command.
 #include <filesystem>
-#include <iterator>
-#include <sstream>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -24,42 +21,6 @@ const std::string kSource = HEFT_SOURCE_DIR;
 const std::string kForeign = kSource + "/test/data/foreign/";
 
 std::string text_of(const std::string& path) { return host::read_file(path, "file"); }
-
-/// Commands in the table of a section of README.md.
-std::vector<std::string> commands_of(const std::string& section) {
-  const std::string readme = text_of(kSource + "/README.md");
-  const std::size_t begin = readme.find("## " + section + "\n");
-  const std::string text = readme.substr(begin, readme.find("\n## ", begin + 1) - begin);
-  std::vector<std::string> commands;
-  for (std::size_t at = text.find("`heft "); at != std::string::npos; at = text.find("`heft ", at + 1)) {
-    if (text[text.rfind('\n', at) + 1] == '|')
-      commands.push_back(text.substr(at + 1, text.find('`', at + 1) - at - 1));
-  }
-  return commands;
-}
-
-TEST(LogCommand, EachLineOfTheReadmeIsRun) {
-  const std::vector<std::string> commands = commands_of("Your log");
-  EXPECT_GE(commands.size(), 17U);
-  const test::TemporaryFolder folder;
-  std::filesystem::copy(kForeign, folder.path("logs"), std::filesystem::copy_options::recursive);
-  for (const auto& [fixture, name] :
-       std::vector<std::pair<std::string, std::string>>{{"zstd.mcap", "run.mcap"},
-                                                        {"rosbag2.db3", "run.db3"},
-                                                        {"two_files", "rosbag2_folder"},
-                                                        {"plain.mat", "run.mat"},
-                                                        {"stored.npz", "run.npz"}})
-    std::filesystem::copy(kForeign + "binary/" + fixture, folder.path("logs/" + name),
-                          std::filesystem::copy_options::recursive);
-  for (const std::string& command : commands) {
-    std::istringstream text(command.substr(5));
-    const std::vector<std::string> words{std::istream_iterator<std::string>(text), {}};
-    const test::Outcome outcome = test::run_heft(words, folder.path("logs"));
-    EXPECT_EQ(outcome.exit_code, 0) << command << "\n" << outcome.err;
-    EXPECT_EQ(outcome.out.find("Wrong"), std::string::npos) << command << "\n" << outcome.out;
-  }
-  EXPECT_THAT(text_of(folder.path("logs/run.csv")), HasSubstr("time,q1,q2,q3,q4,tau1"));
-}
 
 TEST(LogCommand, SaysHowALogWasUnderstood) {
   const test::Outcome outcome = test::run_heft({"log", kForeign + "units.csv"});
