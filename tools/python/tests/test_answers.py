@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import heft
+from conftest import SCENARIO
 
 
 def result_of(command, folder, *arguments):
@@ -28,6 +29,24 @@ def test_diagnose_gives_the_numbers_of_the_command(logs, command, monkeypatch):
     expected = result_of(command, logs, "diagnose", "--urdf", "scara", "--log", "train.csv", "--validate", "judge.csv")
     assert expected.pop("command").startswith("heft diagnose") and found.to_dict().pop("command") == ""
     assert {key: value for key, value in found.to_dict().items() if key != "command"} == expected
+
+
+def test_validate_and_payload_give_the_numbers_of_the_command(logs, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    heft.identify("scara", str(logs / "train.csv"), validate=str(logs / "judge.csv")).save("arm.json")
+    judge = str(logs / "judge.csv")
+    assert heft.validate("arm.json", judge).to_dict() == result_of(command, tmp_path, "validate", "--model", "arm.json",
+                                                                   "--log", judge)
+    carrying_run().write("carrying.csv")
+    train = str(logs / "train.csv")
+    assert heft.payload("scara", "carrying.csv", baseline=train).to_dict() == result_of(
+        command, tmp_path, "payload", "--urdf", "scara", "--log", "carrying.csv", "--baseline", train)
+
+
+def carrying_run():
+    carrying = json.loads(json.dumps(SCENARIO))
+    carrying["payload"] = [{"event": "grasp", "time": 0.0, "mass": 1.5, "com": [0.02, 0.0, 0.03]}]
+    return heft.simulate(carrying).log
 
 
 def test_models_go_from_one_question_to_the_next(logs, tmp_path):
@@ -61,10 +80,7 @@ def test_a_log_hands_out_views_and_no_copies(logs):
 
 
 def test_payload_and_live_load(logs, tmp_path):
-    from conftest import SCENARIO
-    carrying = json.loads(json.dumps(SCENARIO))
-    carrying["payload"] = [{"event": "grasp", "time": 0.0, "mass": 1.5, "com": [0.02, 0.0, 0.03]}]
-    heft.simulate(carrying).log.write(str(tmp_path / "carrying.csv"))
+    carrying_run().write(str(tmp_path / "carrying.csv"))
     load = heft.payload("scara", str(tmp_path / "carrying.csv"), baseline=str(logs / "train.csv"))
     assert load.to_dict()["mass"]["value"] == pytest.approx(1.5, abs=0.1)
     live = heft.LiveLoad("scara", baseline=str(logs / "train.csv"))
