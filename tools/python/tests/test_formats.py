@@ -29,6 +29,31 @@ def test_parquet(log, tmp_path):
         heft.read_log(tmp_path / "other.parquet")
 
 
+def test_ros1_bags(log, tmp_path):
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    State, Header, Time = (store.types[name] for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header",
+                                                          "builtin_interfaces/msg/Time"))
+    names = [f"joint_{j}" for j in range(4)]
+    with Writer(tmp_path / "run.bag") as bag:
+        arm, other = (bag.add_connection(topic, State.__msgtype__, typestore=store) for topic in ("/joint_states", "/gripper"))
+        for k, time in enumerate(log.time):
+            order = [j for j in range(4)] if k % 2 == 0 else [2, 0, 3, 1]  # a message may name its joints in another order
+            stamp = 10**18 + round(1e9 * time)
+            header = Header(k, Time(stamp // 10**9, stamp % 10**9), "")
+            state = State(header, [names[j] for j in order], log.q[k][order], np.zeros(0), log.tau[k][order])
+            bag.write(arm, stamp, store.serialize_ros1(state, State.__msgtype__))
+        bag.write(other, stamp, store.serialize_ros1(state, State.__msgtype__))
+    read = heft.read_log(tmp_path / "run.bag", topic="/joint_states")
+    assert np.array_equal(read.q, log.q) and np.array_equal(read.tau, log.tau)
+    assert np.allclose(read.time, log.time - log.time[0], atol=1e-9)
+    with pytest.raises(heft.DataError, match="/gripper, /joint_states; expected one; name it with topic="):
+        heft.read_log(tmp_path / "run.bag")
+
+
 def test_hdf5(log, tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "run.h5", "w") as file:
