@@ -26,8 +26,10 @@ if(missing)
   return()
 endif()
 set(HEFT_WITH_PYTHON ON)
-# Rooms are archives that the module takes in. Calls between their functions stay as direct as in a program.
-set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+# Rooms are archives that the module takes in. Programs too, since they share precompiled headers with them. Calls between
+# functions stay as direct as in a program.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fno-semantic-interposition>)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fPIC> $<$<COMPILE_LANGUAGE:CXX>:-fno-semantic-interposition>)
+else()
+  set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 endif()

@@ -124,14 +124,15 @@ def print_table(counts=(1, 10, 300), workers=(1, 2, 4)):
                     assert difference <= 1e-10
 
 
-def count_false_alarms(fleets=20, arms=50):
-    """Fleets without an odd arm in which one is named all the same."""
-    alarms = 0
-    for fleet in range(fleets):
-        fits = {f"arm-{k}": heft.identify(TYPE, heft.sums(TYPE, run_of_arm(1000 + fleet * arms + k, odd=False)))
-                for k in range(arms)}
-        alarms += bool(heft.fleet(fits).to_dict()["odd_arms"])
-    print(f"{alarms} of {fleets} fleets of {arms} arms without an odd one: an arm was named")
+def count_false_alarms(arms=600, sizes=(12, 50)):
+    """Fleets without an odd arm in which one is named all the same. Each size divides the same arms into fleets of its own."""
+    fits = {f"arm-{k}": heft.identify(TYPE, heft.sums(TYPE, run_of_arm(1000 + k, odd=False))) for k in range(arms)}
+    names = list(fits)
+    for size in sizes:
+        fleets = [names[k:k + size] for k in range(0, arms - size + 1, size)]
+        found = [heft.fleet({name: fits[name] for name in fleet}).to_dict()["odd_arms"] for fleet in fleets]
+        print(f"fleets of {size} arms without an odd one: an arm was named in {sum(map(bool, found))} of {len(fleets)}, "
+              f"{sum(map(len, found))} of {size * len(fleets)} arms", flush=True)
 
 
 if __name__ == "__main__":
