@@ -148,8 +148,7 @@ std::string series_points(const PlotSpec& spec, const Drawing& drawing) {
       // Of a curve that turns back, once a place rather than once a turn.
       if (!has_high(series.style) && !std::is_sorted(series.x.begin(), series.x.end()))
         series.style = Style::kPoints;
-      thinned.push_back(
-          decimate(series, spec.width / coarse, spec.height / coarse, spec.log_x, spec.log_y));
+      thinned.push_back(decimate(series, spec.width / coarse, spec.height / coarse, spec.log_x, spec.log_y));
       count += thinned.back().x.size();
     }
     if (count <= kMostPoints) break;

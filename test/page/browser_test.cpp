@@ -37,9 +37,9 @@ std::string found_by_reader(const Page& page, const std::string& doings) {
 bool is_installed(const std::string& program) {
   return std::system(("command -v " + program + " >/dev/null 2>&1").c_str()) == 0;
 }
-#define NEEDS_A_BROWSER()                       \
+#define NEEDS_A_BROWSER()                          \
   for (const char* each : {"gnuplot", "chromium"}) \
-  if (!is_installed(each)) GTEST_SKIP() << each << " is not installed"
+    if (!is_installed(each)) GTEST_SKIP() << each << " is not installed"
 
 /// What a reader does with a plot: points and drags at parts of the way along its axes, and reads what it says.
 const std::string kReader = R"js(

@@ -1,4 +1,5 @@
 /// The tables of README.md: each line is run as it stands there.
+#include <array>
 #include <filesystem>
 #include <iterator>
 #include <sstream>
