@@ -5,6 +5,7 @@
 
 #include "binding.hpp"
 #include "heft/data/log_part.hpp"
+#include "heft/data/read_map.hpp"
 #include "heft/exchange/robot_formats.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/file.hpp"
@@ -202,8 +203,13 @@ void bind_logs(py::module_& module) {
       });
   module.def(
       "read_log",
-      [](const std::string& path) { return std::make_shared<data::Log>(data::read_log(path, data::LogRequirements{})); },
-      py::arg("path"), py::call_guard<py::gil_scoped_release>());
+      [](const std::string& path, const std::string& topic, const std::vector<std::string>& joints,
+         const std::vector<std::string>& map) {
+        data::LogRequirements needs;
+        needs.as = {topic, joints, data::read_map(map)};
+        return std::make_shared<data::Log>(data::read_log(path, needs));
+      },
+      py::arg("path"), py::arg("topic"), py::arg("joints"), py::arg("map"), py::call_guard<py::gil_scoped_release>());
   module.def("robot_names", &urdf::robot_names);
 }
 

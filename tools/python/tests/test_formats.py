@@ -1,4 +1,6 @@
 """Logs that other people's packages read."""
+import pathlib
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,17 @@ def test_ros1_bags(log, tmp_path):
     assert np.allclose(read.time, log.time - log.time[0], atol=1e-9)
     with pytest.raises(heft.DataError, match="/gripper, /joint_states; expected one; name it with topic="):
         heft.read_log(tmp_path / "run.bag")
+
+
+def test_what_a_file_does_not_say_is_told():
+    foreign = pathlib.Path(__file__).parents[3] / "test/data/foreign"
+    with pytest.raises(heft.DataError, match="--topic"):
+        heft.read_log(foreign / "binary/two_topics.mcap")
+    first, second = (heft.read_log(foreign / "binary/two_topics.mcap", topic=topic) for topic in
+                     ("/left/joint_states", "/right/joint_states"))
+    assert (len(first), len(second)) == (40, 20)
+    own = heft.read_log(foreign / "own.csv", map={"time": "k", "q": "pose", "tau": "load"})
+    assert len(own) == 120 and own.tau.shape == (120, 4)
 
 
 def test_hdf5(log, tmp_path):

@@ -46,17 +46,22 @@ def log_of(log):
     raise TypeError(f"found {type(log).__name__}; expected a path, a heft.Log or a pandas data frame")
 
 
-def read_log(path, *, topic=None, fps=None):
+def read_log(path, *, topic="", joints=(), map=None):
     """Reads a log whole: what the command reads, and by other people's packages Parquet (pyarrow; LeRobot's columns
-    observation.state and timestamp too), ROS 1 bags (rosbags) and HDF5 (h5py; datasets time, q, tau, ...)."""
+    observation.state and timestamp too), ROS 1 bags (rosbags) and HDF5 (h5py; datasets time, q, tau, ...).
+
+    topic: of a bag with several of joint states. joints: the robot's names of them, base first, where a log names its joints.
+    map: columns by the file's names, as the command's --map: {"tau": "effort", "time": "500Hz"}. The latter two are for what
+    the command reads, too.
+    """
     path = os.fspath(path)
     if path.endswith(".parquet"):
         return _parquet(path)
     if path.endswith(".bag"):
-        return _ros1(path, topic)
+        return _ros1(path, topic or None)
     if path.endswith((".h5", ".hdf5")):
         return _hdf5(path)
-    return _read(path)
+    return _read(path, topic, list(joints), [f"{ours}={theirs}" for ours, theirs in (map or {}).items()])
 
 
 def _parquet(path):
