@@ -127,6 +127,18 @@ host::Judgement judge_torque(const Arm& arm, const data::LogSet& logs, bool acce
   return judgement;
 }
 
+namespace {
+
+/// @param map  as of the command's --map
+std::shared_ptr<data::Log> read_log_as(const std::string& path, const std::string& topic, const std::vector<std::string>& joints,
+                                       const std::vector<std::string>& map) {
+  data::LogRequirements needs;
+  needs.as = {topic, joints, data::read_map(map)};
+  return std::make_shared<data::Log>(data::read_log(path, needs));
+}
+
+}  // namespace
+
 void bind_logs(py::module_& module) {
   py::class_<Arm>(module, "Robot", "A serial arm: of a URDF, of heft's own robots by name, or of a model file (.json).")
       .def(py::init(&load_arm), py::arg("source"))
@@ -201,15 +213,8 @@ void bind_logs(py::module_& module) {
       .def("__repr__", [](const data::Log& log) {
         return fmt::format("<heft.Log '{}', {} samples, {} joints>", log.path, log.num_samples(), log.num_joints());
       });
-  module.def(
-      "read_log",
-      [](const std::string& path, const std::string& topic, const std::vector<std::string>& joints,
-         const std::vector<std::string>& map) {
-        data::LogRequirements needs;
-        needs.as = {topic, joints, data::read_map(map)};
-        return std::make_shared<data::Log>(data::read_log(path, needs));
-      },
-      py::arg("path"), py::arg("topic"), py::arg("joints"), py::arg("map"), py::call_guard<py::gil_scoped_release>());
+  module.def("read_log", read_log_as, py::arg("path"), py::arg("topic"), py::arg("joints"), py::arg("map"),
+             py::call_guard<py::gil_scoped_release>());
   module.def("robot_names", &urdf::robot_names);
 }
 
