@@ -9,6 +9,7 @@
 
 #include "drive_torque.hpp"
 #include "heft/host/error.hpp"
+#include "heft/model/batch_dynamics.hpp"
 
 namespace heft::model {
 namespace {
@@ -64,7 +65,7 @@ void integrate(const Coupled<kSize>& inverse_mass, const Deflections<kSize>& K, 
 }  // namespace
 
 struct MotionTorque::Impl {
-  explicit Impl(const Robot& given) : dynamics(given), robot(dynamics.robot()) {
+  explicit Impl(const Robot& given) : dynamics(given), in_lanes(given), robot(dynamics.robot()) {
     if (!(robot.torque_delay >= 0) || !std::isfinite(robot.torque_delay)) {
       throw ModelError(fmt::format("robot \"{}\": torque delay {} s; expected zero or a positive one",
                                    robot.name, robot.torque_delay));
@@ -180,12 +181,13 @@ struct MotionTorque::Impl {
   }
 
   /// Torque of the row `motor_*` at `time`, without delay.
-  /// @param at  its row in `measured`
-  void row(double time, double sign_width, const Eigen::MatrixXd& measured, Index at) {
+  /// @param at  its row in `measured` and, unless a joint is elastic, in `loads`
+  void row(double time, double sign_width, const Eigen::MatrixXd& measured, const Eigen::MatrixXd& loads,
+           Index at) {
     link_q = motor_q, link_qd = motor_qd, link_qdd = motor_qdd;
     const double h = started ? time - last_time : 0.0;
     if (K.size() == 0) {
-      load = dynamics.inverse_dynamics(link_q, link_qd, link_qdd);
+      load = loads.row(at);
     } else if (K.size() == 1) {
       deflect<1>(h);
     } else {
@@ -241,7 +243,22 @@ struct MotionTorque::Impl {
     past_torque = known.bottomRows(kept).eval();
   }
 
+  /// The rigid bodies' torque of every row, where one does not depend on the rows before.
+  Eigen::MatrixXd rigid_torque(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
+                               const Eigen::MatrixXd& qdd) const {
+    /// Fewer are faster one by one.
+    constexpr Index kWorthLanes = 4;
+    if (K.size() > 0) return {};
+    if (q.rows() >= kWorthLanes) return in_lanes.inverse_dynamics(q, qd, qdd);
+    Eigen::MatrixXd torque(q.rows(), q.cols());
+    for (Index k = 0; k < q.rows(); ++k) {
+      torque.row(k) = dynamics.inverse_dynamics(q.row(k), qd.row(k), qdd.row(k));
+    }
+    return torque;
+  }
+
   Dynamics dynamics;
+  BatchDynamics in_lanes;
   const Robot& robot;  // of `dynamics`
   /// Only then does a row depend on more than its own instant.
   bool along() const { return !robot.effects.empty() || !robot.elasticities.empty(); }
@@ -282,14 +299,17 @@ Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::M
                                      const Eigen::MatrixXd& measured) {
   Impl& s = *impl_;
   s.out_q = q, s.out_qd = qd, s.out_qdd = qdd;
+  const Eigen::MatrixXd loads = s.rigid_torque(q, qd, qdd);
   Eigen::MatrixXd torque(q.rows(), q.cols());
   for (Index k = 0; k < q.rows(); ++k) {
     s.motor_q = q.row(k), s.motor_qd = qd.row(k), s.motor_qdd = qdd.row(k);
     if (!s.along()) {
-      torque.row(k) = s.dynamics.joint_torque(s.motor_q, s.motor_qd, s.motor_qdd, sign_width);
+      s.tau = loads.row(k);
+      add_actuation(s.robot, s.motor_qd, s.motor_qdd, sign_width, s.tau);
+      torque.row(k) = s.tau;
       continue;
     }
-    s.row(time[k], sign_width, measured, k);
+    s.row(time[k], sign_width, measured, loads, k);
     torque.row(k) = s.tau;
     if (s.robot.elasticities.empty()) continue;
     s.out_q.row(k) = s.link_q, s.out_qd.row(k) = s.link_qd, s.out_qdd.row(k) = s.link_qdd;

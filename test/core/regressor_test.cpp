@@ -35,6 +35,29 @@ TEST(Regressor, TimesParametersEqualsInverseDynamicsOnRandomArms) {
   }
 }
 
+// Axes along coordinate axes of their frames: turned inside, too, but by an exchange of columns.
+TEST(Regressor, TimesParametersEqualsInverseDynamicsForAxesOfEveryDirection) {
+  test::Random random(29);
+  constexpr std::array<std::array<double, 3>, 6> kAxes = {
+      {{0, 1, 0}, {0, 0, -1}, {1, 0, 0}, {0, -1, 0}, {-1, 0, 0}, {0, 0, 1}}};
+  for (int n = 0; n < 20; ++n) {
+    ArmModel<double, 6> model = test::random_arm<6>(random, 0.3);
+    for (std::size_t j = 0; j < 6; ++j) model.joints[j].axis = kAxes[(j + static_cast<std::size_t>(n)) % 6];
+    const DynamicArm<double, 6> arm(model);
+    for (int j = 0; j < 6; ++j) ASSERT_TRUE(arm.exchange(j).exact);
+    const auto q = test::random_vector<6>(random, 3), qd = test::random_vector<6>(random, 2),
+               qdd = test::random_vector<6>(random, 5);
+    LinkRegressor<double, 6> Y;
+    link_regressor(arm, joint_trigonometry<DynamicArm<double, 6>>(q), q, qd, qdd, Y);
+    const JointVector<double, 6> tau = inverse_dynamics(arm, q, qd, qdd);
+    EXPECT_LT((Y * test::stacked_links(model) - tau).cwiseAbs().maxCoeff(), 1e-11 * tau.cwiseAbs().maxCoeff())
+        << n;
+    Eigen::Matrix<double, 6, 10> last;
+    last_link_regressor(arm, joint_trigonometry<DynamicArm<double, 6>>(q), q, qd, qdd, last);
+    EXPECT_EQ(last, Y.rightCols<10>()) << n;
+  }
+}
+
 TEST(Regressor, ColumnsAreDerivativesOfTheTorque) {
   // Column by column: inverse dynamics is linear in the parameters, so a unit of one gives its column.
   Random random(22);

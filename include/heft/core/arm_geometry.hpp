@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 #include <Eigen/Core>
 
@@ -297,6 +298,27 @@ struct ReducedParameters {
   }
 };
 
+/// Where the inertial columns of a link in inner axes are found among those in the user's: turns that exchange axes, as
+/// most do, exchange columns, and some change their sign.
+struct ColumnExchange {
+  bool exact{false};  ///< the turn does no more than that
+  std::array<std::uint8_t, kParametersPerLink> column{0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+  std::array<bool, kParametersPerLink> minus{};
+};
+
+namespace structural {
+
+/// One joint of a run-time geometry at one instant, with inner frames on both sides; see JointFrame.
+template <typename Scalar>
+struct DynamicFrame {
+  static constexpr Vec3<Int<0>, Int<0>, Int<1>> axis{};
+  Mat3<Dense3<Scalar>, Dense3<Scalar>, Dense3<Scalar>> rotation;
+  Dense3<Scalar> position;
+  bool revolute;
+};
+
+}  // namespace structural
+
 /// An arm whose geometry and parameters are data.
 ///
 /// Link frames are turned inside so that every joint axis is z; arguments and results are in the user's
@@ -312,6 +334,30 @@ class DynamicArm {
   DynamicArm() = default;
   /// @param arm  finite numbers, orthonormal rotations, unit axes
   explicit DynamicArm(const ArmModel<Scalar, N>& arm) noexcept { set_model(arm); }
+  /// The same arm in another scalar: in every lane of a Pack, for one.
+  template <typename Other>
+  explicit DynamicArm(const DynamicArm<Other, N>& arm) noexcept
+      : turned_(arm.turned_), exchanges_(arm.exchanges_) {
+    const auto copy = [](const auto& from, auto& to) {
+      for (std::size_t i = 0; i < from.size(); ++i) to[i] = static_cast<Scalar>(from[i]);
+    };
+    const auto copy_joint = [&](const Joint<Other>& from, Joint<Scalar>& to) {
+      to.type = from.type;
+      copy(from.rotation, to.rotation), copy(from.position, to.position), copy(from.axis, to.axis);
+    };
+    for (std::size_t j = 0; j < static_cast<std::size_t>(N); ++j) {
+      copy_joint(arm.model_.joints[j], model_.joints[j]);
+      copy(arm.model_.links[j], model_.links[j]);
+      const JointActuation<Other>& drive = arm.model_.actuation[j];
+      model_.actuation[j] = {
+          static_cast<Scalar>(drive.rotor_inertia), static_cast<Scalar>(drive.coulomb_friction),
+          static_cast<Scalar>(drive.viscous_friction), static_cast<Scalar>(drive.friction_offset)};
+      copy_joint(arm.joints_[j], joints_[j]);
+      copy(arm.links_[j], links_[j]);
+      copy(arm.turn_[j], turn_[j]);
+    }
+    copy(arm.model_.gravity, model_.gravity);
+  }
 
   /// Takes geometry, gravity and link parameters from a model.
   void set_model(const ArmModel<Scalar, N>& arm) noexcept {
@@ -322,6 +368,7 @@ class DynamicArm {
       const auto& joint = arm.joints[j];
       turn_[j] = turn_to_z(joint.axis);
       turned_[j] = !(joint.axis[2] > Scalar(1) - Scalar(4) * Eigen::NumTraits<Scalar>::epsilon());
+      exchanges_[j] = exchange_of(turn_[j]);
       Joint<Scalar> inner;
       inner.type = joint.type;
       // Parent axes turned by T_p, link axes by T: R' = T_p R Tᵀ, p' = T_p p.
@@ -371,32 +418,58 @@ class DynamicArm {
   /// Turns components in user link axes into components in inner link axes, row-major.
   const std::array<Scalar, 9>& turn(int j) const noexcept { return turn_[static_cast<std::size_t>(j)]; }
 
+  /// What turn() does to inertial columns, where it only exchanges axes.
+  const ColumnExchange& exchange(int j) const noexcept { return exchanges_[static_cast<std::size_t>(j)]; }
+
   /// Placement of joint j with inner frames on both sides (axis z).
   const Joint<Scalar>& inner_joint(int j) const noexcept { return joints_[static_cast<std::size_t>(j)]; }
 
   JointType joint_type(int j) const noexcept { return joints_[static_cast<std::size_t>(j)].type; }
 
   /// Joint j at the angle whose sine and cosine are given, or at travel q.
-  auto frame(int j, const SinCos<Scalar>& sc, const Scalar& q) const noexcept {
+  structural::DynamicFrame<Scalar> frame(int j, const SinCos<Scalar>& sc, const Scalar& q) const noexcept {
+    structural::DynamicFrame<Scalar> frame;
+    put_frame(j, sc, q, frame);
+    return frame;
+  }
+  /// The same, written where it is to be: a copy of it is a dozen numbers.
+  void put_frame(int j, const SinCos<Scalar>& sc, const Scalar& q,
+                 structural::DynamicFrame<Scalar>& frame) const noexcept {
     using namespace structural;
     const Joint<Scalar>& joint = joints_[static_cast<std::size_t>(j)];
     const auto& R = joint.rotation;
-    const bool revolute = joint.type == JointType::kRevolute;
-    const Scalar c = revolute ? sc.cos : Scalar(1);
-    const Scalar s = revolute ? sc.sin : Scalar(0);
-    const Scalar travel = revolute ? Scalar(0) : q;
-    // E = Rz(q)ᵀ Rᵀ.
-    const auto rotation =
-        mat3(vec3(c * R[0] + s * R[1], c * R[3] + s * R[4], c * R[6] + s * R[7]),
-             vec3(c * R[1] - s * R[0], c * R[4] - s * R[3], c * R[7] - s * R[6]), vec3(R[2], R[5], R[8]));
-    const auto position = vec3(joint.position[0] + R[2] * travel, joint.position[1] + R[5] * travel,
-                               joint.position[2] + R[8] * travel);
-    using E = std::remove_cvref_t<decltype(rotation)>;
-    return DynamicFrame<E>{rotation, position, vec3(Int<0>{}, Int<0>{}, Int<1>{}), revolute};
+    frame.revolute = joint.type == JointType::kRevolute;
+    if (frame.revolute) {
+      // E = Rz(q)ᵀ Rᵀ.
+      const Scalar& c = sc.cos;
+      const Scalar& s = sc.sin;
+      frame.rotation.row0 = vec3(c * R[0] + s * R[1], c * R[3] + s * R[4], c * R[6] + s * R[7]);
+      frame.rotation.row1 = vec3(c * R[1] - s * R[0], c * R[4] - s * R[3], c * R[7] - s * R[6]);
+    } else {
+      frame.rotation.row0 = vec3(R[0], R[3], R[6]);
+      frame.rotation.row1 = vec3(R[1], R[4], R[7]);
+    }
+    frame.rotation.row2 = vec3(R[2], R[5], R[8]);
+    frame.position = joint_position(j, q);
   }
 
+  /// Origin of link frame j in its parent's inner axes.
+  structural::Dense3<Scalar> joint_position(int j, const Scalar& q) const noexcept {
+    const Joint<Scalar>& joint = joints_[static_cast<std::size_t>(j)];
+    const auto& R = joint.rotation;
+    const auto& p = joint.position;
+    if (joint.type == JointType::kRevolute) return {p[0], p[1], p[2]};
+    return {p[0] + R[2] * q, p[1] + R[5] * q, p[2] + R[8] * q};
+  }
+
+  /// The parameters of a link in inner axes: a view, good until the next set_link().
   auto link(int j) const noexcept {
-    return structural::dense_link(links_[static_cast<std::size_t>(j)]);
+    using namespace structural;
+    const PseudoInertia<Scalar>& p = links_[static_cast<std::size_t>(j)];
+    using Ref = const Scalar&;
+    using First = Vec3<Ref, Ref, Ref>;
+    return LinkParameters<Ref, First, Ref, Ref, Ref, Ref, Ref, Ref>{
+        p[kPm],  First{p[kPhx], p[kPhy], p[kPhz]}, p[kS11], p[kS12], p[kS22], p[kS13], p[kS23], p[kS33]};
   }
 
   structural::Dense3<Scalar> base_acceleration() const noexcept {
@@ -404,13 +477,40 @@ class DynamicArm {
   }
 
  private:
-  template <typename E>
-  struct DynamicFrame {
-    E rotation;
-    structural::Dense3<Scalar> position;
-    [[no_unique_address]] structural::Vec3<structural::Int<0>, structural::Int<0>, structural::Int<1>> axis;
-    bool revolute;
-  };
+  template <typename, int>
+  friend class DynamicArm;
+
+  /// Found by exact zeros and ones in T, the turn of a link: h' = T h and I' = T I Tᵀ.
+  static ColumnExchange exchange_of(const std::array<Scalar, 9>& T) noexcept {
+    constexpr std::uint8_t kAt[3][3] = {{kIxx, kIxy, kIxz}, {kIxy, kIyy, kIyz}, {kIxz, kIyz, kIzz}};
+    std::size_t from[3]{};  // of inner axis k
+    bool minus[3]{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      int ones = 0;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Scalar& t = T[3 * k + i];
+        if (t == Scalar(1) || t == Scalar(-1)) {
+          from[k] = i;
+          minus[k] = t == Scalar(-1);
+          ++ones;
+        } else if (!(t == Scalar(0))) {
+          return {};
+        }
+      }
+      if (ones != 1) return {};
+    }
+    ColumnExchange exchange;
+    exchange.exact = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      exchange.column[kMcx + k] = static_cast<std::uint8_t>(kMcx + from[k]);
+      exchange.minus[kMcx + k] = minus[k];
+      for (std::size_t l = k; l < 3; ++l) {
+        exchange.column[kAt[k][l]] = kAt[from[k]][from[l]];
+        exchange.minus[kAt[k][l]] = minus[k] != minus[l];
+      }
+    }
+    return exchange;
+  }
 
   /// Rotation (row-major) that takes the unit vector a to z by the shortest way.
   static std::array<Scalar, 9> turn_to_z(const std::array<Scalar, 3>& a) noexcept {
@@ -436,6 +536,7 @@ class DynamicArm {
   std::array<PseudoInertia<Scalar>, N> links_{};
   std::array<std::array<Scalar, 9>, N> turn_{};
   std::array<bool, N> turned_{};
+  std::array<ColumnExchange, N> exchanges_{};
 };
 
 }  // namespace heft

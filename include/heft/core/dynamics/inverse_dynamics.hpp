@@ -151,38 +151,54 @@ inline void inverse_dynamics(const DynamicArm<Scalar, N>& arm,
                              const JointVector<Scalar, N>& q, const JointVector<Scalar, N>& qd,
                              const JointVector<Scalar, N>& qdd, JointVector<Scalar, N>& tau) noexcept {
   using namespace structural;
-  using Frame = decltype(arm.frame(0, trig.joint[0], q[0]));
+  using Frame = DynamicFrame<Scalar>;
   using V = Dense3<Scalar>;
   std::array<Frame, N> frames;
   std::array<Wrench<V, V>, N> wrench;
+  Scalar along_first{0};  // what the first joint asks of its wrench
 
-  V w = {Scalar(0), Scalar(0), Scalar(0)};
-  V wd = w;
+  V w, wd;
   V at_joint = arm.base_acceleration();
-  frames[0] = arm.frame(0, trig.joint[0], q[0]);
   for (int j = 0; j < N; ++j) {
     const std::size_t i = static_cast<std::size_t>(j);
-    w = link_velocity(frames[i], w, qd[j]);
-    const auto spin = relative_spin(frames[i], w, qd[j]);
-    wd = link_angular_acceleration(frames[i], wd, spin, qdd[j]);
-    const V a = link_acceleration(frames[i], at_joint, spin, qdd[j]);
+    Frame& frame = frames[i];
+    arm.put_frame(j, trig.joint[i], q[j], frame);
+    V a;
+    if (j == 0) {
+      // The base is at rest.
+      const V rest = {Scalar(0), Scalar(0), Scalar(0)};
+      w = frame.revolute ? V{Scalar(0), Scalar(0), qd[0]} : rest;
+      wd = frame.revolute ? V{Scalar(0), Scalar(0), qdd[0]} : rest;
+      a = link_acceleration(frame, at_joint, Zero3{}, qdd[0]);
+    } else {
+      w = link_velocity(frame, w, qd[j]);
+      const auto spin = relative_spin(frame, w, qd[j]);
+      wd = link_angular_acceleration(frame, wd, spin, qdd[j]);
+      a = link_acceleration(frame, at_joint, spin, qdd[j]);
+    }
     const auto u = u_matrix(velocity_products(w), wd);
     const auto link = arm.link(j);
-    wrench[i] = {link_force(link, u, a), link_moment(link, u, a)};
+    if (j > 0) {
+      wrench[i] = {link_force(link, u, a), link_moment(link, u, a)};
+    } else {
+      along_first = frame.revolute ? link_moment_z(link, u, a) : link_force(link, u, a).z;
+    }
     if (j + 1 < N) {
-      frames[i + 1] = arm.frame(j + 1, trig.joint[i + 1], q[j + 1]);
-      at_joint = a + u_times(u, frames[i + 1].position);
+      at_joint = a + u_times(u, arm.joint_position(j + 1, q[j + 1]));
     }
   }
-  for (int j = N - 1; j >= 0; --j) {
+  for (int j = N - 1; j > 0; --j) {
     const std::size_t i = static_cast<std::size_t>(j);
     tau[j] = frames[i].revolute ? wrench[i].moment.z : wrench[i].force.z;
-    if (j > 0) {
-      const auto inboard = wrench_on_parent(frames[i], wrench[i]);
+    const auto inboard = wrench_on_parent(frames[i], wrench[i]);
+    if (j > 1) {
       wrench[i - 1].force = wrench[i - 1].force + inboard.force;
       wrench[i - 1].moment = wrench[i - 1].moment + inboard.moment;
+    } else {
+      along_first = along_first + (frames[0].revolute ? inboard.moment.z : inboard.force.z);
     }
   }
+  tau[0] = along_first;
 }
 
 /// Joint torques of the rigid arm with run-time geometry; computes sines and cosines itself.

@@ -125,8 +125,8 @@ constexpr auto link_angular_acceleration(const Frame& frame, const WD& wd_parent
       return carried;
     }
   } else {
-    const S on = frame.revolute ? S(1) : S(0);
-    return carried + scale(spin, on) + scale(frame.axis, frame.revolute ? qdd : S(0));
+    using Sum = Dense3<std::remove_cvref_t<decltype(carried.x)>>;
+    return frame.revolute ? Sum(carried + spin + scale(frame.axis, qdd)) : Sum(carried);
   }
 }
 
@@ -142,8 +142,8 @@ constexpr auto link_acceleration(const Frame& frame, const A& at_joint, const Sp
       return carried + spin + spin + scale(frame.axis, qdd);
     }
   } else {
-    const S on = frame.revolute ? S(0) : S(2);
-    return carried + scale(spin, on) + scale(frame.axis, frame.revolute ? S(0) : qdd);
+    using Sum = Dense3<std::remove_cvref_t<decltype(carried.x)>>;
+    return frame.revolute ? Sum(carried) : Sum(carried + scale(spin, S(2)) + scale(frame.axis, qdd));
   }
 }
 

@@ -176,43 +176,97 @@ struct LinkRegressorSink {
 
 }  // namespace structural
 
-/// Columns for parameters in inner link axes into columns for parameters in user link axes: with h' = T h and
-/// I' = T I Tᵀ, Y h' = (Y T) h and the six inertia columns likewise.
-/// @param T      row-major, user axes to inner axes
-/// @param link   whose joint moves it: rows 0 to link are turned
-/// @param first  its first column in Y
-template <typename Scalar, typename Matrix>
-inline void turn_link_columns(const std::array<Scalar, 9>& T, Matrix& Y, int link, int first) noexcept {
-  constexpr int kAt[3][3] = {{kIxx, kIxy, kIxz}, {kIxy, kIyy, kIyz}, {kIxz, kIyz, kIzz}};
-  for (int row = 0; row <= link; ++row) {
-    Scalar h[3];
-    Scalar G[3][3];
-    for (int i = 0; i < 3; ++i) {
-      h[i] = Y(row, first + kMcx + i);
-      for (int j = 0; j < 3; ++j) {
-        // As a full matrix of derivatives the off-diagonal columns count twice.
-        G[i][j] = Y(row, first + kAt[i][j]) * (i == j ? Scalar(1) : Scalar(0.5));
-      }
+namespace structural {
+
+template <typename Scalar>
+constexpr Scalar negated_if(bool minus, const Scalar& value) {
+  return minus ? -value : value;
+}
+/// Without a branch, which would be one for each entry.
+template <typename T, int W>
+inline Pack<T, W> negated_if(bool minus, const Pack<T, W>& value) {
+  return value.with_sign_changed(minus);
+}
+
+/// Takes the entries of one row and link in inner axes, as a matrix would, and writes them where the user's are.
+template <typename Matrix>
+struct ExchangedRow {
+  Matrix& Y;
+  const ColumnExchange& exchange;
+  int first;  ///< column of the link in Y
+
+  struct Entry {
+    Matrix& Y;
+    int row, column;
+    bool minus;
+    template <typename Scalar>
+    constexpr void operator=(const Scalar& value) const {
+      Y(row, column) = negated_if(minus, value);
     }
-    for (int i = 0; i < 3; ++i) {
-      Scalar turned_h{0};
-      for (int k = 0; k < 3; ++k) {
-        turned_h += h[k] * T[static_cast<std::size_t>(3 * k + i)];
-      }
-      Y(row, first + kMcx + i) = turned_h;
-      for (int j = i; j < 3; ++j) {
-        Scalar turned{0};
-        for (int k = 0; k < 3; ++k) {
-          for (int l = 0; l < 3; ++l) {
-            turned +=
-                T[static_cast<std::size_t>(3 * k + i)] * G[k][l] * T[static_cast<std::size_t>(3 * l + j)];
-          }
+  };
+  constexpr Entry operator()(int row, int inner) const {
+    const std::size_t i = static_cast<std::size_t>(inner);
+    return {Y, row, first + exchange.column[i], exchange.minus[i]};
+  }
+};
+
+/// Keeps the entries of one row and link.
+template <typename Scalar>
+struct KeptRow {
+  std::array<Scalar, kParametersPerLink> entry;
+
+  constexpr Scalar& operator()(int, int column) { return entry[static_cast<std::size_t>(column)]; }
+};
+
+/// Entries for parameters in inner link axes into entries for parameters in user link axes: with h' = T h and
+/// I' = T I Tᵀ, Y h' = (Y T) h and the six inertia columns likewise.
+template <typename Scalar, typename Matrix>
+inline void write_turned(const KeptRow<Scalar>& inner, const std::array<Scalar, 9>& T, Matrix& Y, int row,
+                         int first) noexcept {
+  constexpr std::size_t kAt[3][3] = {{kIxx, kIxy, kIxz}, {kIxy, kIyy, kIyz}, {kIxz, kIyz, kIzz}};
+  Scalar h[3];
+  Scalar G[3][3];
+  for (std::size_t i = 0; i < 3; ++i) {
+    h[i] = inner.entry[kMcx + i];
+    for (std::size_t j = 0; j < 3; ++j) {
+      // As a full matrix of derivatives the off-diagonal columns count twice.
+      G[i][j] = inner.entry[kAt[i][j]] * (i == j ? Scalar(1) : Scalar(0.5));
+    }
+  }
+  Y(row, first + kMass) = inner.entry[kMass];
+  for (std::size_t i = 0; i < 3; ++i) {
+    Scalar turned_h{0};
+    for (std::size_t k = 0; k < 3; ++k) {
+      turned_h += h[k] * T[3 * k + i];
+    }
+    Y(row, first + kMcx + static_cast<int>(i)) = turned_h;
+    for (std::size_t j = i; j < 3; ++j) {
+      Scalar turned{0};
+      for (std::size_t k = 0; k < 3; ++k) {
+        for (std::size_t l = 0; l < 3; ++l) {
+          turned += T[3 * k + i] * G[k][l] * T[3 * l + j];
         }
-        Y(row, first + kAt[i][j]) = i == j ? turned : Scalar(2) * turned;
       }
+      Y(row, first + static_cast<int>(kAt[i][j])) = i == j ? turned : Scalar(2) * turned;
     }
   }
 }
+
+/// The row of a probe and link j of a run-time geometry, in the user's axes, into Y(row, first..first+9).
+template <typename Scalar, int N, typename P, typename U, typename WD, typename A, typename Matrix>
+inline void write_user_row(const DynamicArm<Scalar, N>& arm, int j, const P& probe, const U& u, const WD& wd,
+                           const A& a, Matrix& Y, int row, int first) noexcept {
+  if (arm.exchange(j).exact) {
+    ExchangedRow<Matrix> entries{Y, arm.exchange(j), first};
+    write_inertial_row<Scalar>(probe, u, wd, a, entries, row, 0);
+  } else {
+    KeptRow<Scalar> inner;
+    write_inertial_row<Scalar>(probe, u, wd, a, inner, row, 0);
+    write_turned(inner, arm.turn(j), Y, row, first);
+  }
+}
+
+}  // namespace structural
 
 /// Inertial columns of the regressor with compile-time geometry: tau = Y x with x the ten parameters of every
 /// link about its link frame.
@@ -230,6 +284,8 @@ requires(Arm::kIsStatic) inline void link_regressor(const JointTrigonometry<Arm>
 }
 
 /// The same with run-time geometry. Cost: 6 joints about 1500 multiplications and 1200 additions.
+/// @tparam Matrix  as above, or anything that Y(row, column) = value can be written to; with a type IsZeroBelow the zeros
+///                 of links inboard of a joint are not written
 template <typename Scalar, int N, typename Matrix>
 inline void link_regressor(const DynamicArm<Scalar, N>& arm,
                            const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
@@ -248,21 +304,28 @@ inline void link_regressor(const DynamicArm<Scalar, N>& arm,
     wd = link_angular_acceleration(frame, wd, spin, qdd[j]);
     const V a = link_acceleration(frame, at_joint, spin, qdd[j]);
     const auto u = u_matrix(velocity_products(w), wd);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(j); ++i) {
+      probes[i] = carried(frame, probes[i]);
+    }
     for (int i = 0; i < j; ++i) {
-      auto& probe = probes[static_cast<std::size_t>(i)];
-      probe = carried(frame, probe);
-      write_inertial_row<Scalar>(probe, u, wd, a, Y, i, kParametersPerLink * j);
+      write_user_row(arm, j, probes[static_cast<std::size_t>(i)], u, wd, a, Y, i, kParametersPerLink * j);
     }
-    const auto own = own_probe(frame);
-    write_inertial_row<Scalar>(own, u, wd, a, Y, j, kParametersPerLink * j);
-    probes[static_cast<std::size_t>(j)] = {dense<Scalar>(own.z), dense<Scalar>(own.k)};
-    for (int below = j + 1; below < N; ++below) {
-      for (int column = 0; column < kParametersPerLink; ++column) {
-        Y(below, kParametersPerLink * j + column) = Scalar(0);
+    const auto add_own = [&](const auto& own) {
+      write_user_row(arm, j, own, u, wd, a, Y, j, kParametersPerLink * j);
+      probes[static_cast<std::size_t>(j)] = {dense<Scalar>(own.z), dense<Scalar>(own.k)};
+    };
+    // Two calls, so that either has its zeros and ones as types.
+    if (frame.revolute) {
+      add_own(make_probe(frame.axis, Zero3{}));
+    } else {
+      add_own(make_probe(Zero3{}, frame.axis));
+    }
+    if constexpr (!requires { typename Matrix::IsZeroBelow; }) {
+      for (int below = j + 1; below < N; ++below) {
+        for (int column = 0; column < kParametersPerLink; ++column) {
+          Y(below, kParametersPerLink * j + column) = Scalar(0);
+        }
       }
-    }
-    if (arm.is_turned(j)) {
-      turn_link_columns(arm.turn(j), Y, j, kParametersPerLink * j);
     }
     if (j + 1 < N) {
       frame = arm.frame(j + 1, trig.joint[static_cast<std::size_t>(j + 1)], q[j + 1]);
@@ -303,12 +366,9 @@ inline void last_link_regressor(const DynamicArm<Scalar, N>& arm,
       at_joint = a + u_times(u, arm.frame(j + 1, trig.joint[i + 1], q[j + 1]).position);
     } else {
       for (int row = 0; row < N; ++row) {
-        write_inertial_row<Scalar>(probes[static_cast<std::size_t>(row)], u, wd, a, Y, row, 0);
+        write_user_row(arm, j, probes[static_cast<std::size_t>(row)], u, wd, a, Y, row, 0);
       }
     }
-  }
-  if (arm.is_turned(N - 1)) {
-    turn_link_columns(arm.turn(N - 1), Y, N - 1, 0);
   }
 }
 
