@@ -31,8 +31,9 @@ struct Sized final : Base {
 
   explicit Sized(const Robot& r) : Base(r), arm(to_arm_model<N>(r)) {}
 
-  Eigen::VectorXd inverse(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
-                          const Eigen::VectorXd& qdd) const override {
+  // Flattened: with ten sizes in one file the compiler leaves calls that it inlines where there is one.
+  [[gnu::flatten]] Eigen::VectorXd inverse(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                           const Eigen::VectorXd& qdd) const override {
     return inverse_dynamics(arm, Vector(q), Vector(qd), Vector(qdd));
   }
   Eigen::VectorXd gravity(const Eigen::VectorXd& q) const override {
@@ -41,14 +42,14 @@ struct Sized final : Base {
     gravity_torque(arm, joint_trigonometry<Arm>(position), position, tau);
     return tau;
   }
-  Eigen::MatrixXd mass(const Eigen::VectorXd& q) const override {
+  [[gnu::flatten]] Eigen::MatrixXd mass(const Eigen::VectorXd& q) const override {
     MassMatrix<double, N> m;
     const Vector position = q;
     mass_matrix(arm, joint_trigonometry<Arm>(position), position, m);
     return m;
   }
-  Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
-                            const Eigen::VectorXd& qdd) const override {
+  [[gnu::flatten]] Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+                                             const Eigen::VectorXd& qdd) const override {
     FullRegressor<double, N> Y;
     full_regressor<double, N>(arm, Vector(q), Vector(qd), Vector(qdd), 0.0, Y);
     return Y;

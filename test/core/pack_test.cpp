@@ -46,8 +46,9 @@ TYPED_TEST(PackOf, ComputesInEveryLaneWhatAScalarDoes) {
       EXPECT_EQ(quotient[i], a[i] / b[i]);
       EXPECT_EQ(opposite[i], -a[i]);
       EXPECT_TRUE(a[i] < 0 ? std::isnan(root[i]) : root[i] == std::sqrt(a[i])) << a[i];
-      EXPECT_EQ(x.with_sign_changed(true)[i], -a[i]);
-      EXPECT_EQ(x.with_sign_changed(false)[i], a[i]);
+      constexpr auto kSign = typename P::Word{1} << (8 * sizeof(T) - 1);
+      EXPECT_EQ(x.with_bits_changed(kSign)[i], -a[i]);
+      EXPECT_EQ(x.with_bits_changed(0)[i], a[i]);
       greater = greater && a[i] > b[i];
     }
     EXPECT_EQ(x > y, greater);

@@ -81,12 +81,12 @@ class Pack {
     return all;
   }
 
-  /// −x where `change` is true, x where not, the sign of a zero included.
-  Pack with_sign_changed(bool change) const noexcept {
-    using Word = std::conditional_t<sizeof(T) == 8, std::uint64_t, std::uint32_t>;
-    using Bits = typename detail::VectorOf<Word, W>::Type;
-    const Word sign = static_cast<Word>(static_cast<Word>(change) << (8 * sizeof(T) - 1));
-    return Pack(std::bit_cast<Lanes>(Bits(std::bit_cast<Bits>(lanes_) ^ sign)));
+  /// The bits of an element, as a whole number.
+  using Word = std::conditional_t<sizeof(T) == 8, std::uint64_t, std::uint32_t>;
+  /// Changes the same bits in every lane: the highest is the sign, also that of zero.
+  Pack with_bits_changed(Word bits) const noexcept {
+    using Words = typename detail::VectorOf<Word, W>::Type;
+    return Pack(std::bit_cast<Lanes>(Words(std::bit_cast<Words>(lanes_) ^ bits)));
   }
 
   friend Pack sqrt(const Pack& a) noexcept {

@@ -14,35 +14,63 @@
 #include "heft/model/dynamics.hpp"
 #include "lane_arm.hpp"
 
+/// With a compiler that inlines by the size of a whole file, calls of an addition would be left.
+#if defined(__GNUC__)
+#define HEFT_ALL_INLINE [[gnu::flatten]]
+#else
+#define HEFT_ALL_INLINE
+#endif
+
 namespace heft::model {
 namespace {
 
-/// Writes the lanes of an entry to its place.
-template <typename P>
+/// Writes the lanes of an entry of the regressor to its place.
+template <int N, int W>
 class EntryPlaces {
  public:
   struct IsZeroBelow {};
+  struct ExchangesColumns {};
+  static constexpr int kColumns = kParametersPerLink * N;
   /// Entries that nobody wants go to one place that stays: a store costs less than asking.
   struct Place {
     double* to;
     std::uintptr_t moves;  ///< all bits, or none
+    std::uint64_t sign;    ///< the bit of a sign that changes, or none
   };
   struct Entry {
-    double* to;
-    void operator=(const P& value) const noexcept { value.store(to); }
+    const Place& place;
+    std::uintptr_t state;
+    void operator=(const Pack<double, W>& value) const noexcept {
+      value.with_bits_changed(place.sign).store(place.to + (state & place.moves));
+    }
   };
 
-  EntryPlaces(const Place* places, int columns, std::ptrdiff_t state) noexcept
-      : places_(places), columns_(columns), state_(static_cast<std::uintptr_t>(state)) {}
-  Entry operator()(int row, int column) const noexcept {
-    const Place& place = places_[row * columns_ + column];
-    return {place.to + (state_ & place.moves)};
+  /// @param places  of the user's columns, n × 10n row by row
+  EntryPlaces(const DynamicArm<Pack<double, W>, N>& arm, double* const* places) noexcept {
+    for (int row = 0; row < N; ++row) {
+      for (int link = row; link < N; ++link) {
+        const ColumnExchange& exchange = arm.exchange(link);
+        for (int inner = 0; inner < kParametersPerLink; ++inner) {
+          const int user = exchange.exact ? exchange.column[static_cast<std::size_t>(inner)] : inner;
+          const bool minus = exchange.exact && exchange.minus[static_cast<std::size_t>(inner)];
+          const int first = kColumns * row + kParametersPerLink * link;
+          double* to = places[first + user];
+          places_[first + inner] = {to == nullptr ? unwanted_ : to, to == nullptr ? 0 : ~std::uintptr_t{0},
+                                    std::uint64_t{minus} << 63};
+        }
+      }
+    }
   }
+  EntryPlaces(const EntryPlaces&) = delete;
+  EntryPlaces& operator=(const EntryPlaces&) = delete;
+
+  void set_state(std::ptrdiff_t state) noexcept { state_ = static_cast<std::uintptr_t>(state); }
+  Entry operator()(int row, int column) const noexcept { return {places_[kColumns * row + column], state_}; }
 
  private:
-  const Place* places_;
-  int columns_;
-  std::uintptr_t state_;
+  Place places_[N * kColumns];
+  alignas(sizeof(double) * W) double unwanted_[W];
+  std::uintptr_t state_{0};
 };
 
 template <int N, int W>
@@ -56,7 +84,7 @@ class SizedLaneArm final : public LaneArm {
 
   std::ptrdiff_t width() const noexcept override { return W; }
 
-  void inverse_dynamics(const LaneStates& states, double* tau, std::ptrdiff_t step) const noexcept override {
+  HEFT_ALL_INLINE void inverse_dynamics(const LaneStates& states, double* tau, std::ptrdiff_t step) const noexcept override {
     for_each_pack(states.count, [&](std::ptrdiff_t at) {
       const Vector q = load(states.q + at, states.q_step);
       const Vector qd = load(states.qd + at, states.qd_step);
@@ -68,25 +96,19 @@ class SizedLaneArm final : public LaneArm {
     });
   }
 
-  void regressor(const LaneStates& states, double* const* places) const noexcept override {
-    using Place = typename EntryPlaces<P>::Place;
-    constexpr int kColumns = kParametersPerLink * N;
-    alignas(P) double unwanted[W];
-    Place table[N * kColumns];
-    for (int k = 0; k < N * kColumns; ++k) {
-      table[k] = places[k] == nullptr ? Place{unwanted, 0} : Place{places[k], ~std::uintptr_t{0}};
-    }
+  HEFT_ALL_INLINE void regressor(const LaneStates& states, double* const* places) const noexcept override {
+    EntryPlaces<N, W> entries(arm_, places);
     for_each_pack(states.count, [&](std::ptrdiff_t at) {
       const Vector q = load(states.q + at, states.q_step);
       const Vector qd = load(states.qd + at, states.qd_step);
       const Vector qdd = load(states.qdd + at, states.qdd_step);
-      EntryPlaces<P> entries(table, kColumns, at);
+      entries.set_state(at);
       link_regressor(arm_, joint_trigonometry<Arm>(q), q, qd, qdd, entries);
       return true;
     });
   }
 
-  void mass_matrix(const LaneStates& states, double* mass, std::ptrdiff_t step) const noexcept override {
+  HEFT_ALL_INLINE void mass_matrix(const LaneStates& states, double* mass, std::ptrdiff_t step) const noexcept override {
     for_each_pack(states.count, [&](std::ptrdiff_t at) {
       const Vector q = load(states.q + at, states.q_step);
       MassMatrix<P, N> M;
@@ -96,7 +118,7 @@ class SizedLaneArm final : public LaneArm {
     });
   }
 
-  std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* rotor, double* qdd,
+  HEFT_ALL_INLINE std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* rotor, double* qdd,
                                   std::ptrdiff_t step) const noexcept override {
     Vector inertia;
     for (int j = 0; j < N; ++j) inertia[j] = P(rotor[j]);

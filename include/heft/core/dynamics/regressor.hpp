@@ -185,7 +185,8 @@ constexpr Scalar negated_if(bool minus, const Scalar& value) {
 /// Without a branch, which would be one for each entry.
 template <typename T, int W>
 inline Pack<T, W> negated_if(bool minus, const Pack<T, W>& value) {
-  return value.with_sign_changed(minus);
+  using Word = typename Pack<T, W>::Word;
+  return value.with_bits_changed(static_cast<Word>(static_cast<Word>(minus) << (8 * sizeof(T) - 1)));
 }
 
 /// Takes the entries of one row and link in inner axes, as a matrix would, and writes them where the user's are.
@@ -256,14 +257,19 @@ inline void write_turned(const KeptRow<Scalar>& inner, const std::array<Scalar, 
 template <typename Scalar, int N, typename P, typename U, typename WD, typename A, typename Matrix>
 inline void write_user_row(const DynamicArm<Scalar, N>& arm, int j, const P& probe, const U& u, const WD& wd,
                            const A& a, Matrix& Y, int row, int first) noexcept {
-  if (arm.exchange(j).exact) {
+  if constexpr (requires { typename Matrix::ExchangesColumns; }) {
+    if (arm.exchange(j).exact) {
+      write_inertial_row<Scalar>(probe, u, wd, a, Y, row, first);
+      return;
+    }
+  } else if (arm.exchange(j).exact) {
     ExchangedRow<Matrix> entries{Y, arm.exchange(j), first};
     write_inertial_row<Scalar>(probe, u, wd, a, entries, row, 0);
-  } else {
-    KeptRow<Scalar> inner;
-    write_inertial_row<Scalar>(probe, u, wd, a, inner, row, 0);
-    write_turned(inner, arm.turn(j), Y, row, first);
+    return;
   }
+  KeptRow<Scalar> inner;
+  write_inertial_row<Scalar>(probe, u, wd, a, inner, row, 0);
+  write_turned(inner, arm.turn(j), Y, row, first);
 }
 
 }  // namespace structural
@@ -284,8 +290,9 @@ requires(Arm::kIsStatic) inline void link_regressor(const JointTrigonometry<Arm>
 }
 
 /// The same with run-time geometry. Cost: 6 joints about 1500 multiplications and 1200 additions.
-/// @tparam Matrix  as above, or anything that Y(row, column) = value can be written to; with a type IsZeroBelow the zeros
-///                 of links inboard of a joint are not written
+/// @tparam Matrix  as above, or anything that Y(row, column) = value can be written to. If it has a type IsZeroBelow, the
+///                 zeros of links inboard of a joint are not written; if it has a type ExchangesColumns, columns of links
+///                 that only exchange them are given as in inner axes, for it to do what DynamicArm::exchange says.
 template <typename Scalar, int N, typename Matrix>
 inline void link_regressor(const DynamicArm<Scalar, N>& arm,
                            const JointTrigonometry<DynamicArm<Scalar, N>>& trig,
