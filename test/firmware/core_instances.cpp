@@ -34,6 +34,7 @@
 #include "heft/core/kinematics/geometric_jacobian.hpp"
 #include "heft/core/kinematics/joint_deflection.hpp"
 #include "heft/core/monitor/contact_monitor.hpp"
+#include "heft/core/pack.hpp"
 #include "heft/core/physical_body.hpp"
 #include "heft/core/status.hpp"
 #include "heft/core/symmetric_eigen.hpp"
@@ -363,6 +364,13 @@ HEFT_INSTANTIATE_JOINTS(float, 6);
 HEFT_INSTANTIATE_JOINTS(double, 7);
 template class RecursiveLeastSquares<float, 12>;
 template class DirectionalLeastSquares<float, 12, 6>;
+// Two states at a time, which a microcontroller computes one after the other.
+template class Pack<float, 2>;
+template DynamicArm<Pack<float, 2>, 6>::DynamicArm(const DynamicArm<float, 6>&) noexcept;
+template void inverse_dynamics(const DynamicArm<Pack<float, 2>, 6>&,
+                               const JointTrigonometry<DynamicArm<Pack<float, 2>, 6>>&,
+                               const JointVector<Pack<float, 2>, 6>&, const JointVector<Pack<float, 2>, 6>&,
+                               const JointVector<Pack<float, 2>, 6>&, JointVector<Pack<float, 2>, 6>&) noexcept;
 #ifdef HEFT_WHOLE_GRID
 HEFT_INSTANTIATE_CONTROLLERS(double, firmware::EffectsArm);
 HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(float, RunTimeArm<7, 8, 1>);
