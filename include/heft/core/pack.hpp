@@ -4,7 +4,8 @@
 /// `DynamicArm<Pack<double, 8>, 6>` is eight arms of the same kind, `JointVector<Pack<double, 8>, 6>` eight joint
 /// vectors, and `inverse_dynamics` of them eight torques, by the same source as one. Every lane sees the same
 /// operations in the same order as a scalar would, so its result is the scalar's to the last bit, as long as the
-/// compiler does not fuse products and sums (-ffp-contract=off, or a target without fused instructions).
+/// compiler does not fuse products and sums (-ffp-contract=off, or a target without fused instructions). Templates that
+/// decide by a number (DynamicArm::set_model) do not compile for packs: make a scalar arm and convert it.
 ///
 /// How wide a pack pays off is the machine's affair: 16 bytes on SSE2 and NEON, 32 on AVX2, 64 on AVX-512. Wider ones
 /// are correct everywhere and slow. Code that is compiled for another instruction set than the rest of a program must
