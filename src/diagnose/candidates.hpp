@@ -2,6 +2,7 @@
 /// What could be missing: candidate effects with the columns they add.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
 #include <utility>
@@ -88,10 +89,14 @@ struct Workbench {
   std::span<const GearCoupling<double>> pairs;
 };
 
-/// Best candidate of every kind of joint effect on a joint, judged; an effect that can take the place of the Coulomb
-/// friction is tried in each of its forms.
-/// @param only  place in JointEffectTypes of the only kind to try; -1: all
-std::vector<Candidate> joint_candidates(const Workbench& bench, int joint, int only = -1);
+/// Finds the best candidate of one kind and form, judged.
+using JointSearch = std::function<Candidate()>;
+
+/// Searches for every kind of joint effect on a joint; an effect that can take the place of the Coulomb friction is tried in
+/// each of its forms. They know nothing of each other, so that any number may run at once.
+/// @param bench  has to outlive them
+/// @param only   place in JointEffectTypes of the only kind to try; -1: all
+std::vector<JointSearch> joint_searches(const Workbench& bench, int joint, int only = -1);
 
 /// Physical parameters of fitted coefficients of a joint effect.
 EffectParameters<double> effect_parameters(int effect, const Eigen::VectorXd& coefficients, double shape,

@@ -39,6 +39,9 @@ Motion delayed(const MotionTable& table, double delay) {
   return motion;
 }
 
+/// Whether the columns of a joint effect are made of its load torque.
+bool takes_load(const Candidate& e) { return e.effect.is<LoadFriction>() || e.effect.is<TorqueScale>(); }
+
 }  // namespace
 
 Engine::Engine(std::shared_ptr<const BaseModel> base, std::shared_ptr<const MotionTable> table,
@@ -59,8 +62,9 @@ Engine::Engine(std::shared_ptr<const BaseModel> base, std::shared_ptr<const Moti
                                       table_.tau, VectorXd(), plain_.get());
   problem_ = std::make_unique<Problem>(*again);
   note_fit();
+  load_all();
   fit_ = std::make_shared<const BaseFit>(
-      BaseFit{shared_base_, shared_, pairs_, rows_, again, rigid_, load_, held_});
+      BaseFit{shared_base_, shared_, pairs_, rows_, again, rigid_, lazy_load_, held_});
   problem_ = std::make_unique<Problem>(*plain_);
   note_fit();
 }
@@ -76,7 +80,8 @@ Engine::Engine(std::shared_ptr<const BaseFit> fit)
       rigid_rows_(fit->rows),
       fit_(std::move(fit)),
       rigid_(fit_->robot),
-      load_(fit_->load),
+      lazy_load_(fit_->load),
+      loaded_(static_cast<std::size_t>(table_.num_joints), true),
       held_(fit_->held),
       base_noise_(fit_->fitted->noise()),
       base_theta_(fit_->fitted->theta()),
@@ -88,7 +93,7 @@ Workbench Engine::bench() const {
     if (!accepted[e].has_memory() || first_memory(e) >= 0) continue;
     memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
   }
-  return {problem_.get(),      &base_, &table_, &motion_, rows_.get(), &rigid_, &load_, &held_,
+  return {problem_.get(),      &base_, &table_, &motion_, rows_.get(), &rigid_, &lazy_load_, &held_,
           std::move(memories), pairs_};
 }
 
@@ -130,8 +135,7 @@ void Engine::build() {
   refit(false);
   // Some effects are made of the load torque, or begin with the friction that holds a joint; the fit gives both.
   const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
-    return e.effect.is<LoadFriction>() || e.effect.is<TorqueScale>() || e.effect.is<BaseTilt>() ||
-           e.has_memory();
+    return takes_load(e) || e.effect.is<BaseTilt>() || e.has_memory();
   });
   for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
 }
@@ -222,36 +226,70 @@ void Engine::set_up_base() {
 }
 
 /// Columns of an accepted joint effect as the present fit gives them.
-MatrixXd Engine::joint_columns(std::size_t index) {
-  Candidate& effect = accepted[index];
+MatrixXd Engine::joint_columns(std::size_t index) const {
+  const Candidate& effect = accepted[index];
   const std::ptrdiff_t first = first_memory(index);
-  effect.beside = first >= 0;
-  if (load_.size() == 0) return effect.columns.values[0];
-  return effect.beside
-             ? second_memory_columns(bench(), effect, accepted[static_cast<std::size_t>(first)])
-             : joint_effect_columns(bench(), effect.effect.joint_effect(), effect.joint, effect.shape,
-                                    {effect.replaces >= 0, effect.displacement}, effect.level);
+  return first >= 0 ? second_memory_columns(bench(), effect, accepted[static_cast<std::size_t>(first)])
+                    : joint_effect_columns(bench(), effect.effect.joint_effect(), effect.joint, effect.shape,
+                                           {effect.replaces >= 0, effect.displacement}, effect.level);
 }
 
-/// Puts the columns of an accepted effect into the problem.
+/// Finds the columns of the accepted effects that go with the last fit.
+void Engine::find_columns() {
+  for (std::size_t e = 0; e < accepted.size(); ++e) accepted[e].beside = first_memory(e) >= 0;
+  if (loaded_.empty()) return;
+  std::vector<MatrixXd> found(accepted.size());
+  host::for_each_parallel(accepted.size(), [&](std::size_t e) {
+    if (accepted[e].effect.joint_effect() >= 0) found[e] = joint_columns(e);
+  });
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    Columns& columns = accepted[e].columns;
+    if (accepted[e].effect.joint_effect() >= 0) columns.values = {std::move(found[e])};
+    if (accepted[e].effect.is<BaseTilt>()) columns = tilt_columns(bench());
+  }
+}
+
+/// Columns that an accepted effect appends to the problem.
 /// @param deflect  the deflection of elastic joints is in the motion
-/// @return its first column; -1: it has none
-int Engine::add_to_problem(std::size_t index, bool deflect) {
-  Candidate& effect = accepted[index];
-  if (effect.effect.is<Delay>() || effect.effect.is<Contact>()) return -1;  // in the motion, in the rows
+std::optional<Columns> Engine::appended(std::size_t index, bool deflect) const {
+  const Candidate& effect = accepted[index];
+  if (effect.effect.is<Delay>() || effect.effect.is<Contact>()) return {};  // in the motion, in the rows
   if (effect.effect.is<ElasticJoint>() && deflect) {
     // The deflection is in the link's motion now; what is left is the motor's inertia.
-    if (effect.columns.count() < 2) return -1;
-    return problem_->append({{effect.joint}, {MatrixXd(motion_.qdd.col(effect.joint))}});
+    if (effect.columns.count() < 2) return {};
+    return Columns{{effect.joint}, {MatrixXd(motion_.qdd.col(effect.joint))}};
   }
-  if (effect.effect.joint_effect() >= 0) effect.columns.values = {joint_columns(index)};
-  if (effect.effect.is<BaseTilt>() && load_.size() > 0) effect.columns = tilt_columns(bench());
-  if (effect.replaces < 0) return problem_->append(effect.columns);
-  problem_->replace(effect.joint, effect.replaces, effect.columns.values[0].col(0));
-  return effect.replaces;
+  if (effect.replaces >= 0) return {};
+  return effect.columns;
+}
+
+/// Puts the columns of the accepted effects into the problem.
+void Engine::add_to_problem(bool deflect) {
+  first_column_.assign(accepted.size(), -1);
+  find_columns();
+  std::vector<Columns> list;
+  std::vector<std::size_t> whose;
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    const Candidate& effect = accepted[e];
+    if (effect.replaces >= 0) {
+      problem_->replace(effect.joint, effect.replaces, effect.columns.values[0].col(0));
+      first_column_[e] = effect.replaces;
+    } else if (std::optional<Columns> columns = appended(e, deflect)) {
+      list.push_back(std::move(*columns));
+      whose.push_back(e);
+    }
+  }
+  const std::vector<int> firsts = problem_->append(list);
+  for (std::size_t k = 0; k < whose.size(); ++k) first_column_[whose[k]] = firsts[k];
 }
 
 void Engine::refit(bool deflect) {
+  // What the columns are made of is that of the fit before.
+  std::vector<bool> joints(loaded_.size(), false);
+  for (const Candidate& e : accepted) {
+    if (takes_load(e) && !joints.empty()) joints[static_cast<std::size_t>(e.joint)] = true;
+  }
+  load_joints(joints);
   if (deflect) {
     deflect_links();
     problem_.reset();  // it holds the rows of the last pass
@@ -264,24 +302,41 @@ void Engine::refit(bool deflect) {
     rows_ = rigid_rows_;
     problem_ = std::make_unique<Problem>(*plain_);
   }
-  first_column_.assign(accepted.size(), -1);
-  for (std::size_t e = 0; e < accepted.size(); ++e) first_column_[e] = add_to_problem(e, deflect);
+  add_to_problem(deflect);
   if (weights_held) problem_->hold_weights(base_noise_);
   if (!accepted.empty()) problem_->reweight();
   note_fit();
 }
 
-/// Robot of the fit, its rigid-body torque, also where rows do not count, and what holds joints at rest.
+/// Robot of the fit, and what holds joints at rest; the rigid-body torque is that of another fit from here on.
 void Engine::note_fit() {
   const VectorXd theta = problem_->theta();
   rigid_ = base_.robot(theta);
-  VectorXd links = theta.head(base_.columns());
+  loaded_.assign(static_cast<std::size_t>(table_.num_joints), false);
+  lazy_load_.setZero(table_.rows(), table_.num_joints);
+  find_holding_torque();
+}
+
+/// Rigid-body torque of some joints, all rows: it costs as much as a fit, and few models are asked for it.
+void Engine::load_joints(const std::vector<bool>& joints) const {
+  const std::lock_guard<std::mutex> lock(loading_);
+  std::vector<std::size_t> missing;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (joints[j] && !loaded_[j]) missing.push_back(j);
+  }
+  if (missing.empty()) return;
+  VectorXd links = problem_->theta().head(base_.columns());
   for (int c = 0; c < base_.columns(); ++c) {
     if (!base_.is_link(c)) links[c] = 0.0;
   }
-  load_ = base_.torque(*rows_, links);
-  find_holding_torque();
+  host::for_each_parallel(missing.size(), [&](std::size_t k) {
+    const std::size_t j = missing[k];
+    lazy_load_.col(static_cast<Index>(j)) = (*rows_)[j] * links(base_.places()[j]);
+  });
+  for (const std::size_t j : missing) loaded_[j] = true;
 }
+
+void Engine::load_all() const { load_joints(std::vector<bool>(loaded_.size(), true)); }
 
 /// Torque that a joint at rest is held with at the begin of each log: what is measured less what all but friction's
 /// memory makes up.
@@ -480,26 +535,45 @@ MatrixXd Engine::predicted(Index begin, Index count) const {
 
 std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
                                        const std::function<void(double)>& done) const {
+  load_all();
   const Workbench bench = this->bench();
-  std::vector<std::function<std::vector<Candidate>()>> searches;
-  for (int j = 0; j < table_.num_joints; ++j) {
-    if (joints[static_cast<std::size_t>(j)])
-      searches.emplace_back([&bench, j] { return joint_candidates(bench, j); });
-  }
+  // What takes longest comes first, so that no processor waits for it at the end.
+  std::vector<std::function<std::vector<Candidate>()>> of_arm;
   for_each_arm_effect([&](auto type) {
-    searches.emplace_back(
+    of_arm.emplace_back(
         [&bench, &joints, propose = search_of(type).propose] { return propose(bench, joints); });
   });
-  std::vector<std::vector<Candidate>> of_each(searches.size());
-  host::for_each_parallel(searches.size(), [&](std::size_t s) { of_each[s] = searches[s](); });
+  std::vector<JointSearch> of_joints;
+  for (int j = 0; j < table_.num_joints; ++j) {
+    if (!joints[static_cast<std::size_t>(j)]) continue;
+    for (JointSearch& search : joint_searches(bench, j)) of_joints.push_back(std::move(search));
+  }
+  std::vector<std::vector<Candidate>> arm(of_arm.size());
+  std::vector<std::optional<Candidate>> single(of_joints.size());
+  host::for_each_parallel(arm.size() + single.size(), [&](std::size_t s) {
+    if (s < arm.size()) {
+      arm[s] = of_arm[s]();
+    } else {
+      single[s - arm.size()] = of_joints[s - arm.size()]();
+    }
+  });
   if (done) done(1.0);
   std::vector<Candidate> found;
-  for (std::vector<Candidate>& some : of_each) std::move(some.begin(), some.end(), std::back_inserter(found));
+  for (std::optional<Candidate>& one : single) found.push_back(std::move(*one));
+  for (std::vector<Candidate>& some : arm) std::move(some.begin(), some.end(), std::back_inserter(found));
   return found;
 }
 
 std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {
-  return joint_candidates(bench(), effect.joint, effect.effect.joint_effect());
+  load_all();
+  const Workbench bench = this->bench();
+  const std::vector<JointSearch> searches =
+      joint_searches(bench, effect.joint, effect.effect.joint_effect());
+  std::vector<std::optional<Candidate>> single(searches.size());
+  host::for_each_parallel(single.size(), [&](std::size_t s) { single[s] = searches[s](); });
+  std::vector<Candidate> found;
+  for (std::optional<Candidate>& one : single) found.push_back(std::move(*one));
+  return found;
 }
 
 void Engine::judge_again(Candidate& candidate) const {

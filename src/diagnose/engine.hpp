@@ -3,6 +3,8 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <vector>
 
 #include "candidates.hpp"
@@ -73,7 +75,10 @@ class Engine {
   /// contacts.
   const Eigen::MatrixXd& keep() const { return keep_; }
   /// Rigid-body torque of the fit, m × n.
-  const Eigen::MatrixXd& load() const { return load_; }
+  const Eigen::MatrixXd& load() const {
+    load_all();
+    return lazy_load_;
+  }
   int num_base_parameters() const { return base_.columns(); }
   /// Base parameters whose 95 % interval is wider than half of their size, the fitted or the robot's own, by name.
   /// @param cutoff  of the low-pass on q [Hz]: behind it 2 cutoff rows a second are independent
@@ -97,6 +102,8 @@ class Engine {
 
  private:
   Workbench bench() const;
+  void load_all() const;
+  void load_joints(const std::vector<bool>& joints) const;
   void refit(bool deflect);
   void note_fit();
   /// Torque of some rows.
@@ -111,8 +118,10 @@ class Engine {
   bool is_out(int column) const;
   double held_at(int column) const;
   void set_up_base();
-  Eigen::MatrixXd joint_columns(std::size_t index);
-  int add_to_problem(std::size_t index, bool deflect);
+  Eigen::MatrixXd joint_columns(std::size_t index) const;
+  void find_columns();
+  std::optional<Columns> appended(std::size_t index, bool deflect) const;
+  void add_to_problem(bool deflect);
   void find_holding_torque();
 
   std::shared_ptr<const MotionTable> shared_;
@@ -133,7 +142,10 @@ class Engine {
   double anchor_weight_{0.0};
   std::unique_ptr<Problem> problem_;
   model::Robot rigid_;                       ///< with the fitted base parameters
-  Eigen::MatrixXd load_;                     ///< rigid-body torque of the fit, m × n
+  /// Rigid-body torque of the fit, m × n, of the joints that were asked for; see load_joints().
+  mutable Eigen::MatrixXd lazy_load_;
+  mutable std::vector<bool> loaded_;  ///< n: which of them; empty: nothing is fitted yet
+  mutable std::mutex loading_;
   Eigen::MatrixXd held_;                     ///< see Workbench
   Eigen::VectorXd base_noise_, base_theta_;  ///< of the fit without effects
   double steady_{0.0};

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "arm_search.hpp"
+#include "heft/host/parallel.hpp"
 #include "residual_structure.hpp"
 
 namespace heft::diagnose {
@@ -126,12 +127,21 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
   const model::Robot robot = written.robot();
   const auto error = [&](const model::Robot& by) { return judged.rms_error(judged.predicted(by)); };
   const VectorXd as_written = error(robot);
+  // Models without each effect, or with it, and what would stand in its place: none of them asks for another one.
+  std::vector<VectorXd> other_errors(engine.accepted.size());
+  std::vector<std::vector<Candidate>> evidence(engine.accepted.size());
+  host::for_each_parallel(evidence.size(), [&](std::size_t e) {
+    if (given_has(search.start().given, engine.accepted[e])) return;
+    other_errors[e] = error(written.with(e, !written.has(e))->robot());
+    evidence[e] = search.evidence(e);
+    for (Candidate& c : evidence[e]) c.columns = {};
+  });
   std::vector<Finding> findings;
   for (std::size_t e = 0; e < engine.accepted.size(); ++e) {
     const Candidate& own = engine.accepted[e];
     if (given_has(search.start().given, own)) continue;
-    const VectorXd other = error(written.with(e, !written.has(e))->robot());
-    const std::vector<Candidate> candidates = search.evidence(e);
+    const VectorXd& other = other_errors[e];
+    const std::vector<Candidate>& candidates = evidence[e];
     const int tried = std::max(search.tried(), tried_of(candidates));
     Candidate with_rest = own;  // judged with everything else in place
     for (const Candidate& c : candidates) {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numbers>
 #include <tuple>
+#include <type_traits>
 
 #include "candidates.hpp"
 #include "heft/core/effects/arm_effects.hpp"
@@ -263,8 +264,14 @@ class Search {
     } else {
       MatrixXd all(bench_.table->rows(), kCount * static_cast<Index>(shapes.size()));
       for (std::size_t s = 0; s < shapes.size(); ++s) {
-        all.middleCols(kCount * static_cast<Index>(s), kCount) =
-            columns_of<Effect>(bench_, joint_, shapes[s], form_, level_);
+        auto values = all.middleCols(kCount * static_cast<Index>(s), kCount);
+        if constexpr (std::is_same_v<Effect, Ripple>) {
+          if (s > 0 && shapes[s] == shapes[s - 1] + 1.0) {
+            turn_on(all.middleCols(kCount * static_cast<Index>(s - 1), kCount), values);
+            continue;
+          }
+        }
+        values = columns_of<Effect>(bench_, joint_, shapes[s], form_, level_);
       }
       for (const auto& [gain, coefficients] : bench_.problem->scan(joint_, all, static_cast<int>(kCount))) {
         bool allowed = true;
@@ -273,6 +280,16 @@ class Search {
       }
     }
     return gains;
+  }
+
+  /// Sine and cosine of one more period a turn: a hundred of them after each other cost what two pairs do by name.
+  /// @param last  m × 2, of the number before
+  void turn_on(const Eigen::Ref<const MatrixXd>& last, Eigen::Ref<MatrixXd> next) const {
+    const auto q = bench_.motion->q.col(joint_);
+    if (once_.rows() == 0) once_ = (MatrixXd(q.size(), 2) << q.array().sin(), q.array().cos()).finished();
+    const auto sine = once_.col(0).array(), cosine = once_.col(1).array();
+    next.col(0) = last.col(0).array() * cosine + last.col(1).array() * sine;
+    next.col(1) = last.col(1).array() * cosine - last.col(0).array() * sine;
   }
 
   /// Golden section between two shapes, in the logarithm.
@@ -299,7 +316,8 @@ class Search {
   const Workbench& bench_;
   int joint_;
   FrictionForm form_;
-  double level_;  ///< the joint's Coulomb friction in the present fit
+  double level_;            ///< the joint's Coulomb friction in the present fit
+  mutable MatrixXd once_;  ///< m × 2: sine and cosine of the position; see turn_on()
 };
 
 }  // namespace
@@ -339,8 +357,8 @@ EffectParameters<double> effect_parameters(int effect, const VectorXd& coefficie
   return result;
 }
 
-std::vector<Candidate> joint_candidates(const Workbench& bench, int joint, int only) {
-  std::vector<Candidate> found;
+std::vector<JointSearch> joint_searches(const Workbench& bench, int joint, int only) {
+  std::vector<JointSearch> searches;
   for (int effect = 0; effect < kNumJointEffects; ++effect) {
     if (only >= 0 && effect != only) continue;
     visit_joint_effect(effect, [&](auto type) {
@@ -351,19 +369,25 @@ std::vector<Candidate> joint_candidates(const Workbench& bench, int joint, int o
         if (measured && (!EffectWithMemory<Effect> || bench.motion->displacement.cols() == 0)) continue;
         if constexpr (EffectWithMemory<Effect>) {
           if (bench.memories[static_cast<std::size_t>(joint)].effect != nullptr) {
-            if (bench.table->runs.size() >= kRunsThatAgree)
-              found.push_back(second_memory<Effect>(bench, joint, displacement));
+            if (bench.table->runs.size() >= kRunsThatAgree) {
+              searches.emplace_back([&bench, joint, displacement] {
+                return second_memory<Effect>(bench, joint, displacement);
+              });
+            }
             continue;
           }
         }
-        found.push_back(Search<Effect>(bench, joint, {ReplacesCoulomb<Effect>, displacement}).run());
-        if constexpr (ReplacesCoulomb<Effect>) {
-          found.push_back(Search<Effect>(bench, joint, {false, displacement}).run());
-        }
+        const auto search = [&](bool whole) {
+          searches.emplace_back([&bench, joint, form = FrictionForm{whole, displacement}] {
+            return Search<Effect>(bench, joint, form).run();
+          });
+        };
+        search(ReplacesCoulomb<Effect>);
+        if constexpr (ReplacesCoulomb<Effect>) search(false);
       }
     });
   }
-  return found;
+  return searches;
 }
 
 }  // namespace heft::diagnose

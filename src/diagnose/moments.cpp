@@ -1,6 +1,7 @@
 #include "moments.hpp"
 
 #include "heft/host/decompositions.hpp"
+#include "products.hpp"
 
 namespace heft::diagnose {
 
@@ -50,7 +51,7 @@ MatrixXd widened(const MatrixXd& base, int k) {
   return wide;
 }
 
-Solved solve(const MatrixXd& moments, int without, double steady, const VectorXd& ridge, bool with_inverse) {
+Solved solve(const MatrixXd& moments, int without, double steady, const VectorXd& ridge, Index inverse) {
   const Index p = moments.rows() - 1;
   VectorXd scale = moments.diagonal().head(p).cwiseSqrt();
   for (Index c = 0; c < p; ++c) {
@@ -70,10 +71,13 @@ Solved solve(const MatrixXd& moments, int without, double steady, const VectorXd
   Solved s;
   s.theta = x.cwiseQuotient(scale);
   s.error = moments(p, p) - right.dot(x);
-  if (with_inverse) {
-    MatrixXd root = scale.cwiseInverse().asDiagonal();  // L⁻¹ S⁻¹, (S A S)⁻¹ = rootᵀ root
-    solve_lower(L, root);
-    s.inverse = root.transpose() * root;
+  s.inverse.resize(p, inverse);
+  for (Index c = 0; c < inverse; ++c) {  // (S A S)⁻¹ = S⁻¹ L⁻ᵀ L⁻¹ S⁻¹
+    VectorXd column = VectorXd::Zero(p);
+    column[p - inverse + c] = 1.0 / scale[p - inverse + c];
+    solve_lower(L, column);
+    solve_lower_transposed(L, column);
+    s.inverse.col(c) = column.cwiseQuotient(scale);
   }
   return s;
 }
@@ -84,7 +88,7 @@ double squared_error(const MatrixXd& base, const std::vector<int>& places, const
   VectorXd own(p + 1);
   own.head(p) = theta(places);
   own[p] = -1.0;
-  double error = own.dot(base * own);
+  double error = own.dot(transposed_times(base, own).col(0));  // the moments are symmetric
   if (m != nullptr && place_of_joint >= 0) {
     const auto a = static_cast<std::size_t>(place_of_joint);
     const VectorXd c = theta.segment(columns, m->count);

@@ -27,7 +27,7 @@ Eigen::MatrixXd widened(const Eigen::MatrixXd& base, int k);
 
 struct Solved {
   Eigen::VectorXd theta;
-  Eigen::MatrixXd inverse;  ///< of the steadied normal matrix
+  Eigen::MatrixXd inverse;  ///< last columns of that of the steadied normal matrix
   double error;
 };
 
@@ -35,8 +35,9 @@ struct Solved {
 /// @param without  column to leave out; -1: none
 /// @param steady   part of each column's squared norm that keeps it near 0
 /// @param ridge    on top of `steady`, of the first columns, scaled as `steady` is
+/// @param inverse  how many columns of the inverse are asked for, the last ones
 Solved solve(const Eigen::MatrixXd& moments, int without, double steady, const Eigen::VectorXd& ridge,
-             bool with_inverse);
+             Eigen::Index inverse = 0);
 
 /// Squared error of a solution in one block and joint, unweighted.
 /// @param m  of a candidate whose coefficients follow the base's `columns`; may be null

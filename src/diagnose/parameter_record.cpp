@@ -27,11 +27,11 @@ MatrixXd Problem::covariance(int& blocks) const {
     for (std::size_t b = first; b < std::min(all, first + together); ++b) {
       for (int j = 0; j < num_joints(); ++j) {
         const auto s = static_cast<std::size_t>(j);
-        add_moments(moments_[b][s], places_[s], -weight(j), rest);
+        add_moments(*moments_[b][s], places_[s], -weight(j), rest);
       }
     }
     if (rest == total_) continue;
-    const VectorXd change = solve(rest, -1, steady_, ridge_, false).theta - theta_;
+    const VectorXd change = solve(rest, -1, steady_, ridge_).theta - theta_;
     if (change.allFinite()) changes.col(blocks++) = change;
   }
   return statistics::jackknife_covariance(changes.leftCols(blocks));

@@ -34,14 +34,15 @@ Problem::Problem(const MotionTable& table, const MatrixXd& keep, std::shared_ptr
       prior_(prior),
       steady_(steady > 0.0 ? steady : kLeastSteady),
       tau_(tau.cwiseProduct(keep)),
-      moments_(table.blocks.size(), std::vector<MatrixXd>(places_.size())),
+      moments_(table.blocks.size(), std::vector<BlockMoments>(places_.size())),
+      summed_(places_.size(), false),
       counted_(keep.colwise().sum().transpose()),
       noise_(VectorXd::Zero(num_joints())),
       ridge_(hold.size() > 0 ? hold : VectorXd(VectorXd::Zero(prior.size()))) {
-  for (int j = 0; j < num_joints(); ++j) {
-    const auto s = static_cast<std::size_t>(j);
+  host::for_each_parallel(places_.size(), [&](std::size_t s) {
+    const auto j = static_cast<Index>(s);
     tau_.col(j) -= ((*rows_)[s] * prior_(places_[s])).cwiseProduct(keep.col(j));
-  }
+  });
   host::for_each_parallel(table.blocks.size(), [&](std::size_t b) { collect(b, like); });
   reweight();
   if (!(steady > 0.0)) choose_steady();
@@ -53,7 +54,7 @@ void Problem::choose_steady() {
     steady_ = steady;
     VectorXd error = VectorXd::Zero(num_joints());
     for (std::size_t out = 0; out < folds_.size(); ++out) {
-      const VectorXd theta = solve(total_ - folds_[out], -1, steady_, ridge_, false).theta;
+      const VectorXd theta = solve(total_ - folds_[out], -1, steady_, ridge_).theta;
       for (int j = 0; j < num_joints(); ++j) {
         const auto s = static_cast<std::size_t>(j);
         error[j] += squared_error(moments_of_fold_[out][s], places_[s], theta, nullptr, 0, -1, columns_);
@@ -83,7 +84,7 @@ void Problem::collect(std::size_t block, const Problem* like) {
     const Index p = Xb.cols();
     MatrixXd M(p + 1, p + 1);
     if (has_same_rows(like, at, joint)) {
-      M.topLeftCorner(p, p) = like->moments_[block][j].topLeftCorner(p, p);
+      M.topLeftCorner(p, p) = like->moments_[block][j]->topLeftCorner(p, p);
     } else if (keep.minCoeff() == 1.0) {
       M.topLeftCorner(p, p) = gram_of(Xb);
     } else {
@@ -92,7 +93,7 @@ void Problem::collect(std::size_t block, const Problem* like) {
     M.col(p).head(p) = transposed_times(Xb, yb);
     M.row(p).head(p) = M.col(p).head(p).transpose();
     M(p, p) = yb.squaredNorm();
-    moments_[block][j] = std::move(M);
+    moments_[block][j] = std::make_shared<const MatrixXd>(std::move(M));
   }
 }
 
@@ -120,53 +121,74 @@ VectorXd Problem::noise_alone() const {
     const auto p = static_cast<Index>(places_[s].size());
     MatrixXd own = MatrixXd::Zero(p + 1, p + 1);
     for (const auto& fold : moments_of_fold_) own += fold[s];
-    const double error = solve(own, -1, std::max(steady_, kSteadyAlone), {}, false).error;
+    const double error = solve(own, -1, std::max(steady_, kSteadyAlone), {}).error;
     noise[j] = std::sqrt(std::max(0.0, error) / counted_[j]);
   }
   return noise;
 }
 
 VectorXd Problem::white_std() const {
-  return solve(total_, -1, steady_, ridge_, true).inverse.diagonal().cwiseSqrt();
+  return solve(total_, -1, steady_, ridge_, columns_).inverse.diagonal().cwiseSqrt();
 }
 
-int Problem::append(const Columns& columns) {
-  const int first = columns_;
-  const Index k = columns.count();
-  for (std::size_t a = 0; a < columns.joints.size(); ++a) {
-    const int joint = columns.joints[a];
-    const auto j = static_cast<std::size_t>(joint);
-    const MatrixXd C = counted_of(joint, columns.values[a]);
-    const auto p = static_cast<Index>(places_[j].size());
-    for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-      const Block& block = table_->blocks[b];
-      const auto Cb = C.middleRows(block.begin, block.count);
-      const MatrixXd& narrow = moments_[b][j];
-      MatrixXd M(p + k + 1, p + k + 1);
-      M.topLeftCorner(p, p) = narrow.topLeftCorner(p, p);
-      M.block(0, p, p, k) = rows_times(joint, block.begin, block.count, Cb);
-      M.block(p, p, k, k) = gram_of(Cb);
-      M.col(p + k).head(p) = narrow.col(p).head(p);
-      M.col(p + k).segment(p, k) = transposed_times(Cb, tau_.col(joint).segment(block.begin, block.count));
-      M.block(p, 0, k, p) = M.block(0, p, p, k).transpose();
-      M.row(p + k).head(p + k) = M.col(p + k).head(p + k).transpose();
-      M(p + k, p + k) = narrow(p, p);
-      moments_[b][j] = std::move(M);
-    }
-    const Index had = own_[j].cols();
-    own_[j].conservativeResize(Eigen::NoChange, had + k);
-    own_[j].rightCols(k) = C;
-    for (Index c = 0; c < k; ++c) {
-      own_at_[j].push_back(p + c);
-      places_[j].push_back(first + static_cast<int>(c));
+std::vector<int> Problem::append(std::span<const Columns> list) {
+  std::vector<int> firsts;
+  const int had = columns_;
+  for (const Columns& columns : list) {
+    firsts.push_back(columns_);
+    columns_ += columns.count();
+  }
+  host::for_each_parallel(
+      places_.size(), [&](std::size_t j) { append_to_joint(static_cast<int>(j), list, firsts); });
+  for (VectorXd* values : {&prior_, &ridge_}) {
+    values->conservativeResize(columns_);
+    values->tail(columns_ - had).setZero();
+  }
+  return firsts;
+}
+
+/// @param firsts  global number of the first column of each
+void Problem::append_to_joint(int joint, std::span<const Columns> list, const std::vector<int>& firsts) {
+  const auto j = static_cast<std::size_t>(joint);
+  std::vector<std::pair<const MatrixXd*, int>> reaching;  // values in this joint's rows, and their first number
+  Index k = 0;
+  for (std::size_t e = 0; e < list.size(); ++e) {
+    for (std::size_t a = 0; a < list[e].joints.size(); ++a) {
+      if (list[e].joints[a] != joint) continue;
+      reaching.emplace_back(&list[e].values[a], firsts[e]);
+      k += list[e].values[a].cols();
     }
   }
-  columns_ += static_cast<int>(k);
-  prior_.conservativeResize(columns_);
-  prior_.tail(k).setZero();
-  ridge_.conservativeResize(columns_);
-  ridge_.tail(k).setZero();
-  return first;
+  if (k == 0) return;
+  MatrixXd C(table_->rows(), k);
+  const auto p = static_cast<Index>(places_[j].size());
+  std::vector<int> places;
+  for (const auto& [values, first] : reaching) {
+    C.middleCols(static_cast<Index>(places.size()), values->cols()) =
+        values->array().colwise() * keep_->col(joint).array();
+    for (int c = 0; c < values->cols(); ++c) places.push_back(first + c);
+  }
+  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    const Block& block = table_->blocks[b];
+    const auto Cb = C.middleRows(block.begin, block.count);
+    const MatrixXd& narrow = *moments_[b][j];
+    MatrixXd M(p + k + 1, p + k + 1);
+    M.topLeftCorner(p, p) = narrow.topLeftCorner(p, p);
+    M.block(0, p, p, k) = rows_times(joint, block.begin, block.count, Cb);
+    M.block(p, p, k, k) = gram_of(Cb);
+    M.col(p + k).head(p) = narrow.col(p).head(p);
+    M.col(p + k).segment(p, k) = transposed_times(Cb, tau_.col(joint).segment(block.begin, block.count));
+    M.block(p, 0, k, p) = M.block(0, p, p, k).transpose();
+    M.row(p + k).head(p + k) = M.col(p + k).head(p + k).transpose();
+    M(p + k, p + k) = narrow(p, p);
+    moments_[b][j] = std::make_shared<const MatrixXd>(std::move(M));
+  }
+  const Index had = own_[j].cols();
+  own_[j].conservativeResize(Eigen::NoChange, had + k);
+  own_[j].rightCols(k) = C;
+  for (Index c = 0; c < k; ++c) own_at_[j].push_back(p + c);
+  places_[j].insert(places_[j].end(), places.begin(), places.end());
+  summed_[j] = false;
 }
 
 void Problem::replace(int joint, int column, const VectorXd& values) {
@@ -183,26 +205,33 @@ void Problem::replace(int joint, int column, const VectorXd& values) {
   for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
     const Block& block = table_->blocks[b];
     const auto Cb = own_[j].col(known).segment(block.begin, block.count);
-    MatrixXd& M = moments_[b][j];
+    MatrixXd M = *moments_[b][j];
     M.col(at).head(p) = rows_times(joint, block.begin, block.count, Cb);
     M(p, at) = Cb.dot(tau_.col(joint).segment(block.begin, block.count));
     M.row(at) = M.col(at).transpose();
+    moments_[b][j] = std::make_shared<const MatrixXd>(std::move(M));
   }
+  summed_[j] = false;
 }
 
 /// Weights are found in passes, of which each needs no more than the sums of the folds.
 void Problem::sum_folds() {
   int folds = 0;
   for (const Block& block : table_->blocks) folds = std::max(folds, block.fold + 1);
-  moments_of_fold_.assign(static_cast<std::size_t>(folds), {});
-  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-    std::vector<MatrixXd>& sums = moments_of_fold_[static_cast<std::size_t>(table_->blocks[b].fold)];
-    if (sums.empty()) {
-      sums = moments_[b];
-      continue;
+  moments_of_fold_.resize(static_cast<std::size_t>(folds), std::vector<MatrixXd>(places_.size()));
+  host::for_each_parallel(places_.size(), [&](std::size_t j) {
+    if (summed_[j]) return;
+    for (std::vector<MatrixXd>& sums : moments_of_fold_) sums[j].resize(0, 0);
+    for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+      MatrixXd& sum = moments_of_fold_[static_cast<std::size_t>(table_->blocks[b].fold)][j];
+      if (sum.size() == 0) {
+        sum = *moments_[b][j];
+      } else {
+        sum += *moments_[b][j];
+      }
     }
-    for (std::size_t j = 0; j < sums.size(); ++j) sums[j] += moments_[b][j];
-  }
+  });
+  summed_.assign(summed_.size(), true);
 }
 
 void Problem::sum_base() {
@@ -389,7 +418,7 @@ std::vector<double> Problem::gains(int joint, const MatrixXd& values,
 double Problem::gain(const ColumnMoments& m, int without) const {
   MatrixXd whole = widened(total_, m.count);
   for (std::size_t b = 0; b < m.cross.size(); ++b) add_columns(m, b, places_, noise_, columns_, whole);
-  return std::max(0.0, error_ - solve(whole, without, steady_, ridge_, false).error);
+  return std::max(0.0, error_ - solve(whole, without, steady_, ridge_).error);
 }
 
 }  // namespace heft::diagnose

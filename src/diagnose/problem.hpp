@@ -71,7 +71,10 @@ class Problem {
   int num_joints() const { return static_cast<int>(places_.size()); }
   /// Adds columns to the base for good; returns the global number of the first. What is fitted is the old base until
   /// reweight().
-  int append(const Columns& columns);
+  int append(const Columns& columns) { return append(std::span(&columns, 1)).front(); }
+  /// The same of several, one after the other, which costs less than one by one: joints on all processors, and each
+  /// joint's rows are read once.
+  std::vector<int> append(std::span<const Columns> list);
   /// Puts other values in the place of a base column that reaches one joint; as append().
   void replace(int joint, int column, const Eigen::VectorXd& values);
 
@@ -131,6 +134,10 @@ class Problem {
   Eigen::VectorXd residual_of(int joint, const Eigen::VectorXd& theta) const;
   std::vector<ColumnMoments> moments_of(std::span<const Columns> candidates,
                                         std::span<const Block> blocks) const;
+  /// Moments of one block and joint, shared by copies until one of them puts others in their place.
+  using BlockMoments = std::shared_ptr<const Eigen::MatrixXd>;
+
+  void append_to_joint(int joint, std::span<const Columns> list, const std::vector<int>& firsts);
   void choose_steady();
   void collect(std::size_t block, const Problem* like);
   bool has_same_rows(const Problem* like, const Block& block, int joint) const;
@@ -164,9 +171,10 @@ class Problem {
   Eigen::VectorXd prior_;  ///< p; the fit is of the rest
   double steady_;
   Eigen::MatrixXd tau_;                                        ///< less what the prior says
-  std::vector<std::vector<Eigen::MatrixXd>> moments_;          ///< [block][joint]
+  std::vector<std::vector<BlockMoments>> moments_;             ///< [block][joint]
   std::vector<std::vector<Eigen::MatrixXd>> moments_of_fold_;  ///< [fold][joint]: sums of these
-  Eigen::VectorXd counted_, noise_, theta_;                    ///< theta_: in addition to the prior
+  std::vector<bool> summed_;                 ///< n: whether the sums hold the joint's moments as they are
+  Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: in addition to the prior
   Eigen::VectorXd least_noise_;                                ///< see hold_weights(); empty: any
   Eigen::VectorXd ridge_;                                      ///< p: see `hold` of the constructor
   double error_{0.0};

@@ -7,6 +7,7 @@
 #include "heft/statistics/jackknife.hpp"
 #include "moments.hpp"
 #include "problem.hpp"
+#include "products.hpp"
 
 namespace heft::diagnose {
 
@@ -36,13 +37,13 @@ const Problem::LeftOut& Problem::left_out() const {
   std::call_once(left_out_->once, [this] {
     std::vector<VectorXd> thetas;
     for (const MatrixXd& fold : folds_)
-      thetas.push_back(solve(total_ - fold, -1, steady_, ridge_, false).theta);
+      thetas.push_back(solve(total_ - fold, -1, steady_, ridge_).theta);
     for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
       const VectorXd& theta = thetas[static_cast<std::size_t>(table_->blocks[b].fold)];
       VectorXd errors(num_joints());
       for (int j = 0; j < num_joints(); ++j) {
         const auto s = static_cast<std::size_t>(j);
-        errors[j] = squared_error(moments_[b][s], places_[s], theta, nullptr, b, -1, columns_);
+        errors[j] = squared_error(*moments_[b][s], places_[s], theta, nullptr, b, -1, columns_);
       }
       left_out_->errors.push_back(std::move(errors));
     }
@@ -63,7 +64,7 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
   }
   MatrixXd whole = MatrixXd::Zero(columns_ + k + 1, columns_ + k + 1);
   for (const MatrixXd& fold : wide) whole += fold;
-  Solved fit = solve(whole, without, steady_, ridge_, true);
+  Solved fit = solve(whole, without, steady_, ridge_, k);
   const Joint joint{m, without, std::move(wide), std::move(whole), std::move(fit)};
 
   trial.gain = error_ - joint.fit.error;
@@ -94,7 +95,7 @@ MatrixXd Problem::scores_of(const Joint& joint) const {
     own[p] = 1.0;
     for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
       auto score = scores.col(static_cast<Index>(b));
-      r.noalias() = moments_[b][s].topRows(p) * own;
+      r = transposed_times(moments_[b][s]->leftCols(p), own);
       if (a < m.joints.size()) {
         r.noalias() -= m.cross[b][a].topRows(p) * theta.tail(k);
         score.tail(k) += w * (m.cross[b][a].transpose() * own - m.square[b][a] * theta.tail(k));
@@ -112,14 +113,14 @@ bool Problem::test_coefficients(const Joint& joint, const MatrixXd& scores, int 
   const ColumnMoments& m = joint.candidate;
   const Solved& fit = joint.fit;
   const int k = m.count;
-  const MatrixXd tail = fit.inverse.bottomRightCorner(k, k);
+  const MatrixXd tail = fit.inverse.bottomRows(k);
   for (int c = 0; c < k; ++c) {
     // Part of the column that the base leaves: 1 / (inverse entry), against its whole.
     if (!(1.0 / tail(c, c) > 1e-5 * joint.whole(columns_ + c, columns_ + c))) return false;
   }
   MatrixXd shares(k, static_cast<Index>(table_->blocks.size()));
   MatrixXd naive = tail;
-  const MatrixXd bottom = fit.inverse.bottomRows(k);
+  const MatrixXd bottom = fit.inverse.transpose();
   int used = 0;
   for (Index b = 0; b < scores.cols(); ++b) {
     if (scores.col(b).squaredNorm() > 0.0) shares.col(used++) = bottom * scores.col(b);
@@ -148,9 +149,8 @@ double Problem::drift_of(const Joint& joint, const MatrixXd& scores) const {
   const int k = m.count;
   const double coefficient = joint.fit.theta[columns_];
   if (!(std::abs(coefficient) > 0.0)) return 0.0;
-  const MatrixXd bottom = joint.fit.inverse.bottomRows(k);
-  const VectorXd a =
-      bottom.row(0).transpose() / bottom(0, columns_);  // c̃ = [X C] a, a = 1 for the column itself
+  // c̃ = [X C] a, a = 1 for the column itself
+  const VectorXd a = joint.fit.inverse.col(0) / joint.fit.inverse(columns_, 0);
   /// Square of the column in one block.
   const auto square_of = [&](std::size_t b) {
     double sum = 0.0;
@@ -158,7 +158,7 @@ double Problem::drift_of(const Joint& joint, const MatrixXd& scores) const {
       const auto s = static_cast<std::size_t>(j);
       const auto p = static_cast<Index>(places_[s].size());
       const VectorXd of_base = a(places_[s]);
-      double own = of_base.dot(moments_[b][s].topLeftCorner(p, p) * of_base);
+      double own = of_base.dot(transposed_times(moments_[b][s]->topLeftCorner(p, p), of_base).col(0));
       for (std::size_t q = 0; q < m.joints.size(); ++q) {
         if (m.joints[q] != j) continue;
         own += 2.0 * of_base.dot(m.cross[b][q].topRows(p) * a.tail(k)) +
@@ -210,7 +210,7 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
     place_of_joint[static_cast<std::size_t>(m.joints[a])] = static_cast<int>(a);
   const std::vector<VectorXd>& alone = left_out().errors;
   for (std::size_t out = 0; out < folds_.size(); ++out) {
-    const Solved with = solve(joint.whole - joint.folds[out], joint.without, steady_, ridge_, false);
+    const Solved with = solve(joint.whole - joint.folds[out], joint.without, steady_, ridge_);
     for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
       const Block& block = table_->blocks[b];
       if (static_cast<std::size_t>(block.fold) != out) continue;
@@ -221,7 +221,7 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
         if (!(rows > 0.0)) continue;
         const double before = alone[b][j];
         const double after =
-            squared_error(moments_[b][s], places_[s], with.theta, &m, b, place_of_joint[s], columns_);
+            squared_error(*moments_[b][s], places_[s], with.theta, &m, b, place_of_joint[s], columns_);
         trial.joint_before[j] += before;
         trial.joint_after[j] += after;
         run_before(block.run, j) += before;

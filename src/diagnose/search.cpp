@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include "effects/contact.hpp"
+#include "heft/host/parallel.hpp"
 #include "joint_check.hpp"
 
 namespace heft::diagnose {
@@ -60,12 +61,12 @@ void Search::check_joints() {
 }
 
 /// Candidates of one joint and of the whole arm; joint -1: of all joints.
-std::vector<Candidate> Search::propose(const Engine& engine, int joint, double from, double to) const {
+std::vector<Candidate> Search::propose(const Engine& engine, int joint,
+                                       const std::function<void(double)>& done) const {
   std::vector<bool> joints(static_cast<std::size_t>(start_.robot.num_joints()), joint < 0);
   if (joint >= 0) joints[static_cast<std::size_t>(joint)] = true;
   for (const NotExplained& u : wrong_joints_) joints[static_cast<std::size_t>(u.joint)] = false;
-  std::vector<Candidate> candidates =
-      engine.propose(joints, [&](double done) { progress(from + (to - from) * done); });
+  std::vector<Candidate> candidates = engine.propose(joints, done);
   sort_by_gain(candidates);
   return candidates;
 }
@@ -81,8 +82,9 @@ void Search::forward() {
       std::erase_if(pool, [&](const Candidate& c) { return c.joint == again || c.joint < 0; });
       for (Candidate& c : pool) c.stale = true;
     }
-    for (Candidate& c : propose(engine(), again, round / (round + 2.0), (round + 1.0) / (round + 3.0)))
-      pool.push_back(std::move(c));
+    const double from = round / (round + 2.0), to = (round + 1.0) / (round + 3.0);
+    const auto done = [&](double part) { progress(from + (to - from) * part); };
+    for (Candidate& c : propose(engine(), again, done)) pool.push_back(std::move(c));
     sort_by_gain(pool);
     const VectorXd noise = engine().noise_floor();
     const Rules::Round now{tried_of(pool), noise, engine().accepted};
@@ -179,21 +181,42 @@ void Search::refuse(const Candidate& c, const std::string& why) {
 
 void Search::backward() {
   evidence_.clear();
+  ahead_.clear();
   for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
     if (check(e)) ++e;
   }
+}
+
+Search::Without Search::found_without(std::size_t e) const {
+  const Candidate& own = engine().accepted[e];
+  // A memory found with its joint's standstill is compared with it as well.
+  const std::unique_ptr<Engine> rest = rebuilt(static_cast<std::ptrdiff_t>(e), engine().weights_held,
+                                               engine().masses_held, own.has_memory() ? own.joint : -1);
+  std::vector<Candidate> candidates = propose(*rest, own.joint);
+  return {rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
+}
+
+/// As long as no effect goes or is exchanged, which is seldom, the next ones are looked at without each at the same time.
+Search::Without Search::without(std::size_t e) {
+  constexpr std::size_t kTogether = 4;  // what they hold takes memory
+  ahead_.resize(engine().accepted.size());
+  if (!ahead_[e]) {
+    const double share = static_cast<double>(e) / static_cast<double>(ahead_.size());
+    progress(0.9 + 0.05 * share);
+    host::for_each_parallel(std::min(kTogether, ahead_.size() - e),
+                            [&](std::size_t k) { ahead_[e + k] = found_without(e + k); });
+  }
+  Without found = std::move(*ahead_[e]);
+  ahead_[e].reset();
+  return found;
 }
 
 /// Takes one effect out and looks at what does best in its place.
 /// @return whether an effect stays in that place
 bool Search::check(std::size_t e) {
   const Candidate own = engine().accepted[e];
-  // A memory found with its joint's standstill is compared with it as well.
-  const std::unique_ptr<Engine> rest = rebuilt(static_cast<std::ptrdiff_t>(e), engine().weights_held,
-                                               engine().masses_held, own.has_memory() ? own.joint : -1);
-  std::vector<Candidate> candidates = propose(*rest, own.joint, 0.9, 0.95);
-  const VectorXd noise = rest->noise_floor();
-  const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, rest->accepted};
+  auto [noise, taken, candidates] = without(e);
+  const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, taken};
   const Candidate *same = nullptr, *best = nullptr;
   for (const Candidate& c : candidates) {
     if (same_effect(c, own)) same = &c;
@@ -206,6 +229,7 @@ bool Search::check(std::size_t e) {
     return true;
   }
   evidence_.clear();  // no longer that of the present model
+  ahead_.clear();
   // A memory was compared in each of its forms above; the first of two takes its own distance again.
   const bool remembers = own.has_memory() && !own.beside;
   if (best == nullptr) {
@@ -245,7 +269,7 @@ std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_hel
 
 std::vector<Candidate> Search::evidence(std::size_t effect) {
   if (evidence_.size() == engine().accepted.size()) return std::move(evidence_[effect]);
-  return propose(*rebuilt_without(effect), engine().accepted[effect].joint, 0.95, 1.0);
+  return propose(*rebuilt_without(effect), engine().accepted[effect].joint);
 }
 
 void Search::take_over(std::unique_ptr<Engine> other) {

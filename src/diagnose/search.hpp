@@ -2,8 +2,10 @@
 /// The search for effects: forward selection and backward checks on the training logs.
 #pragma once
 
+#include <functional>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,7 +42,8 @@ class Search {
   /// @param standing  joints whose standstill counts beside that of the accepted memories, one after the other; see
   ///                  Engine::standing_counts
   std::vector<Candidate> forms_of_memory(std::size_t effect, std::initializer_list<int> standing) const;
-  /// Candidates without an accepted effect, from the backward check or found now. May be asked once for each effect.
+  /// Candidates without an accepted effect, from the backward check or found now. May be asked once for each effect, for
+  /// several at the same time.
   std::vector<Candidate> evidence(std::size_t effect);
 
   /// Goes on with another model.
@@ -58,18 +61,27 @@ class Search {
  private:
   Engine& model() { return *start_.engine; }
   void progress(double done) const;
-  std::vector<Candidate> propose(const Engine& engine, int joint, double from, double to) const;
+  std::vector<Candidate> propose(const Engine& engine, int joint,
+                                 const std::function<void(double)>& done = {}) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
   void take(const Candidate& candidate);
   void find_memory_again(int joint);
   void refuse(const Candidate& c, const std::string& why);
   void trace_pool(const std::vector<Candidate>& pool, const Rules::Round& round) const;
+  /// The model without an effect, and what could take its place.
+  struct Without {
+    Eigen::VectorXd noise_floor;
+    std::vector<Candidate> taken, candidates;
+  };
+  Without found_without(std::size_t effect) const;
+  Without without(std::size_t effect);
   bool check(std::size_t effect);
 
   Start& start_;
   const DiagnoseOptions& options_;
   std::vector<Refusal> refusals_;
   std::vector<std::vector<Candidate>> evidence_;  ///< candidates without each accepted effect
+  std::vector<std::optional<Without>> ahead_;     ///< of each accepted effect, looked for already
   std::vector<NotExplained> wrong_joints_;        ///< see check_joints()
   std::vector<std::string> notes_;
   int tried_{0};  ///< most candidates of a round, shapes counted

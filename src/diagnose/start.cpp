@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <mutex>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -10,6 +13,7 @@
 
 #include "guards.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/model/without_effects.hpp"
 
 namespace heft::diagnose {
@@ -81,7 +85,9 @@ class Cutoffs {
     start_.train_as_filed = std::make_shared<const JudgedMotion>(motion);
     start_.train = start_.train_as_filed;
     if (!(options_.cutoff > 0.0) && start_.cutoff > 0.0) raise_for_each(motion);
-    start_.engine = std::make_unique<Engine>(base_, start_.train->shared_table(), start_.pairs);
+    // What chose the cut-off has fitted these rows already, unless joints were raised.
+    if (start_.engine == nullptr || &start_.engine->table() != &start_.train->table())
+      start_.engine = std::make_unique<Engine>(base_, start_.train->shared_table(), start_.pairs);
   }
 
  private:
@@ -89,21 +95,33 @@ class Cutoffs {
   void choose_for_all(double from_motion) {
     // Motion that is cut off cannot say what the torque does in the band that was asked for.
     const double lowest = options_.band < highest_ ? options_.band : 0.0;
-    double least = 0.0;
-    int step = 0;
+    std::vector<double> tried;
     for (double hz : {from_motion, 6.0, 12.0, 20.0, 32.0, 50.0}) {
-      if (options_.progress) options_.progress("motion", 0.05 * step++ / 6.0);  // the effects take the rest
       hz = std::max(hz, lowest);
-      if (at_.count(hz) > 0 || hz >= highest_) continue;
-      const Engine engine(base_, at(hz > 0.0 ? hz : kNoMotion).shared_table(), start_.pairs);
-      const double logs = logs_of(at(hz > 0.0 ? hz : kNoMotion).rms_error(engine.predicted())).sum();
-      if (start_.cutoff == 0.0 || logs < least) {
-        least = logs;
-        start_.cutoff = hz;
-        fitted_ = engine.robot();
-      }
+      if (hz < highest_ && std::count(tried.begin(), tried.end(), hz) == 0) tried.push_back(hz);
     }
+    std::vector<std::optional<JudgedMotion>> motions(tried.size());
+    std::mutex guard;
+    std::size_t best = tried.size();
+    double least = 0.0;
+    if (options_.progress) options_.progress("motion", 0.0);
+    host::for_each_parallel(tried.size(), [&](std::size_t k) {
+      const double hz = tried[k] > 0.0 ? tried[k] : kNoMotion;
+      motions[k].emplace(start_.robot, train_, Reading{hz});
+      auto engine = std::make_unique<Engine>(base_, motions[k]->shared_table(), start_.pairs);
+      double logs = logs_of(motions[k]->rms_error(engine->predicted())).sum();
+      if (tried[k] == 0.0) logs = std::numeric_limits<double>::max();  // any other one says more
+      const std::lock_guard<std::mutex> lock(guard);
+      if (best < tried.size() && (logs > least || (logs == least && k > best))) return;
+      best = k;
+      least = logs;
+      start_.engine = std::move(engine);
+    });
+    for (std::size_t k = 0; k < tried.size(); ++k)
+      at_.try_emplace(tried[k] > 0.0 ? tried[k] : kNoMotion, std::move(*motions[k]));
+    start_.cutoff = best < tried.size() ? tried[best] : 0.0;
     if (start_.cutoff == 0.0) start_.cutoff = from_motion;
+    if (start_.engine != nullptr) fitted_ = start_.engine->robot();
   }
 
   /// Where the position of one joint may pass further up at no cost, it does: what is cut off leaves open when the joint

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "heft/host/parallel.hpp"
+
 namespace heft::diagnose {
 namespace {
 
@@ -75,8 +77,16 @@ class Veto {
   /// @return whether none does
   bool refuse_first(const Errors& after, std::vector<std::vector<VectorXd>>& without_each) {
     without_each.clear();
-    for (std::size_t e = 0; e < search_.engine().accepted.size(); ++e) {
-      const Errors without = errors_of(*search_.rebuilt_without(e));
+    // Most effects do no harm, so that the next ones are fitted without at the same time.
+    constexpr std::size_t kTogether = 8;
+    std::vector<Errors> ahead(search_.engine().accepted.size());
+    for (std::size_t e = 0; e < ahead.size(); ++e) {
+      if (e % kTogether == 0) {
+        host::for_each_parallel(std::min(kTogether, ahead.size() - e), [&](std::size_t k) {
+          ahead[e + k] = errors_of(*search_.rebuilt_without(e + k));
+        });
+      }
+      const Errors& without = ahead[e];
       without_each.push_back(without.each);
       const std::string why = harm(search_.engine().accepted[e], after, without);
       if (why.empty()) continue;

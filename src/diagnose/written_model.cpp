@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "heft/host/parallel.hpp"
+
 namespace heft::diagnose {
 namespace {
 
@@ -53,16 +55,20 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
       fit_(Engine(identified.base, search.start().train->shared_table(), search.start().pairs).base_fit()) {
   limit_ = logs(true).errors_by_kind(logs(true).predicted(identified.robot), search.start().band);
   const std::vector<bool> all(search.engine().accepted.size(), true);
-  std::vector<Version> versions;
-  for (const double weight : kWeights) {
-    const std::shared_ptr<const Engine> engine = built(all, weight);
-    for (const bool ordinary : {true, false}) {
-      Version version{weight, ordinary, all, engine, {}, 0, 1.0, {}};
-      judge(version);
-      while (version.worse > 0 && drop_one(version)) {
-      }
-      versions.push_back(std::move(version));
+  std::array<std::shared_ptr<const Engine>, kWeights.size()> engines;
+  host::for_each_parallel(engines.size(), [&](std::size_t w) { engines[w] = built(all, kWeights[w]); });
+  std::vector<Version> versions(2 * kWeights.size());
+  const auto find = [&](std::size_t v) {
+    const std::size_t w = v / 2;
+    versions[v] = {kWeights[w], v % 2 == 0, all, engines[w], {}, 0, 1.0, {}};
+    judge(versions[v]);
+    while (versions[v].worse > 0 && drop_one(versions[v])) {
     }
+  };
+  if (search.traces()) {  // in their order
+    for (std::size_t v = 0; v < versions.size(); ++v) find(v);
+  } else {
+    host::for_each_parallel(versions.size(), find);
   }
   std::size_t best = 0;
   for (const bool ordinary : {true, false}) {
