@@ -45,13 +45,17 @@ std::vector<int> all_joints(int n);
 Trial judge(const Workbench& bench, const Candidate& candidate);
 
 /// Takes the best of several shapes where it is better than what there is.
-/// @param columns_of  columns of a shape
-template <typename Shapes, typename ColumnsOf>
-void take_best(const Workbench& bench, const Shapes& shapes, const ColumnsOf& columns_of, double& best,
+/// @param write  (joint, from, values): puts in some rows of a joint's columns, one a shape
+template <typename Shapes, typename Write>
+void take_best(const Workbench& bench, const Shapes& shapes, const Write& write, double& best,
                double& best_gain) {
-  std::vector<Columns> candidates;
-  for (const double shape : shapes) candidates.push_back(columns_of(shape));
-  const std::vector<double> gains = bench.problem->gains(candidates);
+  std::vector<WideMoments> joints;
+  for (int j = 0; j < bench.table->num_joints; ++j) {
+    joints.push_back(bench.problem->wide_moments(
+        j, static_cast<Eigen::Index>(shapes.size()), 1,
+        [&](Eigen::Index from, Eigen::Ref<Eigen::MatrixXd> values) { write(j, from, values); }));
+  }
+  const std::vector<double> gains = bench.problem->gains(joints);
   for (std::size_t i = 0; i < gains.size(); ++i) {
     if (gains[i] > best_gain) best_gain = gains[i], best = shapes[i];
   }

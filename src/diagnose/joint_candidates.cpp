@@ -27,38 +27,62 @@ concept MayBeBetweenWhole = requires {
 /// Golden-section steps between two shapes of the grid.
 constexpr int kRefinements = 8;
 
+/// Writes the columns of one effect at one shape, some rows after the other.
+template <typename Effect>
+class ColumnWriter {
+ public:
+  static constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
+
+  /// @param level  see joint_effect_columns()
+  ColumnWriter(const Workbench& bench, int joint, double shape, FrictionForm form, double level)
+      : bench_(bench), joint_(joint), shape_(shape), form_(form), friction_{0.0, level, 0.0, 0.0} {
+    if constexpr (EffectWithMemory<Effect>) p_ = Effect::parameters({level}, shape, friction_);
+  }
+
+  /// @param from    the row after the last one written
+  /// @param values  rows × kCount
+  void write(Index from, Eigen::Ref<MatrixXd> values) {
+    const MotionTable& table = *bench_.table;
+    const bool measured = form_.displacement != Displacement::kPosition;
+    const int steps = measured ? displacement_column(form_.displacement, joint_, table.num_joints) : 0;
+    for (Index i = from; i < from + values.rows(); ++i) {
+      x_.time = table.time[i];
+      x_.qd = bench_.motion->qd(i, joint_);
+      x_.qdd = bench_.motion->qdd(i, joint_);
+      x_.direction = bench_.motion->direction(i, joint_);
+      x_.load = (*bench_.load)(i, joint_);
+      const double q = bench_.motion->q(i, joint_);
+      if constexpr (EffectWithMemory<Effect>) {
+        if (run_ < table.run_begin.size() && table.run_begin[run_] == i) {
+          x_.memory = Effect::memory_at_rest(p_, (*bench_.held)(static_cast<Index>(run_), joint_), friction_);
+          ++run_;
+        } else {
+          x_.memory =
+              Effect::memory(p_, x_.memory, measured ? bench_.motion->displacement(i, steps) : q - x_.q);
+        }
+      }
+      x_.q = q;
+      const auto row = Effect::columns(shape_, x_);
+      for (Index c = 0; c < kCount; ++c) values(i - from, c) = row[static_cast<std::size_t>(c)];
+    }
+    if (form_.whole) values.col(0) += bench_.motion->direction.col(joint_).segment(from, values.rows());
+  }
+
+ private:
+  const Workbench& bench_;
+  int joint_;
+  double shape_;
+  FrictionForm form_;
+  JointActuation<double> friction_;
+  EffectParameters<double> p_{};
+  EffectPoint<double> x_;  ///< of the row before
+  std::size_t run_{0};
+};
+
 template <typename Effect>
 MatrixXd columns_of(const Workbench& bench, int joint, double shape, FrictionForm form, double level) {
-  const MotionTable& table = *bench.table;
-  constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
-  MatrixXd values(table.rows(), kCount);
-  EffectPoint<double> x;
-  EffectParameters<double> p{};
-  const JointActuation<double> friction{0.0, level, 0.0, 0.0};
-  if constexpr (EffectWithMemory<Effect>) p = Effect::parameters({level}, shape, friction);
-  const bool measured = form.displacement != Displacement::kPosition;
-  const int steps = measured ? displacement_column(form.displacement, joint, table.num_joints) : 0;
-  std::size_t run = 0;
-  for (Index i = 0; i < table.rows(); ++i) {
-    x.time = table.time[i];
-    x.qd = bench.motion->qd(i, joint);
-    x.qdd = bench.motion->qdd(i, joint);
-    x.direction = bench.motion->direction(i, joint);
-    x.load = (*bench.load)(i, joint);
-    const double q = bench.motion->q(i, joint);
-    if constexpr (EffectWithMemory<Effect>) {
-      if (run < table.run_begin.size() && table.run_begin[run] == i) {
-        x.memory = Effect::memory_at_rest(p, (*bench.held)(static_cast<Index>(run), joint), friction);
-        ++run;
-      } else {
-        x.memory = Effect::memory(p, x.memory, measured ? bench.motion->displacement(i, steps) : q - x.q);
-      }
-    }
-    x.q = q;
-    const auto row = Effect::columns(shape, x);
-    for (Index c = 0; c < kCount; ++c) values(i, c) = row[static_cast<std::size_t>(c)];
-  }
-  if (form.whole) values.col(0) += bench.motion->direction.col(joint);
+  MatrixXd values(bench.table->rows(), ColumnWriter<Effect>::kCount);
+  ColumnWriter<Effect>(bench, joint, shape, form, level).write(0, values);
   return values;
 }
 
@@ -119,16 +143,8 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   const auto part = [&](double shape, Displacement by) {
     return columns_of<Effect>(bench, joint, shape, {false, by}, first.level);
   };
-  /// Columns of each distance, then that of the Coulomb friction, which the first one holds if it replaces it.
-  const auto columns_at = [&](const std::vector<double>& owns, const std::vector<double>& others) {
-    MatrixXd values(bench.table->rows(), static_cast<Index>(owns.size() + others.size()) + 1);
-    Index at = 0;
-    for (const double own : owns) values.col(at++) = part(own, displacement);
-    for (const double other : others) values.col(at++) = part(other, first.displacement);
-    values.col(at) = bench.motion->direction.col(joint);
-    return values;
-  };
-  /// Of these the columns of both: what the second takes over from the first, and the first.
+  /// Of columns of each distance and then that of the Coulomb friction, which the first one holds if it replaces it, the
+  /// columns of both: what the second takes over from the first, and the first.
   const auto pair_of = [&](Index columns, Index own, Index other) {
     MatrixXd pair = MatrixXd::Zero(columns, 2);
     pair(own, 0) = 1.0;
@@ -138,16 +154,27 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
     return pair;
   };
   const auto best_of = [&](const std::vector<double>& owns, const std::vector<double>& others) {
-    const MatrixXd values = columns_at(owns, others);
+    std::vector<ColumnWriter<Effect>> writers;
+    for (const double own : owns)
+      writers.emplace_back(bench, joint, own, FrictionForm{false, displacement}, first.level);
+    for (const double other : others)
+      writers.emplace_back(bench, joint, other, FrictionForm{false, first.displacement}, first.level);
+    const auto columns = static_cast<Index>(writers.size()) + 1;
     std::vector<MatrixXd> pairs;
     for (std::size_t own = 0; own < owns.size(); ++own) {
       for (std::size_t other = 0; other < others.size(); ++other) {
         pairs.push_back(
-            pair_of(values.cols(), static_cast<Index>(own), static_cast<Index>(owns.size() + other)));
+            pair_of(columns, static_cast<Index>(own), static_cast<Index>(owns.size() + other)));
       }
     }
     c.tried += static_cast<int>(pairs.size());
-    const std::vector<double> gains = bench.problem->gains(joint, values, pairs, in_place.column);
+    const WideMoments all = bench.problem->wide_moments(
+        joint, columns, static_cast<int>(columns), [&](Index from, Eigen::Ref<MatrixXd> values) {
+          for (std::size_t w = 0; w < writers.size(); ++w)
+            writers[w].write(from, values.col(static_cast<Index>(w)));
+          values.col(columns - 1) = bench.motion->direction.col(joint).segment(from, values.rows());
+        });
+    const std::vector<double> gains = bench.problem->gains(all, pairs, in_place.column);
     const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
     return std::pair(owns[top / others.size()], others[top % others.size()]);
   };
@@ -162,7 +189,9 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   for (int k = 0; k < 4; ++k, step = std::sqrt(step)) {
     std::tie(own, other) = best_of({own / step, own, own * step}, {other / step, other, other * step});
   }
-  c.columns.values = {columns_at({own}, {other}) * pair_of(3, 0, 1)};
+  MatrixXd values(bench.table->rows(), 3);
+  values << part(own, displacement), part(other, first.displacement), bench.motion->direction.col(joint);
+  c.columns.values = {values * pair_of(3, 0, 1)};
   c.shape = own;
   c.second = other;
   c.replaces = in_place.column;
@@ -202,8 +231,7 @@ class Search {
       if constexpr (EffectWithMemory<Effect>) {
         // A part of the friction holds a resting joint with less than all of it.
         if (!form_.whole && gains[top] > 0.0) {
-          const MatrixXd values = columns_of<Effect>(bench_, joint_, best, form_, level_);
-          level_ = std::clamp(bench_.problem->scan(joint_, values, 1).front().second[0], 0.0, level_);
+          level_ = std::clamp(bench_.problem->scan(moments_of({best})).front().second[0], 0.0, level_);
         }
       }
       if (!range.fixed && !range.whole && gains[top] > 0.0) {
@@ -252,42 +280,50 @@ class Search {
   }
 
  private:
-  std::vector<double> gains_of(const std::vector<double>& shapes) const {
-    constexpr auto kCount = static_cast<Index>(Effect::kNotNegative.size());
-    std::vector<double> gains;
-    if (form_.whole) {
-      std::vector<Columns> list;
-      for (const double shape : shapes) {
-        list.push_back({{joint_}, {columns_of<Effect>(bench_, joint_, shape, form_, level_)}});
-      }
-      gains = bench_.problem->gains(list, bench_.base->coulomb(joint_));
-    } else {
-      MatrixXd all(bench_.table->rows(), kCount * static_cast<Index>(shapes.size()));
+  static constexpr Index kCount = ColumnWriter<Effect>::kCount;
+
+  WideMoments moments_of(const std::vector<double>& shapes) const {
+    std::vector<ColumnWriter<Effect>> writers;
+    for (const double shape : shapes) writers.emplace_back(bench_, joint_, shape, form_, level_);
+    const auto write = [&](Index from, Eigen::Ref<MatrixXd> values) {
+      MatrixXd once;  // sine and cosine of the position
       for (std::size_t s = 0; s < shapes.size(); ++s) {
-        auto values = all.middleCols(kCount * static_cast<Index>(s), kCount);
+        const Index at = kCount * static_cast<Index>(s);
         if constexpr (std::is_same_v<Effect, Ripple>) {
           if (s > 0 && shapes[s] == shapes[s - 1] + 1.0) {
-            turn_on(all.middleCols(kCount * static_cast<Index>(s - 1), kCount), values);
+            if (once.size() == 0) {
+              const auto q = bench_.motion->q.col(joint_).segment(from, values.rows()).array();
+              once = (MatrixXd(values.rows(), 2) << q.sin(), q.cos()).finished();
+            }
+            turn_on(once, values.middleCols(at - kCount, kCount), values.middleCols(at, kCount));
             continue;
           }
         }
-        values = columns_of<Effect>(bench_, joint_, shapes[s], form_, level_);
+        writers[s].write(from, values.middleCols(at, kCount));
       }
-      for (const auto& [gain, coefficients] : bench_.problem->scan(joint_, all, static_cast<int>(kCount))) {
-        bool allowed = true;
-        if constexpr (kCount == 1) allowed = !Effect::kNotNegative[0] || coefficients[0] > 0.0;
-        gains.push_back(allowed ? gain : 0.0);
-      }
+    };
+    return bench_.problem->wide_moments(joint_, kCount * static_cast<Index>(shapes.size()),
+                                        static_cast<int>(kCount), write);
+  }
+
+  std::vector<double> gains_of(const std::vector<double>& shapes) const {
+    const WideMoments moments = moments_of(shapes);
+    if (form_.whole) return bench_.problem->gains({&moments, 1}, bench_.base->coulomb(joint_));
+    std::vector<double> gains;
+    for (const auto& [gain, coefficients] : bench_.problem->scan(moments)) {
+      bool allowed = true;
+      if constexpr (kCount == 1) allowed = !Effect::kNotNegative[0] || coefficients[0] > 0.0;
+      gains.push_back(allowed ? gain : 0.0);
     }
     return gains;
   }
 
-  /// Sine and cosine of one more period a turn: a hundred of them after each other cost what two pairs do by name.
-  /// @param last  m × 2, of the number before
-  void turn_on(const Eigen::Ref<const MatrixXd>& last, Eigen::Ref<MatrixXd> next) const {
-    const auto q = bench_.motion->q.col(joint_);
-    if (once_.rows() == 0) once_ = (MatrixXd(q.size(), 2) << q.array().sin(), q.array().cos()).finished();
-    const auto sine = once_.col(0).array(), cosine = once_.col(1).array();
+  /// Sine and cosine of one more period a turn, by rotation: a hundred of them cost as much as two by name.
+  /// @param once  rows × 2: of the position
+  /// @param last  rows × 2: of the number before
+  static void turn_on(const MatrixXd& once, const Eigen::Ref<const MatrixXd>& last,
+                      Eigen::Ref<MatrixXd> next) {
+    const auto sine = once.col(0).array(), cosine = once.col(1).array();
     next.col(0) = last.col(0).array() * cosine + last.col(1).array() * sine;
     next.col(1) = last.col(1).array() * cosine - last.col(0).array() * sine;
   }
@@ -316,8 +352,7 @@ class Search {
   const Workbench& bench_;
   int joint_;
   FrictionForm form_;
-  double level_;            ///< the joint's Coulomb friction in the present fit
-  mutable MatrixXd once_;  ///< m × 2: sine and cosine of the position; see turn_on()
+  double level_;  ///< the joint's Coulomb friction in the present fit
 };
 
 }  // namespace

@@ -74,18 +74,24 @@ VectorXd encoder_steps(const data::Log& log) {
   return steps;
 }
 
+void put_earlier(const MotionTable& table, const Eigen::Ref<const VectorXd>& signal, double delay, Index from,
+                 Eigen::Ref<VectorXd> result) {
+  const double back = delay * table.sample_rate;
+  std::size_t run = 0;
+  for (Index i = from; i < from + result.size(); ++i) {
+    while (i >= table.run_begin[run + 1]) ++run;
+    const Index begin = table.run_begin[run], last = table.run_begin[run + 1] - 1;
+    const double at =
+        std::clamp(static_cast<double>(i) - back, static_cast<double>(begin), static_cast<double>(last));
+    const auto k = static_cast<Index>(at);
+    const double f = at - static_cast<double>(k);
+    result[i - from] = (1.0 - f) * signal[k] + f * signal[std::min(k + 1, last)];
+  }
+}
+
 MatrixXd earlier(const MotionTable& table, const MatrixXd& signal, double delay) {
   MatrixXd result(signal.rows(), signal.cols());
-  const double back = delay * table.sample_rate;
-  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
-    const Index begin = table.run_begin[r], last = table.run_begin[r + 1] - 1;
-    for (Index i = begin; i <= last; ++i) {
-      const double at = std::max(static_cast<double>(begin), static_cast<double>(i) - back);
-      const auto k = static_cast<Index>(at);
-      const double f = at - static_cast<double>(k);
-      result.row(i) = (1.0 - f) * signal.row(k) + f * signal.row(std::min(k + 1, last));
-    }
-  }
+  for (Index c = 0; c < signal.cols(); ++c) put_earlier(table, signal.col(c), delay, 0, result.col(c));
   return result;
 }
 

@@ -66,6 +66,11 @@ struct TableOptions {
 /// first rows of each log, which have nothing earlier, take its first one.
 /// @param signal  m × columns
 Eigen::MatrixXd earlier(const MotionTable& table, const Eigen::MatrixXd& signal, double delay);
+/// The same of some rows of one signal.
+/// @param signal  m
+/// @param from    first row of the result
+void put_earlier(const MotionTable& table, const Eigen::Ref<const Eigen::VectorXd>& signal, double delay,
+                 Eigen::Index from, Eigen::Ref<Eigen::VectorXd> result);
 
 /// Smallest step between the positions of each joint [rad, m], n: of an encoder that is coarse, its resolution; of one
 /// that is not, next to nothing.

@@ -307,73 +307,27 @@ MatrixXd Problem::residual() const {
   return result;
 }
 
-std::vector<std::pair<double, VectorXd>> Problem::scan(int joint, const MatrixXd& values, int each) const {
-  const auto j = static_cast<std::size_t>(joint);
-  const double w = weight(joint);
-  const MatrixXd C = counted_of(joint, values);
-  const MatrixXd own = rows_times(joint, 0, C.rows(), C);
-  MatrixXd B = MatrixXd::Zero(columns_, C.cols());
-  for (Index r = 0; r < own.rows(); ++r) {
-    const int place = places_[j][static_cast<std::size_t>(r)];
-    B.row(place) = w / scale_[place] * own.row(r);
-  }
-  solve_lower(factor_, B);
-  VectorXd z = total_.col(columns_).head(columns_).cwiseQuotient(scale_);
-  solve_lower(factor_, z);
-  const VectorXd t = w * (C.transpose() * tau_.col(joint)) - B.transpose() * z;
-  std::vector<std::pair<double, VectorXd>> result;
-  for (Index c = 0; c + each <= C.cols(); c += each) {
-    const auto Ck = C.middleCols(c, each);
-    const MatrixXd S = w * (Ck.transpose() * Ck);
-    const MatrixXd left = S - B.middleCols(c, each).transpose() * B.middleCols(c, each);
-    bool explained = false;
-    for (Index k = 0; k < each; ++k) explained = explained || !(left(k, k) > 1e-5 * S(k, k));
-    VectorXd c_hat = t.segment(c, each);
-    if (explained || !solve_positive(left, c_hat)) {
-      result.emplace_back(0.0, VectorXd::Zero(each));
-      continue;
-    }
-    result.emplace_back(c_hat.dot(t.segment(c, each)), c_hat);
-  }
-  return result;
-}
-
 ColumnMoments Problem::moments(const Columns& columns) const {
-  return std::move(moments_of({&columns, 1}, table_->blocks).front());
-}
-
-std::vector<ColumnMoments> Problem::moments_of(std::span<const Columns> candidates,
-                                               std::span<const Block> blocks) const {
-  const Columns& first = candidates.front();
-  const Index k = first.count();
-  ColumnMoments empty;
-  empty.count = static_cast<int>(k);
-  empty.joints = first.joints;
-  empty.cross.resize(blocks.size());
-  empty.square.resize(blocks.size());
-  std::vector<ColumnMoments> all(candidates.size(), empty);
-  MatrixXd C(table_->rows(), k * static_cast<Index>(candidates.size()));
-  for (std::size_t a = 0; a < first.joints.size(); ++a) {
-    const int joint = first.joints[a];
-    for (std::size_t i = 0; i < candidates.size(); ++i) {
-      C.middleCols(k * static_cast<Index>(i), k) =
-          candidates[i].values[a].array().colwise() * keep_->col(joint).array();
-    }
+  const std::vector<Block>& blocks = table_->blocks;
+  ColumnMoments m;
+  m.count = columns.count();
+  m.joints = columns.joints;
+  m.cross.resize(blocks.size());
+  m.square.resize(blocks.size());
+  for (std::size_t a = 0; a < columns.joints.size(); ++a) {
+    const int joint = columns.joints[a];
+    const MatrixXd C = counted_of(joint, columns.values[a]);
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       const Block& block = blocks[b];
       const auto Cb = C.middleRows(block.begin, block.count);
-      const MatrixXd cross = rows_times(joint, block.begin, block.count, Cb);
-      const MatrixXd torque = transposed_times(tau_.col(joint).segment(block.begin, block.count), Cb);
-      for (std::size_t i = 0; i < candidates.size(); ++i) {
-        const Index at = k * static_cast<Index>(i);
-        MatrixXd own(cross.rows() + 1, k);
-        own << cross.middleCols(at, k), torque.middleCols(at, k);
-        all[i].cross[b].push_back(std::move(own));
-        all[i].square[b].push_back(gram_of(Cb.middleCols(at, k)));
-      }
+      const MatrixXd of_base = rows_times(joint, block.begin, block.count, Cb);
+      MatrixXd cross(of_base.rows() + 1, m.count);
+      cross << of_base, transposed_times(tau_.col(joint).segment(block.begin, block.count), Cb);
+      m.cross[b].push_back(std::move(cross));
+      m.square[b].push_back(gram_of(Cb));
     }
   }
-  return all;
+  return m;
 }
 
 ColumnMoments Problem::moments_from(Index row, const Columns& columns, const ColumnMoments& all) const {
@@ -393,26 +347,6 @@ ColumnMoments Problem::moments_from(Index row, const Columns& columns, const Col
     }
   }
   return m;
-}
-
-std::vector<double> Problem::gains(const std::vector<Columns>& candidates, int without) const {
-  const Block all{.begin = 0, .count = table_->rows()};
-  std::vector<double> result;
-  for (const ColumnMoments& m : moments_of(candidates, {&all, 1})) result.push_back(gain(m, without));
-  return result;
-}
-
-std::vector<double> Problem::gains(int joint, const MatrixXd& values,
-                                   const std::vector<MatrixXd>& combinations, int without) const {
-  const Block all{.begin = 0, .count = table_->rows()};
-  const Columns columns{{joint}, {values}};
-  const ColumnMoments of_each = std::move(moments_of({&columns, 1}, {&all, 1}).front());
-  std::vector<double> result;
-  for (const MatrixXd& T : combinations) {
-    const MatrixXd cross = of_each.cross[0][0] * T, square = T.transpose() * of_each.square[0][0] * T;
-    result.push_back(gain({static_cast<int>(T.cols()), {joint}, {{cross}}, {{square}}}, without));
-  }
-  return result;
 }
 
 double Problem::gain(const ColumnMoments& m, int without) const {

@@ -3,6 +3,7 @@
 /// model and judged on blocks they were not fitted to, without reading a row again.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -28,6 +29,18 @@ struct ColumnMoments {
   /// [block][place in joints]: (p_j + 1) × k, the last row with the torque; and k × k. A single block is all rows.
   std::vector<std::vector<Eigen::MatrixXd>> cross, square;
 };
+
+/// Moments over all rows of columns of one joint that lie side by side, some to a candidate.
+struct WideMoments {
+  int joint{-1};
+  int each{1};             ///< columns of a candidate
+  Eigen::MatrixXd cross;   ///< (p_j + 1) × c: with the joint's columns, the last row with the torque
+  Eigen::MatrixXd square;  ///< each × c: each candidate's with themselves
+};
+
+/// Puts values of some rows into columns.
+/// @param from  first row
+using WriteRows = std::function<void(Eigen::Index from, Eigen::Ref<Eigen::MatrixXd> values)>;
 
 /// How a candidate does.
 struct Trial {
@@ -99,23 +112,28 @@ class Problem {
   /// n: rms residual of each joint's rows fitted on their own, with parameters that no other joint has a say in [N·m].
   Eigen::VectorXd noise_alone() const;
 
-  /// Gains of many candidates of one joint with the same number of coefficients, side by side in `values`.
-  /// @return one gain and `each` coefficients for every candidate; gain 0 where the base explains the columns
-  std::vector<std::pair<double, Eigen::VectorXd>> scan(int joint, const Eigen::MatrixXd& values,
-                                                       int each) const;
+  /// Moments of many columns of one joint over all rows. They are made and used up piece by piece, so that they never
+  /// leave the cache.
+  /// @param columns  how many
+  /// @param each     columns of a candidate
+  /// @param write    puts in the columns' values of some rows, those that do not count as well; pieces come in order
+  WideMoments wide_moments(int joint, Eigen::Index columns, int each, const WriteRows& write) const;
+  /// Gains of candidates of one joint.
+  /// @return one gain and its coefficients for every candidate; gain 0 where the base explains the columns
+  std::vector<std::pair<double, Eigen::VectorXd>> scan(const WideMoments& candidates) const;
+  /// gain() of each of several candidates.
+  /// @param joints  their moments in the rows of each joint that they reach
+  std::vector<double> gains(std::span<const WideMoments> joints, int without = -1) const;
+  /// The same of linear combinations of all columns.
+  /// @param columns       as one candidate
+  /// @param combinations  c × k each
+  std::vector<double> gains(const WideMoments& columns, const std::vector<Eigen::MatrixXd>& combinations,
+                            int without = -1) const;
 
   ColumnMoments moments(const Columns& columns) const;
   /// Moments of the columns from one row on, those before taken as 0.
   /// @param all  moments of the columns as they are
   ColumnMoments moments_from(Eigen::Index row, const Columns& columns, const ColumnMoments& all) const;
-  /// gain() of each of several candidates that reach the same joints with the same number of columns: the base's
-  /// rows are read once for all of them.
-  std::vector<double> gains(const std::vector<Columns>& candidates, int without = -1) const;
-  /// The same of candidates that are linear combinations of some columns of one joint, which are read once.
-  /// @param values  m × c
-  /// @param combinations  c × k each
-  std::vector<double> gains(int joint, const Eigen::MatrixXd& values,
-                            const std::vector<Eigen::MatrixXd>& combinations, int without = -1) const;
   /// Fall of the weighted squared error on the rows of the fit.
   /// @param without  column of the base that the candidate replaces; -1: none
   double gain(const ColumnMoments& moments, int without = -1) const;
@@ -132,8 +150,6 @@ class Problem {
   /// Residual of a joint's rows that count; others 0.
   /// @param theta  p, in addition to the prior
   Eigen::VectorXd residual_of(int joint, const Eigen::VectorXd& theta) const;
-  std::vector<ColumnMoments> moments_of(std::span<const Columns> candidates,
-                                        std::span<const Block> blocks) const;
   /// Moments of one block and joint, shared by copies until one of them puts others in their place.
   using BlockMoments = std::shared_ptr<const Eigen::MatrixXd>;
 

@@ -15,8 +15,6 @@ using Eigen::MatrixXd;
 constexpr Index kLanes = 4;
 using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
 
-/// Rows that are summed before the next columns are looked at: with 40 columns they stay in a second-level cache.
-constexpr Index kPiece = 256;
 constexpr Index kTileA = 4, kTileB = 2;
 
 /// Columns of a matrix, one after the other at a distance.
@@ -56,8 +54,8 @@ template <Index kA, Index kB>
 /// @param half  only tiles that reach the diagonal or lie below it
 [[gnu::always_inline]] inline void add_product(const Tall& A, const Tall& B, Index rows, bool half,
                                                double* out) {
-  for (Index from = 0; from < rows; from += kPiece) {
-    const Index count = std::min(kPiece, rows - from);
+  for (Index from = 0; from < rows; from += kProductPiece) {
+    const Index count = std::min(kProductPiece, rows - from);
     for (Index j = 0; j < B.columns; j += kTileB) {
       const double* b = B.data + j * B.stride + from;
       const bool pair = j + kTileB <= B.columns;
@@ -111,6 +109,11 @@ MatrixXd transposed_times(const Eigen::Ref<const MatrixXd>& A, const Eigen::Ref<
   MatrixXd result = MatrixXd::Zero(A.cols(), B.cols());
   product(tall(A), tall(B), A.rows(), false, result.data());
   return result;
+}
+
+void add_transposed_times(const Eigen::Ref<const MatrixXd>& A, const Eigen::Ref<const MatrixXd>& B,
+                          Eigen::Ref<MatrixXd> sum) {
+  product(tall(A), tall(B), A.rows(), false, sum.data());
 }
 
 MatrixXd gram_of(const Eigen::Ref<const MatrixXd>& A) {

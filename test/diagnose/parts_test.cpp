@@ -229,7 +229,11 @@ TEST(Problem, GainsOfManyAreThoseOfEach) {
   const Small data(0.8, 3);
   const Problem problem = data.problem();
   const VectorXd other = data.column.array().square();
-  const std::vector<double> both = problem.gains({{{0}, {data.column}}, {{0}, {other}}});
+  const auto write = [&](Index from, Eigen::Ref<MatrixXd> values) {
+    values << data.column.segment(from, values.rows()), other.segment(from, values.rows());
+  };
+  const WideMoments wide = problem.wide_moments(0, 2, 1, write);
+  const std::vector<double> both = problem.gains({&wide, 1});
   EXPECT_NEAR(both[0], problem.gain(problem.moments({{0}, {data.column}})), 1e-9 * both[0]);
   EXPECT_NEAR(both[1], problem.gain(problem.moments({{0}, {other}})), 1e-6);
   EXPECT_GT(both[0], 100.0 * both[1]);

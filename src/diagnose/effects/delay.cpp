@@ -8,6 +8,7 @@
 namespace heft::diagnose {
 namespace {
 
+using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -40,8 +41,14 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
   double best = 0.0, best_gain = 0.0;
   const std::array<double, 9> grid{-0.004, 0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.018, 0.027};
   c.tried = static_cast<int>(grid.size());
-  take_best(
-      bench, grid, [&](double delay) { return delay_columns(bench, predicted, delay); }, best, best_gain);
+  const auto write = [&](int joint, Index from, Eigen::Ref<MatrixXd> values) {
+    for (std::size_t k = 0; k < grid.size(); ++k) {
+      auto value = values.col(static_cast<Index>(k));
+      put_earlier(*bench.table, predicted.col(joint), grid[k], from, value);
+      value -= predicted.col(joint).segment(from, values.rows());
+    }
+  };
+  take_best(bench, grid, write, best, best_gain);
   // The coefficient of a shift that is right is 1; a smaller shift than tried shows as a smaller coefficient.
   for (int pass = 0; pass < 4 && best != 0.0; ++pass) {
     c.columns = delay_columns(bench, predicted, best);

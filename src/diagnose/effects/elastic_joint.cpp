@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "../arm_search.hpp"
 #include "../deflection.hpp"
@@ -49,10 +50,11 @@ class SpringSearch {
     }
     c.shape = stiffness_of(frequency);
     c.second = damping_of(c.shape, ratio);
-    c.columns = columns_of(c.shape, c.second, true);
+    const VectorXd acceleration = acceleration_of(c.shape, c.second);
+    c.columns = columns_of(acceleration, true);
     c.trial = judge(bench_, c);
     if (!c.trial.valid) {
-      c.columns = columns_of(c.shape, c.second, false);
+      c.columns = columns_of(acceleration, false);
       c.trial = judge(bench_, c);
     }
     if (c.trial.valid && c.trial.coefficients[0] < 0.3)
@@ -71,23 +73,34 @@ class SpringSearch {
     double best_gain = 0.0;
     constexpr double kFrom = 3.0, kTo = 45.0;  // [Hz]
     const double step = std::pow(kTo / kFrom, 1.0 / (kSteps - 1));
+    const auto take_best_of = [&](const auto& shapes, const auto& spring_of, double& best) {
+      MatrixXd accelerations(bench_.table->rows(), static_cast<Index>(shapes.size()));
+      for (std::size_t k = 0; k < shapes.size(); ++k) {
+        const auto [stiffness, damping] = spring_of(shapes[k]);
+        accelerations.col(static_cast<Index>(k)) = acceleration_of(stiffness, damping);
+      }
+      const auto write = [&](int joint, Index from, Eigen::Ref<MatrixXd> values) {
+        values = -(accelerations.middleRows(from, values.rows()).array().colwise() *
+                   inertia_.col(joint).segment(from, values.rows()).array());
+      };
+      take_best(bench_, shapes, write, best, best_gain);
+    };
     const auto at_frequency = [&](double hz) {
-      return columns_of(stiffness_of(hz), damping_of(stiffness_of(hz), ratio), false);
+      return std::pair(stiffness_of(hz), damping_of(stiffness_of(hz), ratio));
     };
     std::array<double, kSteps> frequencies{};
     for (int k = 0; k < kSteps; ++k) frequencies[static_cast<std::size_t>(k)] = kFrom * std::pow(step, k);
-    take_best(bench_, frequencies, at_frequency, frequency, best_gain);
+    take_best_of(frequencies, at_frequency, frequency);
     if (frequency == 0.0) return false;
     double width = step;
     for (int pass = 0; pass < 5; ++pass) {
       width = std::sqrt(width);
-      take_best(bench_, std::array{frequency / width, frequency * width}, at_frequency, frequency, best_gain);
+      take_best_of(std::array{frequency / width, frequency * width}, at_frequency, frequency);
     }
     const double stiffness = stiffness_of(frequency);
-    take_best(
-        bench_, std::array{0.005, 0.01, 0.04, 0.08},
-        [&](double other) { return columns_of(stiffness, damping_of(stiffness, other), false); }, ratio,
-        best_gain);
+    take_best_of(
+        std::array{0.005, 0.01, 0.04, 0.08},
+        [&](double other) { return std::pair(stiffness, damping_of(stiffness, other)); }, ratio);
     return true;
   }
 
@@ -96,15 +109,19 @@ class SpringSearch {
     return 2.0 * ratio * std::sqrt(stiffness * mean_);
   }
 
+  VectorXd acceleration_of(double stiffness, double damping) const {
+    return deflection(*bench_.table, bench_.load->col(joint_), own_, stiffness, damping).acceleration;
+  }
+
+  /// @param acceleration  of the deflection
   /// @param motor  with a column of the motor's inertia
-  Columns columns_of(double stiffness, double damping, bool motor) const {
-    const Deflection e = deflection(*bench_.table, bench_.load->col(joint_), own_, stiffness, damping);
+  Columns columns_of(const VectorXd& acceleration, bool motor) const {
     const int n = bench_.table->num_joints;
     Columns columns;
     columns.joints = all_joints(n);
     for (int i = 0; i < n; ++i) {
       MatrixXd value = MatrixXd::Zero(bench_.table->rows(), motor ? 2 : 1);
-      value.col(0) = -inertia_.col(i).cwiseProduct(e.acceleration);
+      value.col(0) = -inertia_.col(i).cwiseProduct(acceleration);
       if (motor && i == joint_) value.col(1) = bench_.motion->qdd.col(joint_);
       columns.values.push_back(std::move(value));
     }
