@@ -1,5 +1,7 @@
 #include "heft/diagnose/diagnose.hpp"
 
+#include <optional>
+
 #include <fmt/format.h>
 
 #include "ceilings_on_logs.hpp"
@@ -81,6 +83,30 @@ class ReadLogs {
   std::vector<data::Log> placed_, as_logged_;  ///< the latter empty: no time stamp differs
 };
 
+/// The logs as anyone reads them, and what identify makes of them: neither waits for the search.
+struct AsAnyone {
+  std::optional<JudgedMotion> train, judged;
+  Identified identified{};  ///< but for the logs that it is judged on
+
+  /// @param robot, train_logs, validation_logs  have to outlive the work
+  Beside work(const model::Robot& robot, const ReadLogs& train_logs, const ReadLogs& validation_logs,
+              bool joint_sensor) {
+    const Reading reading{.cutoff = 0.0, .ordinary = true};
+    return {[this, &train_logs, joint_sensor](const Start& begun) {
+              identified.base =
+                  std::make_shared<const BaseModel>(begun.own, written_structure(joint_sensor));
+              identified.beta = identified.base->identified(train_logs.as_logged());
+              identified.robot = identified.base->robot(identified.beta);
+            },
+            [this, &robot, &train_logs, reading](const Start&) {
+              train.emplace(robot, train_logs.as_logged(), reading);
+            },
+            [this, &robot, &validation_logs, reading](const Start&) {
+              judged.emplace(robot, validation_logs.as_logged(), reading);
+            }};
+  }
+};
+
 }  // namespace
 
 Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& asked) {
@@ -97,7 +123,12 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   const std::vector<data::Log>&train = train_logs.placed(), &validate = validation_logs.placed();
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
-  Start start = start_of(robot, train, validate, options);
+  AsAnyone as_anyone;
+  Start start = start_of(robot, train, validate, options,
+                         as_anyone.work(robot, train_logs, validation_logs, options.joint_sensor));
+  const JudgedMotion &ordinary_train = *as_anyone.train, &ordinary_judged = *as_anyone.judged;
+  Identified& identified = as_anyone.identified;
+  identified.ordinary = &ordinary_judged;
   Search search(start, options);
   const JudgedMotion &fitted = *start.train, &judged = *start.judged;
   result.notes.insert(result.notes.end(), start.notes.begin(), start.notes.end());
@@ -114,15 +145,6 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.forward();
   search.backward();
   reject_overfitted(search, judged_before);
-  const Reading as_anyone{.cutoff = 0.0, .ordinary = true};
-  const JudgedMotion ordinary_train(robot, train_logs.as_logged(), as_anyone),
-      ordinary_judged(robot, validation_logs.as_logged(), as_anyone);
-  Identified identified{std::make_shared<const BaseModel>(start.own, written_structure(options.joint_sensor)),
-                        {},
-                        {},
-                        &ordinary_judged};
-  identified.beta = identified.base->identified(train_logs.as_logged());
-  identified.robot = identified.base->robot(identified.beta);
   const WrittenModel written(search, identified);
   result.findings = findings_of(search, written);
 

@@ -152,11 +152,13 @@ void Engine::deflect_links() {
         static_cast<std::size_t>((table_.rows() + kPiece - 1) / kPiece), [&](std::size_t piece) {
           const Index from = static_cast<Index>(piece) * kPiece;
           for (Index i = from; i < std::min(table_.rows(), from + kPiece); ++i) {
-            const VectorXd q = motion_.link_q.row(i).transpose();
-            inertia[i] = dynamics.mass_matrix(q)(j, j);
+            const VectorXd q = motion_.link_q.row(i).transpose(), qd = motion_.link_qd.row(i).transpose();
             VectorXd asked = motion_.link_qdd.row(i).transpose();
             asked[j] = motion_.qdd(i, j);
-            load[i] = dynamics.inverse_dynamics(q, motion_.link_qd.row(i).transpose(), asked)[j];
+            load[i] = dynamics.inverse_dynamics(q, qd, asked)[j];
+            // One entry of the mass matrix: what one more unit of acceleration asks for.
+            asked[j] += 1.0;
+            inertia[i] = dynamics.inverse_dynamics(q, qd, asked)[j] - load[i];
           }
         });
     if (!(inertia.minCoeff() > 0.0)) continue;

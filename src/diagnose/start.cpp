@@ -64,9 +64,11 @@ VectorXd logs_of(const VectorXd& rms) { return rms.cwiseMax(1e-12).array().log()
 /// Chooses the low-pass of the motion.
 class Cutoffs {
  public:
-  Cutoffs(const std::vector<data::Log>& train, const DiagnoseOptions& options, Start& start)
+  Cutoffs(const std::vector<data::Log>& train, const DiagnoseOptions& options, const Beside& beside,
+          Start& start)
       : train_(train),
         options_(options),
+        beside_(beside),
         start_(start),
         base_(std::make_shared<const BaseModel>(start.robot, searched_structure())) {}
 
@@ -79,7 +81,11 @@ class Cutoffs {
     }
     start_.band = options_.band > 0.0 ? options_.band : validate::default_band(bandwidth);
     start_.cutoff = options_.cutoff;
-    if (!(start_.cutoff > 0.0)) choose_for_all(from_motion);
+    if (start_.cutoff > 0.0) {
+      host::for_each_parallel(beside_.size(), [&](std::size_t k) { beside_[k](start_); });
+    } else {
+      choose_for_all(from_motion);
+    }
     start_.cutoffs.setConstant(start_.robot.num_joints(), start_.cutoff);
     const JudgedMotion& motion = at(start_.cutoff);
     start_.train_as_filed = std::make_shared<const JudgedMotion>(motion);
@@ -105,7 +111,12 @@ class Cutoffs {
     std::size_t best = tried.size();
     double least = 0.0;
     if (options_.progress) options_.progress("motion", 0.0);
-    host::for_each_parallel(tried.size(), [&](std::size_t k) {
+    host::for_each_parallel(beside_.size() + tried.size(), [&](std::size_t job) {
+      if (job < beside_.size()) {
+        beside_[job](start_);
+        return;
+      }
+      const std::size_t k = job - beside_.size();
       const double hz = tried[k] > 0.0 ? tried[k] : kNoMotion;
       motions[k].emplace(start_.robot, train_, Reading{hz});
       auto engine = std::make_unique<Engine>(base_, motions[k]->shared_table(), start_.pairs);
@@ -165,6 +176,7 @@ class Cutoffs {
 
   const std::vector<data::Log>& train_;
   const DiagnoseOptions& options_;
+  const Beside& beside_;
   Start& start_;
   std::shared_ptr<const BaseModel> base_;
   double highest_{0.0};  ///< cut-off that the sample rate allows [Hz]
@@ -175,7 +187,7 @@ class Cutoffs {
 }  // namespace
 
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
-               const std::vector<data::Log>& validate, const DiagnoseOptions& options) {
+               const std::vector<data::Log>& validate, const DiagnoseOptions& options, const Beside& beside) {
   Start start;
   start.given = start.own = robot;
   start.pairs = pairs_of(robot, options);
@@ -190,7 +202,7 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
         fmt::join(taken_out, ", ")));
   }
   refuse_too_few_parameters(start.robot, train);
-  Cutoffs(train, options, start).choose();
+  Cutoffs(train, options, beside, start).choose();
   start.judged_as_filed = std::make_shared<const JudgedMotion>(start.robot, validate, Reading{start.cutoff});
   start.judged = start.one_cutoff()
                      ? start.judged_as_filed

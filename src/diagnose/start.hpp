@@ -2,6 +2,7 @@
 /// What a diagnosis starts from: the arm without effects, the cut-off, the logs along it and the first fit.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -29,8 +30,13 @@ struct Start {
   bool one_cutoff() const { return cutoffs.minCoeff() == cutoffs.maxCoeff(); }
 };
 
+/// Work on the same logs that waits for nothing in a start.
+using Beside = std::vector<std::function<void(const Start&)>>;
+
+/// @param beside  done at the same time; of the start it sees what it is given as it comes: `given`, `robot`, `own`, `pairs`
 /// @throws DataError, NotIdentifiableError
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
-               const std::vector<data::Log>& validate, const DiagnoseOptions& options);
+               const std::vector<data::Log>& validate, const DiagnoseOptions& options,
+               const Beside& beside = {});
 
 }  // namespace heft::diagnose
