@@ -481,6 +481,19 @@ std::vector<std::string> Engine::undetermined(double cutoff) const {
 
 VectorXd Engine::noise_floor() const { return white_noise(table_, keep_, problem_->residual()); }
 
+SeenWithin<double> Engine::seen(int joint) const {
+  const auto interval = [&](const MatrixXd& of) {
+    SeenInterval<double> found{std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest()};
+    for (Index i = 0; i < of.rows(); ++i) {
+      if (!(keep_(i, joint) > 0.0)) continue;
+      found.low = std::min(found.low, of(i, joint));
+      found.high = std::max(found.high, of(i, joint));
+    }
+    return found.low <= found.high ? found : SeenInterval<double>{};
+  };
+  return {interval(table_.qd), interval(load_), interval(table_.q)};
+}
+
 model::Robot Engine::robot() const {
   const VectorXd theta = problem_->theta();
   model::Robot robot = rigid_;

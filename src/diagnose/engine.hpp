@@ -90,6 +90,8 @@ class Engine {
   model::FitRecord parameter_record() const;
   /// White noise of each joint's residual, n; see white_noise().
   Eigen::VectorXd noise_floor() const;
+  /// Where a joint's rows that count lie; without limits where none counts.
+  SeenWithin<double> seen(int joint) const;
   /// The fitted robot with its effects; a payload change as it is at the end of training.
   model::Robot robot() const;
   /// Torque of every row, also of rows that do not count, m × n.

@@ -68,23 +68,11 @@ void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>&
 }
 
 /// Where a joint's rows that count lie.
-std::optional<SeenRange> seen_of(const Engine& engine, int joint) {
-  if (joint < 0) return {};
-  constexpr double kInfinite = std::numeric_limits<double>::infinity();
-  SeenRange seen{{kInfinite, -kInfinite}, {kInfinite, -kInfinite}, {kInfinite, -kInfinite}};
-  const auto widen = [](double(&range)[2], double value) {
-    range[0] = std::min(range[0], value);
-    range[1] = std::max(range[1], value);
-  };
-  bool any = false;
-  for (Index i = 0; i < engine.table().rows(); ++i) {
-    if (!(engine.keep()(i, joint) > 0.0)) continue;
-    any = true;
-    widen(seen.velocity, engine.table().qd(i, joint));
-    widen(seen.load, engine.load()(i, joint));
-    widen(seen.position, engine.table().q(i, joint));
-  }
-  return any ? std::optional(seen) : std::nullopt;
+std::optional<SeenRange> seen_of(const WrittenModel& written, int joint) {
+  if (joint < 0 || !(written.engine().keep().col(joint).maxCoeff() > 0.0)) return {};
+  const auto [velocity, load, position] = written.seen(joint);
+  return SeenRange{
+      {velocity.low, velocity.high}, {load.low, load.high}, {position.low, position.high}};
 }
 
 /// Whether the model that was given has a value for what an effect is.
@@ -160,7 +148,7 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.validate_after = (written.has(e) ? as_written : other)[main];
     f.left_out = written.why_not(e);
     f.stable = is_stable(with_rest);
-    f.seen = seen_of(written.engine(), own.joint);
+    f.seen = seen_of(written, own.joint);
     add_rivals(own, trial.cv_gain, candidates, tried, robot, f);
     put_torque(engine, e, f);
     describe(own, written.coefficients(e), robot, f);

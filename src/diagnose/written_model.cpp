@@ -7,11 +7,13 @@
 #include <fmt/format.h>
 
 #include "heft/host/parallel.hpp"
+#include "heft/model/dynamics.hpp"
 
 namespace heft::diagnose {
 namespace {
 
 using Eigen::Index;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// Weights of identify's values among the versions, the simplest first.
@@ -86,6 +88,33 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
     }
   }
   chosen_ = std::move(versions[best]);
+  robot_ = robot_of(chosen_);
+  const MotionTable& motion = judged().table();
+  const model::Dynamics rigid(robot_);
+  load_.resize(motion.rows(), motion.num_joints);
+  for (Index i = 0; i < motion.rows(); ++i) {
+    load_.row(i) = rigid
+                       .inverse_dynamics(motion.q.row(i).transpose(), motion.qd.row(i).transpose(),
+                                         motion.qdd.row(i).transpose())
+                       .transpose();
+  }
+  for (JointEffect<double>& effect : robot_.effects) effect.seen = seen(effect.joint);
+}
+
+SeenWithin<double> WrittenModel::seen(int joint) const {
+  SeenWithin<double> all = engine().seen(joint);
+  const MotionTable& motion = judged().table();
+  const auto widen = [&](SeenInterval<double>& interval, const MatrixXd& of) {
+    for (Index i = 0; i < of.rows(); ++i) {
+      if (!(motion.keep(i, joint) > 0.0)) continue;
+      interval.low = std::min(interval.low, of(i, joint));
+      interval.high = std::max(interval.high, of(i, joint));
+    }
+  };
+  widen(all.velocity, motion.qd);
+  widen(all.load, load_);
+  widen(all.position, motion.q);
+  return all;
 }
 
 const JudgedMotion& WrittenModel::logs(bool ordinary) const {

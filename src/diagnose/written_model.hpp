@@ -36,7 +36,10 @@ class WrittenModel {
   WrittenModel(Search& search, const Identified& identified);
 
   const Engine& engine() const { return *chosen_.engine; }
-  model::Robot robot() const { return robot_of(chosen_); }
+  /// With the motion that each effect was seen in: seen().
+  const model::Robot& robot() const { return robot_; }
+  /// Where a joint's rows of the training and validation logs lie that count: what an effect was fitted to, and judged on.
+  SeenWithin<double> seen(int joint) const;
   /// Whether its motion is derived as for a model that does not say how.
   bool is_ordinary() const { return chosen_.ordinary; }
   /// The validation logs as it reads them.
@@ -80,6 +83,8 @@ class WrittenModel {
   std::shared_ptr<const BaseFit> fit_;  ///< what every version starts from
   std::vector<Eigen::VectorXd> limit_;  ///< errors of identify's model
   Version chosen_;
+  model::Robot robot_;    ///< of the chosen version
+  Eigen::MatrixXd load_;  ///< its rigid-body torque along the validation logs, m × n
 };
 
 }  // namespace heft::diagnose

@@ -1,8 +1,10 @@
 #include "model_effects.hpp"
 
 #include <algorithm>
+#include <array>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -106,12 +108,47 @@ Displacement read_displacement(const Node& node) {
   return static_cast<Displacement>(name - kDisplacementNames.begin());
 }
 
+/// Names of the quantities that an effect was seen over, in model files.
+constexpr std::array<std::pair<const char*, SeenInterval<double> SeenWithin<double>::*>, 3> kSeenOver{
+    {{"velocity", &SeenWithin<double>::velocity},
+     {"load", &SeenWithin<double>::load},
+     {"position", &SeenWithin<double>::position}}};
+
+SeenWithin<double> read_range(const Node& node) {
+  SeenWithin<double> seen;
+  if (!node.has("range")) return seen;
+  const Node range = node.at("range", "an object");
+  range.expect_object();
+  for (const auto& [name, interval] : kSeenOver) {
+    if (!range.has(name)) continue;
+    const auto [low, high] = range.numbers<2>(name);
+    if (!(low <= high)) {
+      range.at(name, "").fail(fmt::format("found {} and {}", low, high),
+                              "the smallest value and the largest one");
+    }
+    seen.*interval = {low, high};
+  }
+  return seen;
+}
+
+/// The intervals that have limits; an empty object where none has.
+Json range_json(const SeenWithin<double>& seen) {
+  Json json = Json::object();
+  const SeenInterval<double> anywhere;
+  for (const auto& [name, interval] : kSeenOver) {
+    const auto& [low, high] = seen.*interval;
+    if (low > anywhere.low && high < anywhere.high) json[name] = {low, high};
+  }
+  return json;
+}
+
 template <typename Type>
 void read_joint_effect(Type, const EffectEntry& entry, ModelFile& model) {
   JointEffect<double> effect;
   effect.kind = joint_effect_kind<Type>();
   effect.joint = entry.node.joint("joint", entry.num_joints);
   effect.displacement = read_displacement(entry.node);
+  effect.seen = read_range(entry.node);
   std::size_t i = 0;
   for (const EffectParameter& parameter : Type::kParameters) {
     const std::string name(parameter.name);
@@ -185,6 +222,7 @@ Json effects_json(const ModelFile& model) {
       if (effect.displacement != Displacement::kPosition) {
         json.back()["displacement"] = displacement_name(effect.displacement);
       }
+      if (Json range = range_json(effect.seen); !range.empty()) json.back()["range"] = std::move(range);
     });
   }
   for_each_arm_effect([&](auto type) {

@@ -54,6 +54,73 @@ TEST(JointEffects, ColumnsTimesCoefficientsAreTheTorque) {
   }
 }
 
+/// A motion that was seen: slow, lightly loaded, over a part of the travel.
+SeenWithin<double> seen_slowly() { return {{-0.5, 0.4}, {-3.0, 8.0}, {-1.0, 1.5}}; }
+
+TEST(JointEffects, KeepWithinWhatWasSeenTheTorqueOfTheFormula) {
+  test::Random random(2);
+  const JointActuation<double> joint{0.1, 3.0, 1.5, 0.2};
+  int compared = 0;
+  for (int kind = 0; kind < kNumJointEffects; ++kind) {
+    JointEffect<double> effect{kind, 0, {0.7, 1.3, 0.4, 0.9}};
+    for (int n = 0; n < 2000; ++n) {
+      const EffectPoint<double> x = random_point(random);
+      const double anywhere = joint_effect_torque(effect, x, joint);
+      JointEffect<double> limited = effect;
+      limited.seen = seen_slowly();
+      const bool within = std::abs(x.qd) <= 0.5 && std::abs(x.load) <= 8.0 && x.q >= -1.0 && x.q <= 1.5;
+      if (!within) continue;
+      EXPECT_EQ(joint_effect_torque(limited, x, joint), anywhere) << kind;
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 100);
+}
+
+TEST(JointEffects, HoldBeyondWhatWasSeenTheTorqueOfTheBorder) {
+  const JointActuation<double> joint{0.1, 3.0, 1.5, 0.2};
+  const auto torque = [&](JointEffect<double> effect, double q, double qd, double load) {
+    effect.seen = seen_slowly();
+    EffectPoint<double> x;
+    x.q = q, x.qd = qd, x.load = load, x.direction = qd > 0 ? 1 : -1;
+    return joint_effect_torque(effect, x, joint);
+  };
+  const JointEffect<double> spring{joint_effect_kind<Spring>(), 0, {20.0, 0.5}};
+  EXPECT_DOUBLE_EQ(torque(spring, 3.0, 0.1, 1.0), 20.0 * (1.5 - 0.5));
+  EXPECT_DOUBLE_EQ(torque(spring, -3.0, 0.1, 1.0), 20.0 * (-1.0 - 0.5));
+  // Friction and load by their size: what was seen one way holds the other way.
+  const JointEffect<double> load{joint_effect_kind<LoadFriction>(), 0, {0.1}};
+  EXPECT_DOUBLE_EQ(torque(load, 0.0, 0.1, 50.0), 0.8);
+  EXPECT_DOUBLE_EQ(torque(load, 0.0, -0.1, -50.0), -0.8);
+  const JointEffect<double> scale{joint_effect_kind<TorqueScale>(), 0, {0.05}};
+  EXPECT_DOUBLE_EQ(torque(scale, 0.0, 0.1, -50.0), -0.4);
+  const JointEffect<double> viscous{joint_effect_kind<ViscousNonlinear>(), 0, {2.0, 0.5}};
+  EXPECT_DOUBLE_EQ(torque(viscous, 0.0, 2.0, 1.0), 2.0 * std::sqrt(0.5));
+  EXPECT_DOUBLE_EQ(torque(viscous, 0.0, -2.0, 1.0), -2.0 * std::sqrt(0.5));
+  // The memory of friction is bounded by the friction itself.
+  JointEffect<double> dahl{joint_effect_kind<Hysteresis>(), 0, {0.02}};
+  EXPECT_DOUBLE_EQ(torque(dahl, 9.0, 2.0, 50.0), -3.0);
+}
+
+TEST(JointEffects, RippleFadesBeyondWhatWasSeenWithinAsLongAWay) {
+  const JointActuation<double> joint{};
+  JointEffect<double> ripple{joint_effect_kind<Ripple>(), 0, {2.0, 20.0, 0.0}};
+  ripple.seen = seen_slowly();
+  const double way = 2.5;
+  const auto amplitude = [&](double q) {
+    EffectPoint<double> x;
+    x.q = q;
+    return joint_effect_torque(ripple, x, joint) / std::sin(20.0 * q);
+  };
+  EXPECT_DOUBLE_EQ(amplitude(1.49), 2.0);
+  EXPECT_NEAR(amplitude(1.5 + 0.25 * way), 1.5, 1e-12);
+  EXPECT_NEAR(amplitude(-1.0 - 0.75 * way), 0.5, 1e-12);
+  EXPECT_EQ(amplitude(1.5 + 1.01 * way), 0.0);
+  EXPECT_EQ(amplitude(40.0), 0.0);
+  ripple.seen.position = {0.5, 0.5};  // never moved
+  EXPECT_EQ(amplitude(0.6), 0.0);
+}
+
 TEST(JointEffects, MemoryRateIsTheSlopeOfMemory) {
   const JointEffect<double> dahl{joint_effect_kind<Hysteresis>(), 0, {0.02}};
   for (const double direction : {1.0, -1.0}) {
@@ -166,6 +233,36 @@ TEST(EffectFeedForward, RefusesLengthsTimesAndExponentsThatAreNotPositive) {
   // Levels may have any sign.
   EXPECT_EQ(effects.add({joint_effect_kind<Spring>(), 0, {-2.0, 0.1}}), Status::kOk);
   EXPECT_EQ(effects.add({joint_effect_kind<Hysteresis>(), 0, {1e-12, 0.0}}), Status::kOk);
+}
+
+TEST(EffectFeedForward, CarriesTheMotionThatAnEffectWasSeenInToAnotherPrecision) {
+  std::array<JointEffect<double>, 1> spring{{{joint_effect_kind<Spring>(), 0, {2.0, 0.0}}}};
+  const std::array<JointActuation<float>, 1> actuation{};
+  using Vector = JointVector<float, 1>;
+  const auto torque_at = [&](float q) {
+    EffectFeedForward<float, 1, 1> effects;
+    EXPECT_EQ(effects.configure(spring), Status::kOk);
+    Vector tau = Vector::Zero();
+    const Vector zero = Vector::Zero();
+    EXPECT_EQ(effects.add_torque(0, Vector::Constant(q), zero, zero, zero, actuation, 0, tau), Status::kOk);
+    return tau[0];
+  };
+  EXPECT_FLOAT_EQ(torque_at(1e6F), 2e6F);  // without limits, also where double has others than float
+  spring[0].seen.position = {-0.5, 0.25};
+  EXPECT_FLOAT_EQ(torque_at(1.0F), 0.5F);
+  EXPECT_FLOAT_EQ(torque_at(-1.0F), -1.0F);
+}
+
+TEST(EffectFeedForward, RefusesAnIntervalThatEndsBeforeItBegins) {
+  EffectFeedForward<double, 1, 1> effects;
+  JointEffect<double> spring{joint_effect_kind<Spring>(), 0, {2.0, 0.0}};
+  for (const double wrong : {-1.0, std::nan("")}) {
+    spring.seen.load = {0.0, wrong};
+    EXPECT_EQ(effects.add(spring), Status::kOutOfRange);
+    EXPECT_EQ(effects.count(), 0);
+  }
+  spring.seen.load = {0.0, 0.0};
+  EXPECT_EQ(effects.add(spring), Status::kOk);
 }
 
 TEST(EffectFeedForward, LeavesTorqueAndMemoryAloneWhenTheInputIsNotFinite) {

@@ -254,6 +254,8 @@ ModelFile with_effects() {
     });
   }
   model.effects[0].displacement = Displacement::kMeasured;
+  model.effects[1].seen = {{-0.1, 1.0 / 3.0}, {-7.0, 9.0}, {-1.1, 2.2}};
+  model.effects[2].seen.load = {-20.0 / 3.0, 4.0};  // the others without limits
   model.elasticities = {{1, 9000.0 / 7.0, 0.1, 1.0 / 3.0}};
   model.torque_delay = 0.0021;
   return model;
@@ -274,6 +276,11 @@ TEST(ModelFile, CarriesEveryEffectToTheRobot) {
       EXPECT_EQ(robot.effects[k].joint, written.effects[k].joint);
       EXPECT_EQ(robot.effects[k].parameters, written.effects[k].parameters);
       EXPECT_EQ(robot.effects[k].displacement, written.effects[k].displacement);
+      for (const auto interval :
+           {&SeenWithin<double>::velocity, &SeenWithin<double>::load, &SeenWithin<double>::position}) {
+        EXPECT_EQ((robot.effects[k].seen.*interval).low, (written.effects[k].seen.*interval).low);
+        EXPECT_EQ((robot.effects[k].seen.*interval).high, (written.effects[k].seen.*interval).high);
+      }
     }
     ASSERT_EQ(robot.elasticities.size(), 1U);
     EXPECT_EQ(robot.elasticities[0].joint, 1);
@@ -300,6 +307,16 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
   };
   EXPECT_EQ(message(R"([{"kind": "offset", "joint": 2, "parameters": {"tau0": 1}}])"), "");
   EXPECT_THAT(message("{}"), AllOf(HasSubstr("arm.json: /effects"), HasSubstr("a list")));
+  const auto ranged = [&](const std::string& range) {
+    return message(R"([{"kind": "offset", "joint": 2, "parameters": {"tau0": 1}, "range": )" + range + "}]");
+  };
+  EXPECT_EQ(ranged("{}"), "");
+  EXPECT_EQ(ranged(R"({"load": [-1, 1], "position": [0, 0]})"), "");
+  EXPECT_THAT(ranged("3"), AllOf(HasSubstr("arm.json: /effects/0/range"), HasSubstr("an object")));
+  EXPECT_THAT(ranged(R"({"velocity": [1]})"),
+              AllOf(HasSubstr("/effects/0/range/velocity"), HasSubstr("2 numbers")));
+  EXPECT_THAT(ranged(R"({"velocity": [1, -1]})"),
+              AllOf(HasSubstr("/effects/0/range/velocity: found 1 and -1"), HasSubstr("smallest")));
   EXPECT_THAT(message(R"([{"kind": "backlash", "joint": 1, "parameters": {}}])"),
               AllOf(HasSubstr("arm.json: /effects/0/kind"), HasSubstr("\"backlash\""), HasSubstr("stribeck"),
                     HasSubstr("elasticity, delay")));

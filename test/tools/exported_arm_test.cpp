@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -73,11 +74,20 @@ TEST(ExportedArm, HoldsEverythingOfAModel) {
   expect_same<Header>(robot);
   ASSERT_EQ(kEffects.size(), static_cast<std::size_t>(kNumJointEffects));  // the file holds one of every kind
   ASSERT_EQ(robot.effects.size(), kEffects.size());
+  int intervals = 0;
   for (std::size_t k = 0; k < kEffects.size(); ++k) {
     EXPECT_EQ(kEffects[k].kind, robot.effects[k].kind);
     EXPECT_EQ(kEffects[k].joint, robot.effects[k].joint);
     EXPECT_EQ(kEffects[k].parameters, robot.effects[k].parameters);
+    for (const auto interval :
+         {&SeenWithin<double>::velocity, &SeenWithin<double>::load, &SeenWithin<double>::position}) {
+      const auto [low, high] = kEffects[k].seen.*interval;
+      EXPECT_EQ(low, (robot.effects[k].seen.*interval).low);
+      EXPECT_EQ(high, (robot.effects[k].seen.*interval).high);
+      if (low > std::numeric_limits<double>::lowest()) ++intervals;
+    }
   }
+  EXPECT_EQ(intervals, 4);  // that the file states
   ASSERT_EQ(Header::kElasticities.size(), 1U);
   EXPECT_EQ(Header::kElasticities[0].joint, robot.elasticities[0].joint);
   EXPECT_EQ(Header::kElasticities[0].stiffness, robot.elasticities[0].stiffness);

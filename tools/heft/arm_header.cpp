@@ -67,6 +67,21 @@ std::string list_text(const std::string& type, const std::string& name,
   return text + "  }};\n";
 }
 
+/// The motion that an effect was seen in, behind its parameters; empty: it has no limits.
+std::string seen_text(const SeenWithin<double>& seen) {
+  const SeenInterval<double> anywhere;
+  bool any = false;
+  std::string text;
+  for (const SeenInterval<double>& interval : {seen.velocity, seen.load, seen.position}) {
+    const bool limited = interval.low > anywhere.low && interval.high < anywhere.high;
+    any = any || limited;
+    text += fmt::format("{}{}", text.empty() ? "" : ", ",
+                        limited ? fmt::format("{{{}, {}}}", literal(interval.low), literal(interval.high))
+                                : "{}");
+  }
+  return any ? fmt::format(", heft::Displacement::kPosition,\n       {{{}}}", text) : "";
+}
+
 /// Gear couplings, joint effects, elastic joints and delay; joints counted from 0.
 std::string effects_text(const model::Robot& robot) {
   std::vector<std::string> couplings, effects, elasticities;
@@ -85,8 +100,10 @@ std::string effects_text(const model::Robot& robot) {
         meaning += fmt::format("{}{}", i > 0 ? ", " : "", parameter.name);
         ++i;
       }
-      effects.push_back(fmt::format("// {}: {}\n      {{heft::joint_effect_kind(\"{}\"), {}, {{{}}}}}",
-                                    Effect::kEquation, meaning, Effect::kId, effect.joint, values));
+      const std::string seen = seen_text(effect.seen);
+      if (!seen.empty()) meaning += "; seen within velocity, load, position";
+      effects.push_back(fmt::format("// {}: {}\n      {{heft::joint_effect_kind(\"{}\"), {}, {{{}}}{}}}",
+                                    Effect::kEquation, meaning, Effect::kId, effect.joint, values, seen));
     });
   }
   for (const Elasticity<double>& e : robot.elasticities) {

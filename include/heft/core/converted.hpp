@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <limits>
 
 #include "heft/core/arm_model.hpp"
 #include "heft/core/effects/effects.hpp"
@@ -52,6 +53,20 @@ constexpr GearCoupling<To> converted(const GearCoupling<From>& c) noexcept {
           static_cast<To>(c.viscous_friction)};
 }
 
+/// An interval; what has no limit keeps none.
+template <typename To, typename From>
+constexpr SeenInterval<To> converted(const SeenInterval<From>& interval) noexcept {
+  SeenInterval<To> out;
+  if (interval.low > std::numeric_limits<From>::lowest()) out.low = static_cast<To>(interval.low);
+  if (interval.high < std::numeric_limits<From>::max()) out.high = static_cast<To>(interval.high);
+  return out;
+}
+
+template <typename To, typename From>
+constexpr SeenWithin<To> converted(const SeenWithin<From>& seen) noexcept {
+  return {converted<To>(seen.velocity), converted<To>(seen.load), converted<To>(seen.position)};
+}
+
 template <typename To, typename From>
 constexpr JointEffect<To> converted(const JointEffect<From>& effect) noexcept {
   JointEffect<To> out;
@@ -59,6 +74,7 @@ constexpr JointEffect<To> converted(const JointEffect<From>& effect) noexcept {
   out.joint = effect.joint;
   out.parameters = converted<To>(effect.parameters);
   out.displacement = effect.displacement;
+  out.seen = converted<To>(effect.seen);
   return out;
 }
 

@@ -31,7 +31,8 @@ struct Rival {
   std::vector<std::pair<std::string, double>> parameters{};
 };
 
-/// Where an effect was seen: smallest and largest values of its joint's rows that count.
+/// Where an effect was seen: smallest and largest values of its joint's rows that count in the logs that it was fitted to and
+/// judged on.
 struct SeenRange {
   double velocity[2]{0.0, 0.0};  ///< [rad/s, m/s]
   double load[2]{0.0, 0.0};      ///< torque of rigid bodies that the gear transmits [N·m, N]
@@ -59,7 +60,7 @@ struct Finding {
   double validate_before{0.0}, validate_after{0.0};
   int main_joint{0};                                   ///< where it lowers the error most, as a share
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by, if it has one
-  std::optional<SeenRange> seen;                       ///< in the training logs; of an effect of one joint
+  std::optional<SeenRange> seen;                       ///< of an effect of one joint
   /// Torque that it adds over the training motion, in the joint where that is most: rms and largest [N·m, N]; NaN for
   /// what is no torque of a joint (a delay, a load picked up, a contact).
   double torque_rms{std::numeric_limits<double>::quiet_NaN()};
@@ -219,8 +220,9 @@ struct Diagnosis {
   /// `after` is judged, and its model file read, with the motion derived as for a model that does not say how; false:
   /// with this cut-off and this sign width.
   bool ordinary_motion{false};
-  /// `after` with its base fitted to all logs, if that was asked for and lowers the errors on halves of the validation
-  /// logs that it was not fitted to: what the model file holds. All errors here are of `after`.
+  /// `after` with its base between what it was and a fit to all logs, as far as that lowers the errors on stretches of the
+  /// validation logs that it was not fitted to, if that was asked for: what the model file holds. All errors here are of
+  /// `after`.
   std::optional<model::Robot> refitted;
   /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
   model::FitRecord parameters;

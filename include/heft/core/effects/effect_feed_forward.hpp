@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "heft/core/arm_geometry.hpp"
+#include "heft/core/converted.hpp"
 #include "heft/core/effects/effects.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/core/numeric_range.hpp"
@@ -31,8 +32,8 @@ class EffectFeedForward {
   using Vector = JointVector<Scalar, N>;
 
   /// One effect more.
-  /// @return kOutOfRange when there is no room, no such joint or effect, or a parameter outside its range (a length or
-  ///         time that is not positive); kNonFiniteInput; state kept
+  /// @return kOutOfRange when there is no room, no such joint or effect, a parameter outside its range (a length or time
+  ///         that is not positive), or an interval that ends before it begins; kNonFiniteInput; state kept
   Status add(const JointEffect<Scalar>& effect) noexcept {
     if (count_ >= M || effect.joint < 0 || effect.joint >= N || effect.kind < 0 ||
         effect.kind >= kNumJointEffects) {
@@ -43,7 +44,7 @@ class EffectFeedForward {
         return Status::kNonFiniteInput;
       }
     }
-    if (parameter_out_of_range(effect) >= 0) {
+    if (parameter_out_of_range(effect) >= 0 || !is_in_order(effect.seen)) {
       return Status::kOutOfRange;
     }
     effects_[static_cast<std::size_t>(count_)] = effect;
@@ -66,6 +67,7 @@ class EffectFeedForward {
       for (std::size_t i = 0; i < from.parameters.size(); ++i) {
         effect.parameters[i] = static_cast<Scalar>(from.parameters[i]);
       }
+      effect.seen = converted<Scalar>(from.seen);
       if (const Status status = add(effect); status != Status::kOk) {
         return status;
       }

@@ -14,13 +14,16 @@
 ///   parameters(c, shape, joint)  physical parameters of fitted coefficients
 ///   torque(p, point, joint)   the effect's torque; equals columns times coefficients
 ///
-/// and may state `memory(p, z, travel)`, `memory_rate(p, z, direction, velocity)`, `memory_at_rest(p, held, joint)`
+/// and may state what it goes by beyond the motion that it was seen in (see SeenWithin): `kHeldBeyond`, a quantity at
+/// whose border it keeps its torque, or `kFadesBeyond`, one behind whose border it goes to zero;
+/// `memory(p, z, travel)`, `memory_rate(p, z, direction, velocity)`, `memory_at_rest(p, held, joint)`
 /// (a state that the motion carries, starting at 0 or from the torque seen to hold a joint at rest) and
 /// `kReplacesCoulomb` (its column, added to the Coulomb column, may take that one's place wholly).
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string_view>
 
 #include "heft/core/arm_model.hpp"
@@ -60,6 +63,75 @@ inline constexpr int kMaxEffectParameters = 4;
 /// Values of an effect's physical parameters in the order of kParameters; the rest is not used.
 template <typename Scalar>
 using EffectParameters = std::array<Scalar, kMaxEffectParameters>;
+
+/// A quantity that the torque of an effect goes with.
+enum class SeenBy : std::uint8_t { kVelocity, kLoad, kPosition };
+
+/// Smallest and largest value of a quantity; without limits unless set.
+template <typename Scalar>
+struct SeenInterval {
+  Scalar low{std::numeric_limits<Scalar>::lowest()};
+  Scalar high{std::numeric_limits<Scalar>::max()};
+};
+
+/// The motion that an effect was seen in. What no log has shown is no part of it: beyond, its torque stays what it was at
+/// the border (friction, load, springs), or goes to zero within a way as long as the one that was seen (ripple: the number
+/// of its periods is known so well that its phase is right along that way, and no better), so that the rest of the model
+/// says what changes. Friction and load count by their size: what was seen in one direction holds in the other, as in the
+/// declared friction. Without limits unless set.
+template <typename Scalar>
+struct SeenWithin {
+  SeenInterval<Scalar> velocity{};  ///< of the joint [rad/s, m/s]
+  SeenInterval<Scalar> load{};      ///< torque of the rigid bodies that the joint transmits [N·m, N]
+  SeenInterval<Scalar> position{};  ///< [rad, m]
+};
+
+namespace detail {
+
+/// The nearest value of an interval; NaN stays.
+template <typename Scalar>
+constexpr Scalar nearest(const Scalar& value, const Scalar& low, const Scalar& high) {
+  return value > high ? high : value < low ? low : value;
+}
+
+/// A value no larger than the largest size seen.
+template <typename Scalar>
+constexpr Scalar held(const Scalar& value, const SeenInterval<Scalar>& seen) {
+  const Scalar most = seen.high > -seen.low ? seen.high : -seen.low;
+  return nearest(value, -most, most);
+}
+
+}  // namespace detail
+
+/// The instant as an effect sees it that keeps its torque beyond what was seen. No allocation.
+template <typename Effect, typename Scalar>
+constexpr EffectPoint<Scalar> as_seen(const SeenWithin<Scalar>& seen, const EffectPoint<Scalar>& point) {
+  if constexpr (requires { Effect::kHeldBeyond; }) {
+    EffectPoint<Scalar> at = point;
+    if constexpr (Effect::kHeldBeyond == SeenBy::kVelocity) at.qd = detail::held(point.qd, seen.velocity);
+    if constexpr (Effect::kHeldBeyond == SeenBy::kLoad) at.load = detail::held(point.load, seen.load);
+    if constexpr (Effect::kHeldBeyond == SeenBy::kPosition)
+      at.q = detail::nearest(point.q, seen.position.low, seen.position.high);
+    return at;
+  } else {
+    return point;
+  }
+}
+
+/// Part of an effect's torque that is left beyond what was seen, 0 to 1; 1 for one that does not fade.
+template <typename Effect, typename Scalar>
+constexpr Scalar part_left(const SeenWithin<Scalar>& seen, const EffectPoint<Scalar>& point) {
+  if constexpr (requires { Effect::kFadesBeyond; }) {
+    static_assert(Effect::kFadesBeyond == SeenBy::kPosition, "nothing fades by another quantity yet");
+    const Scalar border = detail::nearest(point.q, seen.position.low, seen.position.high);
+    const Scalar beyond = point.q > border ? point.q - border : border - point.q;
+    if (!(beyond > Scalar(0))) return Scalar(1);
+    const Scalar way = seen.position.high - seen.position.low;
+    return beyond < way ? Scalar(1) - beyond / way : Scalar(0);
+  } else {
+    return Scalar(1);
+  }
+}
 
 /// Unit of a shape's range.
 enum class ShapeScale : std::uint8_t {

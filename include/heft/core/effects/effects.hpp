@@ -82,7 +82,15 @@ struct JointEffect {
   int joint{0};                                        ///< counted from 0
   EffectParameters<Scalar> parameters{};               ///< in the order of the effect's kParameters
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
+  SeenWithin<Scalar> seen{};                           ///< the motion that it was seen in
 };
+
+/// Whether each interval has its ends in order; one that is not a number has not.
+template <typename Scalar>
+constexpr bool is_in_order(const SeenWithin<Scalar>& seen) {
+  const auto in_order = [](const SeenInterval<Scalar>& interval) { return interval.low <= interval.high; };
+  return in_order(seen.velocity) && in_order(seen.load) && in_order(seen.position);
+}
 
 /// First of the effect's parameters, in the order of kParameters, that lies outside its range (a length or time that is
 /// not positive, a part outside 0 to 1, a number that is not finite); -1 when all are within, or for a kind that does
@@ -103,14 +111,19 @@ constexpr int parameter_out_of_range(const JointEffect<Scalar>& effect) {
   return found;
 }
 
-/// Torque of an effect at one instant [N·m, N]; 0 for a kind that does not exist. No allocation.
+/// Torque of an effect at one instant [N·m, N]; 0 for a kind that does not exist. Beyond the motion that it was seen in
+/// the effect keeps its torque, or fades: SeenWithin. No allocation.
 /// @param actuation  the joint's declared friction: some effects scale or replace it
 template <typename Scalar>
 Scalar joint_effect_torque(const JointEffect<Scalar>& effect, const EffectPoint<Scalar>& point,
                            const JointActuation<Scalar>& actuation) {
   Scalar torque(0);
-  visit_joint_effect(
-      effect.kind, [&](auto type) { torque = decltype(type)::torque(effect.parameters, point, actuation); });
+  visit_joint_effect(effect.kind, [&](auto type) {
+    using Effect = decltype(type);
+    torque = Effect::torque(effect.parameters, as_seen<Effect>(effect.seen, point), actuation);
+    if constexpr (requires { Effect::kFadesBeyond; })
+      torque *= part_left<Effect>(effect.seen, point);
+  });
   return torque;
 }
 

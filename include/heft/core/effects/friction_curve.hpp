@@ -24,6 +24,7 @@ struct FrictionCurve {
        {"F3", "N·m", "N"},
        {"V", "rad/s", "m/s", EffectRange::kPositive}}};
   static constexpr std::array<ShapeRange, 1> kShapes{{{0.3, 0.9, ShapeScale::kTopSpeed, 4, false, false}}};
+  static constexpr SeenBy kHeldBeyond = SeenBy::kVelocity;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 3> kNotNegative{false, false, false};
   static constexpr std::string_view kShownBy = "constant speeds from slow to the fastest allowed";

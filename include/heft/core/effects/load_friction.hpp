@@ -16,6 +16,7 @@ struct LoadFriction {
   static constexpr std::string_view kEquation = "mu |tau_load| sign(qd)";
   static constexpr std::array<EffectParameter, 1> kParameters{{{"mu", "1", "1"}}};
   static constexpr std::array<ShapeRange, 0> kShapes{};
+  static constexpr SeenBy kHeldBeyond = SeenBy::kLoad;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 1> kNotNegative{true};
   static constexpr std::string_view kShownBy = "the same speeds under small and large gravity load";

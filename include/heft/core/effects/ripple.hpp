@@ -18,6 +18,7 @@ struct Ripple {
   static constexpr std::array<ShapeRange, 1> kShapes{{{2.0, 100.0, ShapeScale::kAbsolute, 99, true, false}}};
   /// From this share more of the gain on, a number between the whole ones is taken.
   static constexpr double kBetweenWhole = 0.02;
+  static constexpr SeenBy kFadesBeyond = SeenBy::kPosition;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 2> kNotNegative{false, false};
   static constexpr std::string_view kShownBy = "slow constant speed over the whole travel of the joint";

@@ -12,6 +12,7 @@ struct Spring {
   static constexpr std::string_view kEquation = "k (q - q0)";
   static constexpr std::array<EffectParameter, 2> kParameters{{{"k", "N·m/rad", "N/m"}, {"q0", "rad", "m"}}};
   static constexpr std::array<ShapeRange, 0> kShapes{};
+  static constexpr SeenBy kHeldBeyond = SeenBy::kPosition;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 2> kNotNegative{true, false};
   static constexpr std::string_view kShownBy =

@@ -17,6 +17,7 @@ struct Stribeck {
       {{"Fs", "N·m", "N"}, {"vs", "rad/s", "m/s", EffectRange::kPositive}}};
   static constexpr std::array<ShapeRange, 1> kShapes{
       {{0.004, 0.35, ShapeScale::kTopSpeed, 12, false, false}}};
+  static constexpr SeenBy kHeldBeyond = SeenBy::kVelocity;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 1> kNotNegative{true};
   static constexpr std::string_view kShownBy =

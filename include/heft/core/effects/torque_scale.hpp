@@ -21,6 +21,7 @@ struct TorqueScale {
   static constexpr std::string_view kEquation = "s tau_load";
   static constexpr std::array<EffectParameter, 1> kParameters{{{"s", "1", "1"}}};
   static constexpr std::array<ShapeRange, 0> kShapes{};
+  static constexpr SeenBy kHeldBeyond = SeenBy::kLoad;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 1> kNotNegative{false};
   static constexpr std::string_view kShownBy = "large gravity load of both signs that several joints share";

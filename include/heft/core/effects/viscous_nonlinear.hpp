@@ -15,6 +15,7 @@ struct ViscousNonlinear {
   static constexpr std::array<EffectParameter, 2> kParameters{
       {{"c", "N·m·(s/rad)^p", "N·(s/m)^p"}, {"p", "1", "1", EffectRange::kPositive}}};
   static constexpr std::array<ShapeRange, 1> kShapes{{{0.6, 3.0, ShapeScale::kAbsolute, 2, false, true}}};
+  static constexpr SeenBy kHeldBeyond = SeenBy::kVelocity;
   /// Which coefficients physics keeps from being negative.
   static constexpr std::array<bool, 1> kNotNegative{true};
   static constexpr std::string_view kShownBy = "constant speeds from slow to the fastest allowed";
