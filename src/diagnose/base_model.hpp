@@ -73,6 +73,10 @@ class BaseModel {
   /// The robot nearest to the given one that has these base parameters. A rotor inertia that no motion tells from the
   /// links' stays the given one.
   model::Robot robot(const Eigen::VectorXd& beta) const;
+  /// Base parameters of a robot, b.
+  Eigen::VectorXd parameters(const model::Robot& robot) const {
+    return base_.regrouping * columns_.values(robot);
+  }
   /// The fit of identify to logs, b: its rows, weights and regularisation.
   Eigen::VectorXd identified(const std::vector<data::Log>& logs) const;
   /// Base parameters of the given robot, b; friction 0.

@@ -164,13 +164,13 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
     if (again) {
       result.refitted = again->robot;
       result.notes.push_back(fmt::format(
-          "the model written is fitted to the validation logs as well; errors on halves of these that it was not "
-          "fitted to: {:.3f} of those above",
-          again->ratio));
+          "the model written is fitted to the validation logs as well, {:.0f} % of the way; errors on stretches of these "
+          "that such a fit has not seen: {:.3f} of those above",
+          100.0 * again->part, again->ratio));
     } else {
       result.notes.emplace_back(
-          "the model written is not fitted to the validation logs: that does not lower the errors on halves of "
-          "them that it would not be fitted to");
+          "the model written is not fitted to the validation logs: that does not lower the errors on stretches of "
+          "them that it would not be fitted to by 2 %");
     }
   }
 

@@ -12,6 +12,7 @@
 
 #include "heft/data/log_part.hpp"
 #include "heft/diagnose/diagnose.hpp"
+#include "heft/model/dynamics.hpp"
 #include "motion_scores.hpp"
 #include "support/undeclared_case.hpp"
 
@@ -219,6 +220,47 @@ TEST(Stability, IsDeniedWhatOneHalfOfTheLogDoesNotShow) {
   EXPECT_NE(stable(), true);
 }
 
+// Beyond the logs ----------------------------------------------------------------------------------------------
+
+TEST(Range, OfAWrittenEffectIsThatOfTheLogsAndBeyondItTheTorqueIsHeld) {
+  const UndeclaredCase c = test::make_undeclared_case("spring", "scara4", 1);
+  const Diagnosis d = diagnosed(c);
+  const model::ModelFile file = d.model_file();
+  const auto spring = std::find_if(file.effects.begin(), file.effects.end(), [](const auto& e) {
+    return e.kind == joint_effect_kind<Spring>();
+  });
+  ASSERT_NE(spring, file.effects.end()) << said(d);
+  // Rows at the ends and at reversals do not count, and the position is low-passed.
+  const auto least = [&](Eigen::MatrixXd data::Log::*of) {
+    return std::min((c.train.*of).col(spring->joint).minCoeff(),
+                    (c.validate.*of).col(spring->joint).minCoeff());
+  };
+  const auto most = [&](Eigen::MatrixXd data::Log::*of) {
+    return std::max((c.train.*of).col(spring->joint).maxCoeff(),
+                    (c.validate.*of).col(spring->joint).maxCoeff());
+  };
+  const double travel = most(&data::Log::q) - least(&data::Log::q);
+  EXPECT_NEAR(spring->seen.position.low, least(&data::Log::q), 0.02 * travel);
+  EXPECT_NEAR(spring->seen.position.high, most(&data::Log::q), 0.02 * travel);
+  const auto found = std::find_if(d.findings.begin(), d.findings.end(),
+                                  [](const Finding& f) { return f.effect.is<Spring>(); });
+  ASSERT_TRUE(found != d.findings.end() && found->seen.has_value());
+  EXPECT_EQ(found->seen->load[0], spring->seen.load.low);
+  EXPECT_EQ(found->seen->load[1], spring->seen.load.high);
+
+  model::Robot anywhere = d.after;
+  for (JointEffect<double>& e : anywhere.effects) e.seen = {};
+  const auto torque = [&](const model::Robot& robot, double position) {
+    Eigen::VectorXd at = Eigen::VectorXd::Zero(robot.num_joints()), still = at;
+    at[spring->joint] = position;
+    return model::Dynamics(robot).joint_torque(at, still, still)[spring->joint];
+  };
+  const double border = spring->seen.position.high, beyond = border + 0.5;
+  EXPECT_EQ(torque(d.after, border), torque(anywhere, border));
+  EXPECT_NEAR(torque(anywhere, beyond) - torque(d.after, beyond), 0.5 * spring->parameters[0],
+              1e-9 * std::abs(spring->parameters[0]));
+}
+
 // Fitted once more to all logs --------------------------------------------------------------------------------
 
 TEST(Refit, LowersTheErrorOnALogThatNeitherFitHasSeen) {
@@ -227,7 +269,7 @@ TEST(Refit, LowersTheErrorOnALogThatNeitherFitHasSeen) {
     const double begin = log.time[0], length = log.time[log.time.size() - 1] - begin;
     return data::part_of(log, begin + from * length, begin + to * length);
   };
-  const data::Log train = part(c.train, 0.0, 0.2), validate = part(c.validate, 0.0, 0.6);
+  const data::Log train = part(c.train, 0.0, 0.1), validate = part(c.validate, 0.0, 0.6);  // 3 and 12 s
   DiagnoseOptions options;
   EXPECT_FALSE(diagnose(c.robot, {train}, {validate}, options).refitted.has_value());
   options.refit = true;
@@ -238,6 +280,31 @@ TEST(Refit, LowersTheErrorOnALogThatNeitherFitHasSeen) {
   const Eigen::VectorXd again = judged.rms_error(judged.predicted(*d.refitted)),
                         once = judged.rms_error(judged.predicted(d.after));
   EXPECT_LT((again.array() / once.array()).log().mean(), 0.0);
+  // Where the training log says nearly as much there is nothing to gain.
+  EXPECT_FALSE(diagnose(c.robot, {part(c.train, 0.0, 0.2)}, {validate}, options).refitted.has_value());
+}
+
+TEST(Refit, IsNotMadeWhereStretchesOfTheLogsContradictEachOther) {
+  const UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
+  const auto part = [](const data::Log& log, double from, double to) {
+    const double begin = log.time[0], length = log.time[log.time.size() - 1] - begin;
+    return data::part_of(log, begin + from * length, begin + to * length);
+  };
+  const data::Log train = part(c.train, 0.0, 0.1);
+  data::Log validate = part(c.validate, 0.0, 0.6);
+  DiagnoseOptions options;
+  options.refit = true;
+  ASSERT_TRUE(diagnose(c.robot, {train}, {validate}, options).refitted.has_value());
+  // An offset that changes its sign from quarter to quarter: what three of them say of it is wrong in the fourth.
+  const Eigen::Index rows = validate.time.size();
+  const Eigen::RowVectorXd offset = 0.5 * validate.tau.cwiseAbs().colwise().mean();
+  for (Eigen::Index i = 0; i < rows; ++i)
+    validate.tau.row(i) += (4 * i / rows % 2 == 0 ? 1.0 : -1.0) * offset;
+  const Diagnosis d = diagnose(c.robot, {train}, {validate}, options);
+  EXPECT_FALSE(d.refitted.has_value());
+  EXPECT_TRUE(std::any_of(d.notes.begin(), d.notes.end(), [](const std::string& note) {
+    return note.find("not fitted to the validation logs") != std::string::npos;
+  }));
 }
 
 // What could be explained ----------------------------------------------------------------------------------
