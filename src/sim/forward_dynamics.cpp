@@ -69,11 +69,19 @@ struct LinkState {
   Vector3d z;                   ///< joint axis
   Vector3d w;                   ///< angular velocity
   Vector3d alpha_bias, a_bias;  ///< velocity products in the accelerations
-  Symmetric3 I, M;              ///< articulated inertia [[I, H], [Hᵀ, M]]
+  Vector3d mc;                  ///< first moment of the link alone
+  Symmetric3 I;                 ///< inertia of the link alone
+  Vector3d n, f;                ///< bias moment and force of the link alone
+  Vector3d U_n, U_f;            ///< articulated inertia times the joint's motion direction
+  double D, u, ratio;           ///< ratio = u / D
+  double inverse_D;
+};
+
+/// A link with everything outboard of it.
+struct Articulated {
+  Symmetric3 I, M;  ///< inertia [[I, H], [Hᵀ, M]]
   Matrix3d H;
-  Vector3d n, f;      ///< articulated bias moment and force
-  Vector3d U_n, U_f;  ///< articulated inertia times the joint's motion direction
-  double D, u;
+  Vector3d n, f;  ///< bias moment and force
 };
 
 void add_parameters(LinkConstants& link, const InertialParameters<double>& p, const Matrix3d& Q) {
@@ -151,12 +159,28 @@ struct ForwardDynamics::Impl {
         s.alpha_bias = w_cross_z_qd;
       }
     }
-    const Vector3d mc = s.R * link.first_moment;
+    s.mc.noalias() = s.R * link.first_moment;
     s.I = rotate(s.R, link.inertia);
-    s.M = {link.mass, 0.0, 0.0, link.mass, 0.0, link.mass};
-    s.H << 0.0, -mc.z(), mc.y(), mc.z(), 0.0, -mc.x(), -mc.y(), mc.x(), 0.0;
     s.n = s.w.cross(s.I * s.w);
-    s.f = s.w.cross(s.w.cross(mc));
+    s.f = s.w.cross(s.w.cross(s.mc));
+  }
+
+  /// Adds a link alone to what its neighbour outboard handed in.
+  void add_link(std::size_t i, Articulated& A) const {
+    const LinkState& s = state[i];
+    const double m = links[i].mass;
+    A.I.add(s.I);
+    A.M.xx += m;
+    A.M.yy += m;
+    A.M.zz += m;
+    A.H(0, 1) -= s.mc.z();
+    A.H(0, 2) += s.mc.y();
+    A.H(1, 0) += s.mc.z();
+    A.H(1, 2) -= s.mc.x();
+    A.H(2, 0) -= s.mc.y();
+    A.H(2, 1) += s.mc.x();
+    A.n += s.n;
+    A.f += s.f;
   }
 
   void add_at_tip(const Wrench& wrench) {
@@ -166,54 +190,50 @@ struct ForwardDynamics::Impl {
     last.f -= wrench.force;
   }
 
-  /// Inward: articulated inertia and bias of link i, which is complete by now, in the direction of its joint.
-  void project_on_joint(std::size_t i, double tau) {
+  /// Inward: articulated inertia and bias of link i in the direction of its joint.
+  void project_on_joint(std::size_t i, const Articulated& A, double tau) {
     const LinkConstants& link = links[i];
     LinkState& s = state[i];
     if (link.prismatic) {
-      s.U_n.noalias() = s.H * s.z;
-      s.U_f = s.M * s.z;
+      s.U_n.noalias() = A.H * s.z;
+      s.U_f = A.M * s.z;
       s.D = s.z.dot(s.U_f);
-      s.u = tau - s.z.dot(s.f);
+      s.u = tau - s.z.dot(A.f);
     } else {
-      s.U_n = s.I * s.z;
-      s.U_f.noalias() = s.H.transpose() * s.z;
+      s.U_n = A.I * s.z;
+      s.U_f.noalias() = A.H.transpose() * s.z;
       s.D = s.z.dot(s.U_n);
-      s.u = tau - s.z.dot(s.n);
+      s.u = tau - s.z.dot(A.n);
     }
     s.D += link.rotor_inertia;
+    s.inverse_D = 1.0 / s.D;
+    s.ratio = s.u * s.inverse_D;
   }
 
-  /// Inward: adds to the parent's articulated inertia and bias those of link i, as its joint transmits them.
-  void hand_inboard(std::size_t i, bool locked) {
+  /// Inward: what link i transmits to its parent through its joint, about the parent's origin.
+  void hand_inboard(std::size_t i, bool locked, Articulated& A) const {
     const LinkState& s = state[i];
-    Symmetric3 I = s.I;
-    Symmetric3 M = s.M;
-    Matrix3d H = s.H;
     if (!locked) {
-      const double inverse_D = 1.0 / s.D;
-      I.subtract_outer(s.U_n, inverse_D);
-      M.subtract_outer(s.U_f, inverse_D);
-      H.noalias() -= (inverse_D * s.U_n) * s.U_f.transpose();
+      A.I.subtract_outer(s.U_n, s.inverse_D);
+      A.M.subtract_outer(s.U_f, s.inverse_D);
+      A.H.noalias() -= (s.inverse_D * s.U_n) * s.U_f.transpose();
+      A.n += s.ratio * s.U_n;
+      A.f += s.ratio * s.U_f;
     }
-    Vector3d moment = s.n + I * s.alpha_bias;
-    moment.noalias() += H * s.a_bias;
-    Vector3d force = s.f + M * s.a_bias;
-    force.noalias() += H.transpose() * s.alpha_bias;
-    if (!locked) {
-      const double ratio = s.u / s.D;
-      moment += ratio * s.U_n;
-      force += ratio * s.U_f;
-    }
-    add_shifted(I, H, M, moment, force, s.r, state[i - 1]);
+    A.n += A.I * s.alpha_bias;
+    A.n.noalias() += A.H * s.a_bias;
+    A.f += A.M * s.a_bias;
+    A.f.noalias() += A.H.transpose() * s.alpha_bias;
+    shift(s.r, A);
   }
 
-  /// Adds to the parent, with the reference point moved to its origin by r: with [r] the cross-product matrix of r,
+  /// The reference point moved to the parent's origin by r: with [r] the cross-product matrix of r,
   /// H' = H + [r] M,  I' = I − H' [r] + [r] Hᵀ,  M' = M.
-  static void add_shifted(const Symmetric3& I, const Matrix3d& H, const Symmetric3& M, const Vector3d& moment,
-                          const Vector3d& force, const Vector3d& r, LinkState& parent) {
+  static void shift(const Vector3d& r, Articulated& A) {
     const double x = r.x(), y = r.y(), z = r.z();
-    Matrix3d Hp;
+    const Matrix3d H = A.H;
+    const Symmetric3& M = A.M;
+    Matrix3d& Hp = A.H;
     Hp(0, 0) = H(0, 0) + y * M.xz - z * M.xy;
     Hp(0, 1) = H(0, 1) + y * M.yz - z * M.yy;
     Hp(0, 2) = H(0, 2) + y * M.zz - z * M.yz;
@@ -223,16 +243,13 @@ struct ForwardDynamics::Impl {
     Hp(2, 0) = H(2, 0) + x * M.xy - y * M.xx;
     Hp(2, 1) = H(2, 1) + x * M.yy - y * M.xy;
     Hp(2, 2) = H(2, 2) + x * M.yz - y * M.xz;
-    parent.I.xx += I.xx - (Hp(0, 1) * z - Hp(0, 2) * y) + (y * H(0, 2) - z * H(0, 1));
-    parent.I.xy += I.xy - (Hp(0, 2) * x - Hp(0, 0) * z) + (y * H(1, 2) - z * H(1, 1));
-    parent.I.xz += I.xz - (Hp(0, 0) * y - Hp(0, 1) * x) + (y * H(2, 2) - z * H(2, 1));
-    parent.I.yy += I.yy - (Hp(1, 2) * x - Hp(1, 0) * z) + (z * H(1, 0) - x * H(1, 2));
-    parent.I.yz += I.yz - (Hp(1, 0) * y - Hp(1, 1) * x) + (z * H(2, 0) - x * H(2, 2));
-    parent.I.zz += I.zz - (Hp(2, 0) * y - Hp(2, 1) * x) + (x * H(2, 1) - y * H(2, 0));
-    parent.H += Hp;
-    parent.M.add(M);
-    parent.n += moment + r.cross(force);
-    parent.f += force;
+    A.I.xx += -(Hp(0, 1) * z - Hp(0, 2) * y) + (y * H(0, 2) - z * H(0, 1));
+    A.I.xy += -(Hp(0, 2) * x - Hp(0, 0) * z) + (y * H(1, 2) - z * H(1, 1));
+    A.I.xz += -(Hp(0, 0) * y - Hp(0, 1) * x) + (y * H(2, 2) - z * H(2, 1));
+    A.I.yy += -(Hp(1, 2) * x - Hp(1, 0) * z) + (z * H(1, 0) - x * H(1, 2));
+    A.I.yz += -(Hp(1, 0) * y - Hp(1, 1) * x) + (z * H(2, 0) - x * H(2, 2));
+    A.I.zz += -(Hp(2, 0) * y - Hp(2, 1) * x) + (x * H(2, 1) - y * H(2, 0));
+    A.n += r.cross(A.f);
   }
 
   static bool is_locked(const bool* locked, std::size_t i) { return locked != nullptr && locked[i]; }
@@ -251,7 +268,7 @@ struct ForwardDynamics::Impl {
         if (excess != nullptr) excess[i] = net;
         continue;
       }
-      qdd[i] = net / s.D;
+      qdd[i] = net * s.inverse_D;
       if (excess != nullptr) excess[i] = 0.0;
       if (links[i].prismatic) {
         a += qdd[i] * s.z;
@@ -351,9 +368,11 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
   const std::size_t n = impl.links.size();
   for (std::size_t i = 0; i < n; ++i) impl.set_velocity(i, qd[i]);
   if (wrench != nullptr) impl.add_at_tip(*wrench);
+  Articulated A{{}, {}, Matrix3d::Zero(), Vector3d::Zero(), Vector3d::Zero()};
   for (std::size_t i = n; i-- > 0;) {
-    impl.project_on_joint(i, tau[i]);
-    if (i > 0) impl.hand_inboard(i, impl.is_locked(locked, i));
+    impl.add_link(i, A);
+    impl.project_on_joint(i, A, tau[i]);
+    if (i > 0) impl.hand_inboard(i, impl.is_locked(locked, i), A);
   }
   impl.accelerate(locked, qdd, excess);
 }

@@ -389,6 +389,10 @@ void Plant::evaluate(double t, const double* q, const double* qd, const double* 
 
 void Plant::roots(double t, const double* q, const double* qd, const double* z, double* g) {
   if (num_stuck_ > 0) accelerations(t, q, qd, z);
+  roots_there(t, q, qd, z, g);
+}
+
+void Plant::roots_there(double t, const double* q, const double* qd, const double* z, double* g) {
   for (std::size_t k = 0; k < dry_.size(); ++k) {
     const auto i = static_cast<std::size_t>(dry_[k]);
     if (locked_[i]) {

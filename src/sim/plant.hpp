@@ -32,6 +32,7 @@ class Plant : public System {
   void evaluate(double t, const double* q, const double* qd, const double* z, double* qdd,
                 double* zd) override;
   void roots(double t, const double* q, const double* qd, const double* z, double* g) override;
+  void roots_there(double t, const double* q, const double* qd, const double* z, double* g) override;
 
   /// Torque that is held until the next call.
   void hold_torque(const Eigen::VectorXd& torque) { held_ = torque; }

@@ -200,8 +200,10 @@ std::vector<PayloadEvent> read_payload(const SettingsReader& top, int n) {
 
 SolverSettings read_solver(const SettingsReader& reader, SolverSettings solver) {
   if (reader.has("method")) {
-    solver.method =
-        reader.word("method", {"adams", "bdf"}) == "adams" ? SolverMethod::kAdams : SolverMethod::kBdf;
+    const std::string method = reader.word("method", {"adams", "bdf", "runge_kutta"});
+    solver.method = method == "adams" ? SolverMethod::kAdams
+                    : method == "bdf" ? SolverMethod::kBdf
+                                      : SolverMethod::kRungeKutta;
   }
   solver.relative_tolerance =
       reader.number_or("relative_tolerance", solver.relative_tolerance, Range::kPositive);

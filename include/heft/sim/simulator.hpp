@@ -27,21 +27,25 @@ class SimulationError : public NotIdentifiableError {
   using NotIdentifiableError::NotIdentifiableError;
 };
 
-/// Family of multistep methods.
+/// How the equations of motion are integrated.
 enum class SolverMethod {
-  kAdams,  ///< Adams-Moulton with fixed-point iteration: for everything that is not stiff
-  kBdf     ///< backward differences with Newton and a dense Jacobian: smooth sign, stiff springs
+  /// Runge-Kutta for an arm under a digital controller without anything stiff (elastic joints, a smooth sign, a gear coupling with
+  /// friction, a joint that its viscous friction brakes in less than half a sample), Adams for all others.
+  kAutomatic,
+  kAdams,      ///< Adams-Moulton with fixed-point iteration, CVODE: for everything that is not stiff
+  kBdf,        ///< backward differences with Newton and a dense Jacobian, CVODE: smooth sign, stiff springs
+  kRungeKutta  ///< orders 4 and 5 from sample to sample: for everything that is not stiff
 };
 
 struct SolverSettings {
-  SolverMethod method{SolverMethod::kAdams};
+  SolverMethod method{SolverMethod::kAutomatic};
   double relative_tolerance{1e-8};
   double absolute_tolerance{1e-10};  ///< [rad, rad/s; m, m/s]
   double max_step{0.0};              ///< [s]; 0 leaves it to the solver
   /// Steps that a simulated second may take, and a thousandth of that that a sample may; the rest is saved
   /// up, to 1e5. A motion that takes more (a link of almost no inertia, gains without a torque limit) ends in SimulationError.
   double max_steps_per_second{5e5};
-  /// Restart the multistep method at every controller sample instead of carrying its history across.
+  /// Restart a multistep method at every controller sample instead of carrying its history across.
   /// Slower; there to be compared with.
   bool restart_at_samples{false};
 };
