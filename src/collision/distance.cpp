@@ -30,15 +30,20 @@ std::array<double, 2> nearest_parameters(const Vector3d& p, const Vector3d& u, c
 
 }  // namespace
 
-Nearest distance(const LinkFrames& frames, const Capsule& first, const Capsule& second) {
-  const Vector3d p = frames.at(first.link, first.a), u = frames.at(first.link, first.b) - p;
-  const Vector3d r = frames.at(second.link, second.a), v = frames.at(second.link, second.b) - r;
-  const auto [s, t] = nearest_parameters(p, u, r, v);
+Nearest distance(const Vector3d& first_a, const Vector3d& first_b, double first_radius,
+                 const Vector3d& second_a, const Vector3d& second_b, double second_radius) {
+  const Vector3d u = first_b - first_a, v = second_b - second_a;
+  const auto [s, t] = nearest_parameters(first_a, u, second_a, v);
   Nearest result;
-  result.on_first = p + s * u;
-  result.on_second = r + t * v;
-  result.distance = (result.on_first - result.on_second).norm() - first.radius - second.radius;
+  result.on_first = first_a + s * u;
+  result.on_second = second_a + t * v;
+  result.distance = (result.on_first - result.on_second).norm() - first_radius - second_radius;
   return result;
+}
+
+Nearest distance(const LinkFrames& frames, const Capsule& first, const Capsule& second) {
+  return distance(frames.at(first.link, first.a), frames.at(first.link, first.b), first.radius,
+                  frames.at(second.link, second.a), frames.at(second.link, second.b), second.radius);
 }
 
 Nearest distance(const LinkFrames& frames, const Capsule& capsule, const BoxObstacle& box) {

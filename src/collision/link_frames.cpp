@@ -1,5 +1,7 @@
 #include "heft/collision/link_frames.hpp"
 
+#include <cmath>
+
 #include <Eigen/Geometry>
 
 namespace heft::collision {
@@ -22,7 +24,14 @@ LinkFrames::LinkFrames(const model::Robot& robot, const Eigen::Ref<const Eigen::
     if (!revolute[k]) offset += placed * own_axis * q[j];
     p += R * offset;
     R = R * placed;
-    if (revolute[k]) R = R * Eigen::AngleAxisd(q[j], own_axis).toRotationMatrix();
+    if (revolute[k] && own_axis == Vector3d::UnitZ()) {  // the usual one: two columns turn
+      const double c = std::cos(q[j]), s = std::sin(q[j]);
+      const Vector3d x = R.col(0);
+      R.col(0) = c * x + s * R.col(1);
+      R.col(1) = c * R.col(1) - s * x;
+    } else if (revolute[k]) {
+      R = R * Eigen::AngleAxisd(q[j], own_axis).toRotationMatrix();
+    }
     rotation[k] = R;
     origin[k] = p;
     axis[k] = R * own_axis;

@@ -1,7 +1,9 @@
 /// What a motion reveals, as a number to make small, with its exact gradient (excitation.md).
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
 
 #include "design_impl.hpp"
 #include "heft/host/decompositions.hpp"
@@ -81,68 +83,215 @@ bool ExcitationDesign::Impl::objective(const MatrixXd& F, double& value, MatrixX
   return true;
 }
 
-bool ExcitationDesign::Impl::space_barrier(const Samples& at, double barrier, bool with_gradient, double& sum,
-                                           MatrixXd& by_q, MatrixXd& by_qd) const {
-  using collision::LinkFrames;
-  const Index rows = at.q.rows();
-  const double share = 1.0 / static_cast<double>(rows);
-  const double fastest = (1.0 - kReserve) * bounds.tool_speed;
-  const auto& arm = bounds.limits.arm;
-  by_q = by_qd = MatrixXd::Zero(rows, n());
-  VectorXd gradient_q(n()), gradient_qd(n()), qd(n());
-  for (Index i = 0; i < rows; ++i) {
-    const LinkFrames frames(bounds.robot, at.q.row(i).transpose());
-    gradient_q.setZero();
-    gradient_qd.setZero();
-    double logs = 0.0;
-    for (const Wall& wall : bounds.walls) {
-      const double slack = wall.slack(frames) - kWallReserve;
-      if (!(slack > 0.0)) return false;
-      logs += std::log(slack);
-      if (!with_gradient) continue;
-      frames.add_gradient(wall.link, frames.at(wall.link, wall.point), wall.normal, 1.0 / slack, gradient_q);
+namespace {
+
+/// log(a · b · ...) without a logarithm for every factor: they are slacks, each far above the smallest number.
+class LogOfProduct {
+ public:
+  void add(double factor) {
+    product_ *= factor;
+    if (product_ > kSmall && product_ < 1.0 / kSmall) return;
+    sum_ += std::log(product_);
+    product_ = 1.0;
+  }
+  double value() const { return sum_ + std::log(product_); }
+
+ private:
+  static constexpr double kSmall = 1e-200;
+  double product_{1.0};
+  double sum_{0.0};
+};
+
+/// Forces on the links in place of derivatives by their points: ∂/∂q_i is the moment about joint i of what acts from link i on.
+struct Forces {
+  std::array<Vector3d, model::kMaxJoints> force, moment;  ///< on a link; about the base's origin
+
+  explicit Forces(int n) {
+    for (std::size_t k = 0; k < static_cast<std::size_t>(n); ++k) force[k] = moment[k] = Vector3d::Zero();
+  }
+  void add(int link, const Vector3d& P, const Vector3d& f) {
+    if (link < 0) return;
+    force[static_cast<std::size_t>(link)] += f;
+    moment[static_cast<std::size_t>(link)] += P.cross(f);
+  }
+  /// What acts from each link on.
+  void sum_outward(int n) {
+    for (int j = n - 1; j > 0; --j) {
+      const auto k = static_cast<std::size_t>(j);
+      force[k - 1] += force[k];
+      moment[k - 1] += moment[k];
     }
-    const auto keep_apart = [&](const collision::Nearest& found, double clearance, int first, int second) {
+  }
+  Vector3d moment_about(std::size_t joint, const Vector3d& origin) const {
+    return moment[joint] - origin.cross(force[joint]);
+  }
+};
+
+/// Velocities of the link origins and angular velocities of the links.
+struct LinkVelocities {
+  std::array<Vector3d, model::kMaxJoints> linear, angular;
+
+  template <typename Row>
+  LinkVelocities(const collision::LinkFrames& at, const Row& qd) {
+    Vector3d v = Vector3d::Zero(), w = Vector3d::Zero(), origin = Vector3d::Zero();
+    for (int j = 0; j < at.num_joints; ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      v += w.cross(at.origin[k] - origin);
+      origin = at.origin[k];
+      (at.revolute[k] ? w : v) += qd[j] * at.axis[k];
+      linear[k] = v;
+      angular[k] = w;
+    }
+  }
+};
+
+}  // namespace
+
+/// One instant of the barrier in space.
+class ExcitationDesign::Impl::SpaceBarrier {
+ public:
+  explicit SpaceBarrier(const LimitCheck& limits) : bounds_(limits) {
+    const auto& capsules = limits.limits.arm.capsules;
+    from_.resize(capsules.size());
+    to_.resize(capsules.size());
+  }
+
+  /// False outside. Gradients: of −Σ log slack.
+  template <typename Row>
+  bool evaluate(const Row& q, const Row& qd, bool with_gradient, double& logs, VectorXd& by_q,
+                VectorXd& by_qd) {
+    const collision::LinkFrames frames(bounds_.robot, q.transpose());
+    LogOfProduct product;
+    Forces still(bounds_.n()), moving(bounds_.n());
+    if (!add_walls(frames, product, still) || !add_distances(frames, product, still)) return false;
+    if (bounds_.points.empty()) {
+      logs += product.value();
+      if (with_gradient) take(frames, still, by_q);
+      return true;
+    }
+    const LinkVelocities velocities(frames, qd);
+    if (!add_speeds(frames, velocities, product, moving)) return false;
+    logs += product.value();
+    if (!with_gradient) return true;
+    take(frames, still, by_q);
+    take_speeds(frames, velocities, moving, by_q, by_qd);
+    return true;
+  }
+
+ private:
+  bool add_walls(const collision::LinkFrames& frames, LogOfProduct& product, Forces& forces) const {
+    for (const Wall& wall : bounds_.walls) {
+      const Vector3d P = frames.at(wall.link, wall.point);
+      const double slack = wall.normal.dot(P) - wall.bound - kWallReserve;
+      if (!(slack > 0.0)) return false;
+      product.add(slack);
+      forces.add(wall.link, P, -1.0 / slack * wall.normal);
+    }
+    return true;
+  }
+
+  bool add_distances(const collision::LinkFrames& frames, LogOfProduct& product, Forces& forces) {
+    const auto& arm = bounds_.limits.arm;
+    for (std::size_t k = 0; k < arm.capsules.size(); ++k) {
+      const collision::Capsule& capsule = arm.capsules[k];
+      from_[k] = frames.at(capsule.link, capsule.a);
+      to_[k] = frames.at(capsule.link, capsule.b);
+    }
+    const auto keep_apart = [&](const collision::Nearest& found, double radii, double clearance, int first,
+                                int second) {
       const double slack = found.distance - clearance - std::min(kWallReserve, 0.1 * clearance);
       if (!(slack > 0.0)) return false;
-      logs += std::log(slack);
-      if (!with_gradient) return true;
-      const Vector3d away = (found.on_first - found.on_second).normalized();
-      frames.add_gradient(first, found.on_first, away, 1.0 / slack, gradient_q);
-      frames.add_gradient(second, found.on_second, away, -1.0 / slack, gradient_q);
+      product.add(slack);
+      const Vector3d apart = -1.0 / (slack * (found.distance + radii)) * (found.on_first - found.on_second);
+      forces.add(first, found.on_first, apart);
+      forces.add(second, found.on_second, -apart);
       return true;
     };
     for (const collision::CapsulePair& pair : arm.pairs) {
-      const auto &first = arm.capsules[static_cast<std::size_t>(pair.first)],
-                 &second = arm.capsules[static_cast<std::size_t>(pair.second)];
-      if (!keep_apart(collision::distance(frames, first, second), pair.clearance, first.link, second.link))
+      const auto i = static_cast<std::size_t>(pair.first), k = static_cast<std::size_t>(pair.second);
+      const collision::Capsule &first = arm.capsules[i], &second = arm.capsules[k];
+      const auto found =
+          collision::distance(from_[i], to_[i], first.radius, from_[k], to_[k], second.radius);
+      if (!keep_apart(found, first.radius + second.radius, pair.clearance, first.link, second.link))
         return false;
     }
     for (const collision::GuardedObstacle& guarded : arm.guarded) {
       const auto& capsule = arm.capsules[static_cast<std::size_t>(guarded.capsule)];
-      const auto& box = bounds.limits.obstacles[static_cast<std::size_t>(guarded.obstacle)];
+      const auto& box = bounds_.limits.obstacles[static_cast<std::size_t>(guarded.obstacle)];
       const auto found = collision::distance(frames, capsule, box);
-      if (!keep_apart(found, bounds.limits.clearance, capsule.link, -1)) return false;
+      if (!keep_apart(found, capsule.radius, bounds_.limits.clearance, capsule.link, -1)) return false;
     }
-    qd = at.qd.row(i);
-    for (const SpeedPoint& point : bounds.points) {
-      const Vector3d P = frames.at(point.link, point.point);
-      const double ratio = frames.velocity(point.link, P, qd).squaredNorm() / (fastest * fastest);
-      if (!(ratio < 1.0)) return false;
-      logs += std::log(1.0 - ratio);
-      if (!with_gradient) continue;
-      // log(1 − v²/l²): derivative −2/(l² (1 − v²/l²)) of ½ v²
-      frames.add_speed_gradient(point.link, P, qd, -2.0 / (fastest * fastest * (1.0 - ratio)), gradient_q,
-                                gradient_qd);
-    }
-    sum += share * logs;
-    by_q.row(i) = -barrier * share * gradient_q;
-    by_qd.row(i) = -barrier * share * gradient_qd;
+    return true;
   }
+
+  bool add_speeds(const collision::LinkFrames& frames, const LinkVelocities& velocities,
+                  LogOfProduct& product, Forces& forces) const {
+    const double fastest = (1.0 - kReserve) * bounds_.tool_speed;
+    for (const SpeedPoint& point : bounds_.points) {
+      const auto k = static_cast<std::size_t>(point.link);
+      const Vector3d P = frames.at(point.link, point.point);
+      const Vector3d v = velocities.linear[k] + velocities.angular[k].cross(P - frames.origin[k]);
+      const double ratio = v.squaredNorm() / (fastest * fastest);
+      if (!(ratio < 1.0)) return false;
+      product.add(1.0 - ratio);
+      // −log(1 − v²/l²): derivative 2/(l² (1 − v²/l²)) of ½ v²
+      forces.add(point.link, P, 2.0 / (fastest * fastest * (1.0 - ratio)) * v);
+    }
+    return true;
+  }
+
+  void take(const collision::LinkFrames& frames, Forces& forces, VectorXd& by_q) const {
+    forces.sum_outward(bounds_.n());
+    for (int j = 0; j < bounds_.n(); ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      by_q[j] = frames.axis[k].dot(frames.revolute[k] ? forces.moment_about(k, frames.origin[k])
+                                                      : forces.force[k]);
+    }
+  }
+
+  /// Forces u parallel to the velocities of their points P: with r = P − o_i, ∂(u·v)/∂q_i = a_i · (u × v_i − ω_i × (r × u)),
+  /// the part v × u being zero; for a joint that slides a_i · (u × ω_i).
+  void take_speeds(const collision::LinkFrames& frames, const LinkVelocities& velocities, Forces& forces,
+                   VectorXd& by_q, VectorXd& by_qd) const {
+    forces.sum_outward(bounds_.n());
+    for (int j = 0; j < bounds_.n(); ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      const Vector3d& axis = frames.axis[k];
+      if (frames.revolute[k]) {
+        const Vector3d moment = forces.moment_about(k, frames.origin[k]);
+        by_qd[j] = axis.dot(moment);
+        by_q[j] += axis.dot(forces.force[k].cross(velocities.linear[k]) - velocities.angular[k].cross(moment));
+      } else {
+        by_qd[j] = axis.dot(forces.force[k]);
+        by_q[j] += axis.dot(forces.force[k].cross(velocities.angular[k]));
+      }
+    }
+  }
+
+  const LimitCheck& bounds_;
+  std::vector<Vector3d> from_, to_;  ///< ends of the capsules' axes
+};
+
+bool ExcitationDesign::Impl::space_barrier(const Samples& at, double barrier, bool with_gradient, double& sum,
+                                           MatrixXd& by_q, MatrixXd& by_qd) const {
+  const Index rows = at.q.rows();
+  const double share = 1.0 / static_cast<double>(rows);
+  by_q = by_qd = MatrixXd::Zero(rows, n());
+  VectorXd gradient_q = VectorXd::Zero(n()), gradient_qd = VectorXd::Zero(n());
+  SpaceBarrier instant(bounds);
+  double logs = 0.0;
+  for (Index i = 0; i < rows; ++i) {
+    if (!instant.evaluate(at.q.row(i), at.qd.row(i), with_gradient, logs, gradient_q, gradient_qd))
+      return false;
+    if (!with_gradient) continue;
+    by_q.row(i) = barrier * share * gradient_q;
+    by_qd.row(i) = barrier * share * gradient_qd;
+  }
+  sum += share * logs;
   return true;
 }
 
-/// The barrier over the coarse samples: Σ log slack, and the derivative of −weight times it by what is limited, samples × n.
+/// The barrier over the coarse samples: log of the slacks, and the derivative of −weight times it by what is limited, samples × n.
 struct ExcitationDesign::Impl::Barrier {
   Barrier(Index samples, Index joints, double weight)
       : count(static_cast<double>(samples)),
@@ -156,14 +305,14 @@ struct ExcitationDesign::Impl::Barrier {
   bool bound(double value, double limit, double& by) {
     const double slack = 1.0 - (value / limit) * (value / limit);
     if (!(slack > 0.0)) return false;
-    sum += std::log(slack) / count;
+    logs.add(slack);
     by += share * 2.0 * value / (limit * limit * slack);
     return true;
   }
 
   double count;
   double share;
-  double sum{0.0};
+  LogOfProduct logs;  ///< of the slacks of the coarse samples
   MatrixXd by_q, by_qd, by_qdd, by_tau;
 };
 
@@ -182,28 +331,33 @@ bool ExcitationDesign::Impl::motion_barrier(const Samples& motion, Barrier& barr
   return true;
 }
 
-bool ExcitationDesign::Impl::torque_barrier(const Samples& motion, Barrier& barrier, MatrixXd& W) const {
-  const Index samples = motion.q.rows(), joints = n(), size = b();
-  W.resize(samples * joints, size);
-  MatrixXd Y(joints, size);
-  VectorXd tau(joints);
+bool ExcitationDesign::Impl::torque_barrier(const Samples& motion, Barrier& barrier,
+                                            std::vector<MatrixXd>& rows) const {
+  MatrixXd tau;
+  regressor->evaluate(motion.q, motion.qd, motion.qdd, rows, tau);
   constexpr double kTorqueUse = 1.0 - kTorqueReserve;
-  for (Index i = 0; i < samples; ++i) {
-    regressor->evaluate(motion.q.row(i), motion.qd.row(i), motion.qdd.row(i), Y, tau);
-    W.middleRows(i * joints, joints) = weights.asDiagonal() * Y;
-    for (Index j = 0; j < joints; ++j) {
-      if (!std::isfinite(bounds.torque[j])) continue;
-      if (!barrier.bound(tau[j], kTorqueUse * bounds.torque[j] - bounds.coulomb[j], barrier.by_tau(i, j)))
+  for (Index j = 0; j < n(); ++j) {
+    if (!std::isfinite(bounds.torque[j])) continue;
+    for (Index i = 0; i < tau.rows(); ++i) {
+      if (!barrier.bound(tau(i, j), kTorqueUse * bounds.torque[j] - bounds.coulomb[j], barrier.by_tau(i, j)))
         return false;
     }
   }
   return true;
 }
 
-MatrixXd ExcitationDesign::Impl::searched_information(const MatrixXd& W, double dt) const {
-  MatrixXd F = MatrixXd::Zero(b(), b());
-  F.selfadjointView<Eigen::Lower>().rankUpdate(W.transpose(), dt);
-  F.triangularView<Eigen::StrictlyUpper>() = F.transpose();
+MatrixXd ExcitationDesign::Impl::searched_information(const std::vector<MatrixXd>& rows, double dt) const {
+  // A joint feels no column before its first: sorted, each adds to the lower right corner only.
+  MatrixXd sorted = MatrixXd::Zero(b(), b());
+  for (Index j = 0; j < n(); ++j) {
+    const MatrixXd& row = rows[static_cast<std::size_t>(j)];
+    sorted.bottomRightCorner(row.cols(), row.cols())
+        .selfadjointView<Eigen::Lower>()
+        .rankUpdate(row.transpose(), dt * weights[j] * weights[j]);
+  }
+  sorted.triangularView<Eigen::StrictlyUpper>() = sorted.transpose();
+  MatrixXd F(b(), b());
+  F(regressor->order(), regressor->order()) = sorted;
   if (has_given) {
     const double unit = weights[0] * noise[0];  // weights are 1/noise times this
     F += options.weights == RowWeights::kUnit ? given_unit : MatrixXd(given_noise * (unit * unit));
@@ -211,18 +365,19 @@ MatrixXd ExcitationDesign::Impl::searched_information(const MatrixXd& W, double 
   return F;
 }
 
-void ExcitationDesign::Impl::add_objective_slope(const Samples& motion, const MatrixXd& WS,
-                                                 Barrier& barrier) const {
-  const Index joints = n();
-  VectorXd g_q, g_qd, g_qdd;
-  for (Index i = 0; i < motion.q.rows(); ++i) {
-    const MatrixXd G = weights.asDiagonal() * WS.middleRows(i * joints, joints);
-    regressor->gradient(motion.q.row(i), motion.qd.row(i), motion.qdd.row(i), G, barrier.by_tau.row(i), g_q,
-                        g_qd, g_qdd);
-    barrier.by_q.row(i) += g_q;
-    barrier.by_qd.row(i) += g_qd;
-    barrier.by_qdd.row(i) += g_qdd;
+void ExcitationDesign::Impl::add_objective_slope(const Samples& motion, const std::vector<MatrixXd>& rows,
+                                                 const MatrixXd& S, double dt, Barrier& barrier) const {
+  // d cost = Σ_t 2 dt tr(S Y_tᵀ Λ² dY_t): G_t = 2 dt Λ² Y_t S.
+  const MatrixXd sorted = S(regressor->order(), regressor->order());
+  std::vector<MatrixXd> G(rows.size());
+  for (Index j = 0; j < n(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const Index count = rows[at].cols();
+    G[at].noalias() =
+        (2.0 * dt * weights[j] * weights[j]) * rows[at] * sorted.bottomRightCorner(count, count);
   }
+  regressor->add_gradient(motion.q, motion.qd, motion.qdd, G, barrier.by_tau, barrier.by_q, barrier.by_qd,
+                          barrier.by_qdd);
 }
 
 bool ExcitationDesign::Impl::evaluate(const VectorXd& x, double barrier, double& cost, VectorXd* gradient,
@@ -234,23 +389,24 @@ bool ExcitationDesign::Impl::evaluate(const VectorXd& x, double barrier, double&
   // The cheap tests first.
   Barrier walls(times.size(), joints, barrier);
   if (!motion_barrier(samples, walls)) return false;
+  double log_slack = 0.0;
   MatrixXd by_q_space, by_qd_space;
-  if (bounds.has_space && !space_barrier(samples_of(motion, dense), barrier, gradient != nullptr, walls.sum,
+  if (bounds.has_space && !space_barrier(samples_of(motion, dense), barrier, gradient != nullptr, log_slack,
                                          by_q_space, by_qd_space))
     return false;
-  MatrixXd W;
-  if (!torque_barrier(samples, walls, W)) return false;
+  std::vector<MatrixXd> rows;
+  if (!torque_barrier(samples, walls, rows)) return false;
 
   const double dt = span / static_cast<double>(times.size()) * repeats;
   double value = 0.0;
   MatrixXd S;
-  if (!objective(searched_information(W, dt), value, gradient != nullptr ? &S : nullptr)) return false;
-  cost = value - barrier * walls.sum;
+  if (!objective(searched_information(rows, dt), value, gradient != nullptr ? &S : nullptr)) return false;
+  log_slack += walls.logs.value() / walls.count;
+  cost = value - barrier * log_slack;
   if (pure != nullptr) *pure = value;
   if (gradient == nullptr) return true;
 
-  // d cost = Σ_t 2 dt tr(S Y_tᵀ Λ² dY_t): G_t = 2 dt Λ² Y_t S.
-  add_objective_slope(samples, W * S * (2.0 * dt), walls);
+  add_objective_slope(samples, rows, S, dt, walls);
   gradient->resize(x.size());
   VectorXd by_start = walls.by_q.colwise().sum().transpose();
   MatrixXd by_c = coarse.q.transpose() * walls.by_q + coarse.qd.transpose() * walls.by_qd +

@@ -60,15 +60,17 @@ struct ExcitationDesign::Impl {
   bool evaluate(const Eigen::VectorXd& x, double barrier, double& cost, Eigen::VectorXd* gradient,
                 double* pure = nullptr) const;
 
+  class SpaceBarrier;
   struct Barrier;
   /// Barrier of positions, velocities and accelerations. False outside.
   bool motion_barrier(const Samples& motion, Barrier& barrier) const;
-  /// Barrier of the torques, with friction of either sign. False outside. W: rows of the regressor times their weight.
-  bool torque_barrier(const Samples& motion, Barrier& barrier, Eigen::MatrixXd& W) const;
+  /// Barrier of the torques, with friction of either sign. False outside. rows: of the regressor, one matrix a joint.
+  bool torque_barrier(const Samples& motion, Barrier& barrier, std::vector<Eigen::MatrixXd>& rows) const;
   /// F = ∫ Yᵀ Λ² Y dt over the duration, with what is given.
-  Eigen::MatrixXd searched_information(const Eigen::MatrixXd& W, double dt) const;
-  /// Adds the derivatives of objective and torque barrier by the motion to the barrier's. WS = 2 dt Λ Y S.
-  void add_objective_slope(const Samples& motion, const Eigen::MatrixXd& WS, Barrier& barrier) const;
+  Eigen::MatrixXd searched_information(const std::vector<Eigen::MatrixXd>& rows, double dt) const;
+  /// Adds the derivatives of objective and torque barrier by the motion to the barrier's. S = ∂objective/∂F.
+  void add_objective_slope(const Samples& motion, const std::vector<Eigen::MatrixXd>& rows,
+                           const Eigen::MatrixXd& S, double dt, Barrier& barrier) const;
 
   Samples samples_of(const ExcitationTrajectory& motion, const FourierBasis& basis) const;
   /// Barrier of everything that is limited in space over the dense samples: Σ log slack is added to `sum`, its

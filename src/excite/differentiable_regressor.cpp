@@ -1,212 +1,235 @@
 #include "differentiable_regressor.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
-
-#include <ceres/jet.h>
+#include <numeric>
 
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/regressor.hpp"
 #include "heft/model/sized.hpp"
+#include "regressor_slope.hpp"
 
 namespace heft::excite {
 namespace {
 
+using Eigen::Index;
+using Eigen::MatrixXd;
 using regression::Column;
 using regression::ColumnKind;
 using regression::RegressionColumns;
 
-template <typename Scalar, int N>
-ArmModel<Scalar, N> converted(const ArmModel<double, N>& arm) {
-  ArmModel<Scalar, N> result;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
-    result.joints[i].type = arm.joints[i].type;
-    for (std::size_t k = 0; k < 9; ++k) result.joints[i].rotation[k] = Scalar(arm.joints[i].rotation[k]);
-    for (std::size_t k = 0; k < 3; ++k) {
-      result.joints[i].position[k] = Scalar(arm.joints[i].position[k]);
-      result.joints[i].axis[k] = Scalar(arm.joints[i].axis[k]);
-    }
-    for (std::size_t k = 0; k < 10; ++k) result.links[i][k] = Scalar(arm.links[i][k]);
-  }
-  for (std::size_t k = 0; k < 3; ++k) result.gravity[k] = Scalar(arm.gravity[k]);
-  return result;
+bool is_coupling(const Column& column) {
+  return column.kind == ColumnKind::kCouplingInertia || column.kind == ColumnKind::kCouplingCoulomb ||
+         column.kind == ColumnKind::kCouplingViscous;
 }
 
-/// Instances take long to compile, so there are few. A smaller arm gets massless joints at its tip that do not move:
-/// they change neither the torques of the others nor their columns.
-constexpr int compiled_size(int joints) { return joints <= 6 ? 6 : joints <= 7 ? 7 : model::kMaxJoints; }
-
-/// The robot with N joints.
-template <int N>
-ArmModel<double, N> padded_arm(model::Robot robot) {
-  robot.joints.resize(static_cast<std::size_t>(N));
-  return model::to_arm_model<N>(robot);
-}
-
-/// Vectors of n entries with zeros up to N.
-template <int N>
-JointVector<double, N> padded(const Eigen::VectorXd& v) {
-  JointVector<double, N> result = JointVector<double, N>::Zero();
-  result.head(v.size()) = v;
-  return result;
-}
-
-/// For arms of up to N joints.
+/// For arms of N joints.
 template <int N>
 class Sized final : public DifferentiableRegressor {
  public:
-  using Jet = ceres::Jet<double, 3 * N>;
+  using Rows = std::vector<MatrixXd>;
 
   Sized(const RegressionColumns& columns, const std::vector<int>& chosen, const Eigen::VectorXd& sign_width)
-      : n_(columns.num_joints()),
+      : arm_(model::to_arm_model<N>(columns.robot())),
+        slope_(columns.robot()),
         fitted_(columns.robot().couplings),
         couplings_(columns.structure().couplings),
         sign_width_(sign_width) {
-    for (const int c : chosen) columns_.push_back(columns[c]);
-    const ArmModel<double, N> model = padded_arm<N>(columns.robot());
-    arm_ = DynamicArm<double, N>(model);
-    jet_arm_ = DynamicArm<Jet, N>(converted<Jet, N>(model));
-    for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
-      for (std::size_t k = 0; k < 10; ++k) links_[static_cast<Eigen::Index>(10 * i + k)] = model.links[i][k];
-      actuation_[i] = model.actuation[i];
-    }
-  }
-
-  void evaluate(const Eigen::VectorXd& q, const Eigen::VectorXd& qd, const Eigen::VectorXd& qdd,
-                Eigen::Ref<Eigen::MatrixXd> Y, Eigen::Ref<Eigen::VectorXd> tau) const override {
-    const JointVector<double, N> position = padded<N>(q), velocity = padded<N>(qd),
-                                 acceleration = padded<N>(qdd);
-    LinkRegressor<double, N> links;
-    link_regressor(arm_, joint_trigonometry<DynamicArm<double, N>>(position), position, velocity,
-                   acceleration, links);
-    tau = (links * links_).head(n_);
-    for (int i = 0; i < n_; ++i) {
-      const auto& a = actuation_[static_cast<std::size_t>(i)];
-      tau[i] += a.rotor_inertia * qdd[i] + a.viscous_friction * qd[i] + a.friction_offset;
-    }
-    for (const auto& coupling : fitted_) {
-      const double v = shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]);
-      const double a = shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]);
-      const double torque = coupling.rotor_inertia * a + coupling.viscous_friction * v;
-      tau[coupling.driven] += torque;
-      tau[coupling.driving] += coupling.ratio * torque;
-    }
-    Y.setZero();
-    for (std::size_t c = 0; c < columns_.size(); ++c) {
-      const auto at = static_cast<Eigen::Index>(c);
-      const Column& column = columns_[c];
-      const int j = column.joint;
-      switch (column.kind) {
-        case ColumnKind::kLink: Y.col(at) = links.col(10 * j + column.entry).head(n_); break;
-        case ColumnKind::kRotorInertia: Y(j, at) = qdd[j]; break;
-        case ColumnKind::kCoulomb: Y(j, at) = std::tanh(qd[j] / sign_width_[j]); break;
-        case ColumnKind::kViscous: Y(j, at) = qd[j]; break;
-        case ColumnKind::kOffset: Y(j, at) = 1.0; break;
-        case ColumnKind::kCouplingInertia:
-        case ColumnKind::kCouplingCoulomb:
-        case ColumnKind::kCouplingViscous: {
-          const auto& coupling = couplings_[static_cast<std::size_t>(column.coupling)];
-          const double value = shared(coupling, column.kind, qd, qdd);
-          Y(coupling.driven, at) = value;
-          Y(coupling.driving, at) = coupling.ratio * value;
-          break;
-        }
-      }
-    }
-  }
-
-  void gradient(const Eigen::VectorXd& q, const Eigen::VectorXd& qd, const Eigen::VectorXd& qdd,
-                const Eigen::Ref<const Eigen::MatrixXd>& G, const Eigen::VectorXd& h, Eigen::VectorXd& by_q,
-                Eigen::VectorXd& by_qd, Eigen::VectorXd& by_qdd) const override {
-    // Weight of every entry of the links' regressor: h xᵀ for the torque, G where the column is chosen.
-    Eigen::Matrix<double, N, 10 * N> H = padded<N>(h) * links_.transpose();
-    by_qd.setZero(n_);
-    by_qdd.setZero(n_);
-    for (int i = 0; i < n_; ++i) {
-      const auto& a = actuation_[static_cast<std::size_t>(i)];
-      by_qdd[i] = h[i] * a.rotor_inertia;
-      by_qd[i] = h[i] * a.viscous_friction;
-    }
-    for (const auto& coupling : fitted_) {
-      const double weight = h[coupling.driven] + coupling.ratio * h[coupling.driving];
-      by_qdd[coupling.driven] += weight * coupling.rotor_inertia;
-      by_qdd[coupling.driving] += coupling.ratio * weight * coupling.rotor_inertia;
-      by_qd[coupling.driven] += weight * coupling.viscous_friction;
-      by_qd[coupling.driving] += coupling.ratio * weight * coupling.viscous_friction;
-    }
-    for (std::size_t c = 0; c < columns_.size(); ++c) {
-      const auto at = static_cast<Eigen::Index>(c);
-      const Column& column = columns_[c];
-      const int j = column.joint;
-      switch (column.kind) {
-        case ColumnKind::kLink: H.col(10 * j + column.entry).head(n_) += G.col(at); break;
-        case ColumnKind::kRotorInertia: by_qdd[j] += G(j, at); break;
-        case ColumnKind::kCoulomb: by_qd[j] += G(j, at) * sign_slope(qd[j], sign_width_[j]); break;
-        case ColumnKind::kViscous: by_qd[j] += G(j, at); break;
-        case ColumnKind::kOffset: break;
-        case ColumnKind::kCouplingInertia:
-        case ColumnKind::kCouplingCoulomb:
-        case ColumnKind::kCouplingViscous: {
-          const auto& coupling = couplings_[static_cast<std::size_t>(column.coupling)];
-          double slope = G(coupling.driven, at) + coupling.ratio * G(coupling.driving, at);
-          if (column.kind == ColumnKind::kCouplingCoulomb) {
-            slope *= sign_slope(shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]),
-                                sign_width_[coupling.driven]);
-          }
-          Eigen::VectorXd& by = column.kind == ColumnKind::kCouplingInertia ? by_qdd : by_qd;
-          by[coupling.driven] += slope;
-          by[coupling.driving] += coupling.ratio * slope;
-          break;
-        }
-      }
-    }
-
-    JointVector<Jet, N> position, velocity, acceleration;
-    JointTrigonometry<DynamicArm<Jet, N>> trig;
+    const auto last_row = [&](int c) {
+      const Column& column = columns[chosen[static_cast<std::size_t>(c)]];
+      if (!is_coupling(column)) return column.joint;
+      const auto& coupling = couplings_[static_cast<std::size_t>(column.coupling)];
+      return std::max(coupling.driven, coupling.driving);
+    };
+    order_.resize(chosen.size());
+    std::iota(order_.begin(), order_.end(), 0);
+    std::stable_sort(order_.begin(), order_.end(), [&](int a, int b) { return last_row(a) < last_row(b); });
+    for (const int c : order_) columns_.push_back(columns[chosen[static_cast<std::size_t>(c)]]);
     for (int i = 0; i < N; ++i) {
-      position[i] = i < n_ ? Jet(q[i], i) : Jet(0.0);
-      velocity[i] = i < n_ ? Jet(qd[i], N + i) : Jet(0.0);
-      acceleration[i] = i < n_ ? Jet(qdd[i], 2 * N + i) : Jet(0.0);
-      trig.joint[static_cast<std::size_t>(i)] = {sin(position[i]), cos(position[i])};
+      const auto felt = std::find_if(order_.begin(), order_.end(), [&](int c) { return last_row(c) >= i; });
+      first_.push_back(felt - order_.begin());
     }
-    Table Y;
-    link_regressor(jet_arm_, trig, position, velocity, acceleration, Y);
-    Eigen::Matrix<double, 3 * N, 1> sum = Eigen::Matrix<double, 3 * N, 1>::Zero();
-    for (int c = 0; c < 10 * n_; ++c) {
-      for (int i = 0; i <= c / 10; ++i) {
-        if (H(i, c) != 0.0) sum += H(i, c) * Y(i, c).v;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
+      const model::RobotJoint& joint = columns.robot().joints[i];
+      for (std::size_t k = 0; k < 10; ++k) links_[static_cast<Index>(10 * i + k)] = joint.link[k];
+      actuation_[i] = joint.actuation;
+    }
+  }
+
+  void evaluate(const MatrixXd& q, const MatrixXd& qd, const MatrixXd& qdd, Rows& rows,
+                MatrixXd& tau) const override {
+    const Index m = q.rows(), count = static_cast<Index>(columns_.size());
+    rows.resize(N);
+    for (Index j = 0; j < N; ++j) rows[static_cast<std::size_t>(j)].setZero(m, count - first(j));
+    tau.resize(m, N);
+    LinkRegressor<double, N> links;
+    for (Index s = 0; s < m; ++s) {
+      const JointVector<double, N> position = q.row(s), velocity = qd.row(s), acceleration = qdd.row(s);
+      link_regressor(arm_, joint_trigonometry<DynamicArm<double, N>>(position), position, velocity,
+                     acceleration, links);
+      tau.row(s) = links * links_;
+      for (std::size_t c = 0; c < columns_.size(); ++c) {
+        const Column& column = columns_[c];
+        if (column.kind != ColumnKind::kLink) continue;
+        for (Index i = 0; i <= column.joint; ++i)
+          entry(rows, i, s, c) = links(i, 10 * column.joint + column.entry);
       }
     }
-    by_q = sum.head(n_);
-    by_qd += sum.segment(N, n_);
-    by_qdd += sum.segment(2 * N, n_);
+    add_drive_torque(qd, qdd, tau);
+    for (std::size_t c = 0; c < columns_.size(); ++c) add_drive_column(c, qd, qdd, rows);
+  }
+
+  void add_gradient(const MatrixXd& q, const MatrixXd& qd, const MatrixXd& qdd, const Rows& G,
+                    const MatrixXd& h, MatrixXd& by_q, MatrixXd& by_qd, MatrixXd& by_qdd) const override {
+    add_drive_gradient(h, by_qd, by_qdd);
+    for (std::size_t c = 0; c < columns_.size(); ++c) add_column_gradient(c, qd, G, by_qd, by_qdd);
+    RegressorSlope::Weights H;
+    RegressorSlope::Motion at, by;
+    for (Index s = 0; s < q.rows(); s += 2) {
+      // Weight of every entry of the links' regressor: h xᵀ for the torque, G where the column is chosen. An odd last
+      // instant stands on both sides.
+      const Index other = std::min(s + 1, q.rows() - 1);
+      for (Index j = 0; j < N; ++j) {
+        const auto at_j = static_cast<std::size_t>(j);
+        at.q[at_j] = Pair{q(s, j), q(other, j)};
+        at.qd[at_j] = Pair{qd(s, j), qd(other, j)};
+        at.qdd[at_j] = Pair{qdd(s, j), qdd(other, j)};
+        for (Index i = 0; i <= j; ++i) {
+          const Pair weight{h(s, i), h(other, i)};
+          for (std::size_t k = 0; k < 10; ++k)
+            H[static_cast<std::size_t>(i)][at_j][k] = weight * links_[10 * j + static_cast<Index>(k)];
+        }
+      }
+      for (std::size_t c = 0; c < columns_.size(); ++c) {
+        const Column& column = columns_[c];
+        if (column.kind != ColumnKind::kLink) continue;
+        const auto j = static_cast<std::size_t>(column.joint), k = static_cast<std::size_t>(column.entry);
+        for (Index i = 0; i <= column.joint; ++i)
+          H[static_cast<std::size_t>(i)][j][k] += Pair{entry(G, i, s, c), entry(G, i, other, c)};
+      }
+      slope_.gradient(at, H, by);
+      for (Index j = 0; j < N; ++j) {
+        const auto at_j = static_cast<std::size_t>(j);
+        for (int side = 0; side < (other > s ? 2 : 1); ++side) {
+          by_q(s + side, j) += by.q[at_j][side];
+          by_qd(s + side, j) += by.qd[at_j][side];
+          by_qdd(s + side, j) += by.qdd[at_j][side];
+        }
+      }
+    }
   }
 
  private:
-  /// n × 10n numbers on the heap: with their derivatives they pass what a stack should hold.
-  struct Table {
-    std::vector<Jet> entries = std::vector<Jet>(10 * N * N);
-    Jet& operator()(int i, int c) { return entries[static_cast<std::size_t>(N * c + i)]; }
-  };
-
-  double shared(const GearCoupling<double>& coupling, ColumnKind kind, const Eigen::VectorXd& qd,
-                const Eigen::VectorXd& qdd) const {
-    const double v = shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]);
-    if (kind == ColumnKind::kCouplingViscous) return v;
-    if (kind == ColumnKind::kCouplingCoulomb) return std::tanh(v / sign_width_[coupling.driven]);
-    return shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]);
+  template <typename R>
+  auto& entry(R& rows, Index joint, Index sample, std::size_t column) const {
+    return rows[static_cast<std::size_t>(joint)].coeffRef(sample, static_cast<Index>(column) - first(joint));
   }
-  static double sign_slope(double velocity, double width) {
-    const double s = std::tanh(velocity / width);
-    return (1.0 - s * s) / width;
+  double entry(const Rows& rows, Index joint, Index sample, std::size_t column) const {
+    return rows[static_cast<std::size_t>(joint)].coeff(sample, static_cast<Index>(column) - first(joint));
+  }
+  auto column_of(Rows& rows, Index joint, std::size_t column) const {
+    return rows[static_cast<std::size_t>(joint)].col(static_cast<Index>(column) - first(joint));
+  }
+  auto column_of(const Rows& rows, Index joint, std::size_t column) const {
+    return rows[static_cast<std::size_t>(joint)].col(static_cast<Index>(column) - first(joint));
   }
 
-  int n_;
+  void add_drive_torque(const MatrixXd& qd, const MatrixXd& qdd, MatrixXd& tau) const {
+    for (Index i = 0; i < N; ++i) {
+      const auto& a = actuation_[static_cast<std::size_t>(i)];
+      tau.col(i) += a.rotor_inertia * qdd.col(i) + a.viscous_friction * qd.col(i);
+      tau.col(i).array() += a.friction_offset;
+    }
+    for (const auto& coupling : fitted_) {
+      const Eigen::VectorXd torque =
+          coupling.rotor_inertia * shared(coupling, qdd) + coupling.viscous_friction * shared(coupling, qd);
+      tau.col(coupling.driven) += torque;
+      tau.col(coupling.driving) += coupling.ratio * torque;
+    }
+  }
+
+  void add_drive_column(std::size_t c, const MatrixXd& qd, const MatrixXd& qdd, Rows& rows) const {
+    const Column& column = columns_[c];
+    const int j = column.joint;
+    switch (column.kind) {
+      case ColumnKind::kLink: return;
+      case ColumnKind::kRotorInertia: column_of(rows, j, c) = qdd.col(j); return;
+      case ColumnKind::kCoulomb: column_of(rows, j, c) = smooth_sign(qd.col(j), sign_width_[j]); return;
+      case ColumnKind::kViscous: column_of(rows, j, c) = qd.col(j); return;
+      case ColumnKind::kOffset: column_of(rows, j, c).setOnes(); return;
+      case ColumnKind::kCouplingInertia:
+      case ColumnKind::kCouplingCoulomb:
+      case ColumnKind::kCouplingViscous: break;
+    }
+    const auto& coupling = couplings_[static_cast<std::size_t>(column.coupling)];
+    Eigen::VectorXd value = shared(coupling, column.kind == ColumnKind::kCouplingInertia ? qdd : qd);
+    if (column.kind == ColumnKind::kCouplingCoulomb)
+      value = smooth_sign(value, sign_width_[coupling.driven]).eval();
+    column_of(rows, coupling.driven, c) = value;
+    column_of(rows, coupling.driving, c) = coupling.ratio * value;
+  }
+
+  /// The torque's part.
+  void add_drive_gradient(const MatrixXd& h, MatrixXd& by_qd, MatrixXd& by_qdd) const {
+    for (Index i = 0; i < N; ++i) {
+      const auto& a = actuation_[static_cast<std::size_t>(i)];
+      by_qdd.col(i) += a.rotor_inertia * h.col(i);
+      by_qd.col(i) += a.viscous_friction * h.col(i);
+    }
+    for (const auto& coupling : fitted_) {
+      const Eigen::VectorXd weight = shared(coupling, h);
+      add_shared(coupling, coupling.rotor_inertia * weight, by_qdd);
+      add_shared(coupling, coupling.viscous_friction * weight, by_qd);
+    }
+  }
+
+  void add_column_gradient(std::size_t c, const MatrixXd& qd, const Rows& G, MatrixXd& by_qd,
+                           MatrixXd& by_qdd) const {
+    const Column& column = columns_[c];
+    const int j = column.joint;
+    switch (column.kind) {
+      case ColumnKind::kLink:
+      case ColumnKind::kOffset: return;
+      case ColumnKind::kRotorInertia: by_qdd.col(j) += column_of(G, j, c); return;
+      case ColumnKind::kCoulomb:
+        by_qd.col(j) += column_of(G, j, c).cwiseProduct(sign_slope(qd.col(j), sign_width_[j]));
+        return;
+      case ColumnKind::kViscous: by_qd.col(j) += column_of(G, j, c); return;
+      case ColumnKind::kCouplingInertia:
+      case ColumnKind::kCouplingCoulomb:
+      case ColumnKind::kCouplingViscous: break;
+    }
+    const auto& coupling = couplings_[static_cast<std::size_t>(column.coupling)];
+    Eigen::VectorXd slope =
+        column_of(G, coupling.driven, c) + coupling.ratio * column_of(G, coupling.driving, c);
+    if (column.kind == ColumnKind::kCouplingCoulomb)
+      slope = slope.cwiseProduct(sign_slope(shared(coupling, qd), sign_width_[coupling.driven])).eval();
+    add_shared(coupling, slope, column.kind == ColumnKind::kCouplingInertia ? by_qdd : by_qd);
+  }
+
+  static Eigen::VectorXd shared(const GearCoupling<double>& coupling, const MatrixXd& values) {
+    return values.col(coupling.driven) + coupling.ratio * values.col(coupling.driving);
+  }
+  static void add_shared(const GearCoupling<double>& coupling, const Eigen::VectorXd& slope, MatrixXd& by) {
+    by.col(coupling.driven) += slope;
+    by.col(coupling.driving) += coupling.ratio * slope;
+  }
+  static Eigen::VectorXd smooth_sign(const Eigen::VectorXd& velocity, double width) {
+    return velocity.unaryExpr([width](double v) { return std::tanh(v / width); });
+  }
+  static Eigen::VectorXd sign_slope(const Eigen::VectorXd& velocity, double width) {
+    return velocity.unaryExpr([width](double v) {
+      const double s = std::tanh(v / width);
+      return (1.0 - s * s) / width;
+    });
+  }
+
   DynamicArm<double, N> arm_;
-  DynamicArm<Jet, N> jet_arm_;
+  RegressorSlope slope_;
   Eigen::Matrix<double, 10 * N, 1> links_;
   std::array<JointActuation<double>, N> actuation_;
-  std::vector<Column> columns_;
+  std::vector<Column> columns_;                  ///< in their order
   std::vector<GearCoupling<double>> fitted_;     ///< with the robot's values, for the torque
   std::vector<GearCoupling<double>> couplings_;  ///< of the structure, for the columns
   Eigen::VectorXd sign_width_;
@@ -218,7 +241,7 @@ std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(const Reg
                                                                        const std::vector<int>& chosen,
                                                                        const Eigen::VectorXd& sign_width) {
   const auto make = [&](auto n) -> std::unique_ptr<DifferentiableRegressor> {
-    return std::make_unique<Sized<compiled_size(n)>>(columns, chosen, sign_width);
+    return std::make_unique<Sized<n>>(columns, chosen, sign_width);
   };
   return model::with_joint_count(columns.num_joints(), columns.robot().name, make);
 }

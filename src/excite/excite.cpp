@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <functional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -27,12 +29,27 @@ namespace {
 /// A good fit is possible below; above, single parameters lose a digit or more to the noise.
 constexpr double kGoodCondition = 30.0;
 
-RandomMotions random_motions(const ExcitationDesign& design, int count) {
+/// Scores random motions while other work is done; what that throws comes first.
+RandomMotions random_motions(const ExcitationDesign& design, int count, const std::function<void()>& beside) {
   std::vector<ExcitationScore> scores(static_cast<std::size_t>(count));
-  host::for_each_parallel(scores.size(), [&](std::size_t i) {
-    // Seeds far from those of the search.
-    scores[i] = design.score(design.random_motion(design.options().seed + 1'000'003 * (i + 1)));
-  });
+  std::exception_ptr failure;
+  try {
+    host::for_each_parallel(scores.size() + 1, [&](std::size_t i) {
+      // Seeds far from those of the search.
+      if (i > 0) {
+        scores[i - 1] = design.score(design.random_motion(design.options().seed + 1'000'003 * i));
+        return;
+      }
+      try {
+        beside();
+      } catch (...) {
+        failure = std::current_exception();
+      }
+    });
+  } catch (...) {
+    if (!failure) throw;
+  }
+  if (failure) std::rethrow_exception(failure);
   std::vector<double> condition, mean_std, volume_std;
   for (const ExcitationScore& score : scores) {
     condition.push_back(score.condition);
@@ -159,15 +176,21 @@ ExcitingMotion design(const model::Robot& robot, const MotionLimits& limits, con
   motion.excitation = designed->optimize(options.progress);
   motion.limits = designed->limits();
   motion.design = designed;
-  finish_motion(motion, {fourier_piece("exciting motion", motion.excitation.trajectory)}, options.from,
-                options.rate, options.rehearse);
+  const auto finish = [&] {
+    finish_motion(motion, {fourier_piece("exciting motion", motion.excitation.trajectory)}, options.from,
+                  options.rate, options.rehearse);
+  };
+  if (options.compare > 0) {
+    motion.random = random_motions(*designed, options.compare, finish);
+  } else {
+    finish();
+  }
   if (!(motion.excitation.score.condition <= kGoodCondition)) {
     motion.judgement.add(
         host::Verdict::kDoubtful,
         fmt::format("The condition number is {:.3g}, above {:g}: some parameters will be known badly",
                     motion.excitation.score.condition, kGoodCondition));
   }
-  if (options.compare > 0) motion.random = random_motions(*designed, options.compare);
   return motion;
 }
 

@@ -164,6 +164,10 @@ VectorXd LimitCheck::torque_without_coulomb(const VectorXd& q, const VectorXd& q
 }
 
 double LimitCheck::pose_slack(const VectorXd& q, std::string* what) const {
+  return pose_slack(LinkFrames(robot, q), q, what);
+}
+
+double LimitCheck::pose_slack(const LinkFrames& frames, const VectorXd& q, std::string* what) const {
   double least = kInfinity;
   const auto meet = [&](double slack, const auto& name) {
     if (!(slack < least)) return;
@@ -173,7 +177,6 @@ double LimitCheck::pose_slack(const VectorXd& q, std::string* what) const {
   for (int j = 0; j < n(); ++j) {
     meet(1.0 - std::abs(q[j] - middle[j]) / half[j], [&] { return "position of " + joint_name(robot, j); });
   }
-  const LinkFrames frames(robot, q);
   const auto share = [](double spare, double clearance) {
     return spare / std::max(clearance, kLeastClearance);
   };
@@ -209,15 +212,16 @@ Closest LimitCheck::closest(const Samples& motion, double enough) const {
       meet(1.0 - std::abs(qdd[j]) / acceleration[j],
            [&] { return "acceleration of " + joint_name(robot, j); });
     }
-    std::string what;
-    const double slack = pose_slack(q, &what);
-    meet(slack, [&] { return what; });
-    if (!points.empty()) {
-      const LinkFrames frames(robot, q);
-      for (const SpeedPoint& point : points) {
-        const double speed = frames.velocity(point.link, frames.at(point.link, point.point), qd).norm();
-        meet(1.0 - speed / tool_speed, [&] { return point.name; });
-      }
+    const LinkFrames frames(robot, q);
+    const double slack = pose_slack(frames, q, nullptr);
+    meet(slack, [&] {
+      std::string what;
+      (void)pose_slack(frames, q, &what);
+      return what;
+    });
+    for (const SpeedPoint& point : points) {
+      const double speed = frames.velocity(point.link, frames.at(point.link, point.point), qd).norm();
+      meet(1.0 - speed / tool_speed, [&] { return point.name; });
     }
     if (result.slack < enough) return result;
     const VectorXd tau = torque_without_coulomb(q, qd, qdd);

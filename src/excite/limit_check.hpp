@@ -64,6 +64,8 @@ class LimitCheck {
   Closest closest_at_rest(const Eigen::VectorXd& q) const;
   /// Position limits, walls, links against one another and obstacles alone: what a pose can break.
   double pose_slack(const Eigen::VectorXd& q, std::string* what = nullptr) const;
+  /// The same with the frames at q.
+  double pose_slack(const collision::LinkFrames& frames, const Eigen::VectorXd& q, std::string* what) const;
 
   InSpace in_space(const Eigen::VectorXd& q, const Eigen::VectorXd& qd) const;
   /// @param tau  m × n, or empty: torque is then what the model predicts

@@ -86,6 +86,9 @@ struct Nearest {
       on_second{Eigen::Vector3d::Zero()};  ///< on axes, inside [m]
 };
 
+/// Distance of two capsules whose axes run from a to b, in the base frame [m].
+Nearest distance(const Eigen::Vector3d& first_a, const Eigen::Vector3d& first_b, double first_radius,
+                 const Eigen::Vector3d& second_a, const Eigen::Vector3d& second_b, double second_radius);
 /// Distance of two capsules of an arm at one position.
 Nearest distance(const LinkFrames& frames, const Capsule& first, const Capsule& second);
 /// Distance of a capsule from a box; on_second is on the box. Where the axis enters the box: minus the radius.

@@ -54,7 +54,7 @@ struct ExcitationOptions {
   /// Sample rate of the log to be recorded: over how many rows the noise is averaged [Hz].
   double sample_rate{100.0};
   int starts{8};        ///< random motions that the search begins with
-  int finalists{2};     ///< of which this many are searched to the end
+  int finalists{3};     ///< of which this many are searched to the end
   int iterations{400};  ///< of the search from one finalist
   int threads{0};       ///< 0: one a processor. The result does not depend on it.
   std::uint64_t seed{1};
@@ -89,8 +89,8 @@ struct Excitation {
 /// little, and the period could not be repeated and averaged.
 ///
 /// Search: Ceres' BFGS from several random motions, limits by a logarithmic barrier over samples of one period
-/// that is lowered step by step, so that every motion on the way keeps the limits. Gradients are exact:
-/// automatic differentiation of core's regressor, chain rule on the coefficients (excitation.md). Friction's
+/// that is lowered step by step, so that every motion on the way keeps the limits. Gradients are exact: one pass
+/// outward along the arm and one back, chain rule on the coefficients (excitation.md). Friction's
 /// sign is smooth in the search and sharp in every figure given out. Last, the motion is checked on a tenfold
 /// finer grid and drawn together about its middle until the limits hold there.
 ///
