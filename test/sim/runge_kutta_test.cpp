@@ -1,6 +1,7 @@
 /// Runge-Kutta from sample to sample against its referee: CVODE, restarted at every sample, with a tolerance of 1e-12.
 #include <cmath>
 #include <memory>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,8 @@ struct ClosedLoop {
   int events;    ///< at least so many happen
   double bound;  ///< of the error, in tolerances: how much the motion makes of an error
 };
+
+std::ostream& operator<<(std::ostream& out, const ClosedLoop& c) { return out << c.name; }
 
 void without_friction(SimulationSettings& s) { s.loads.clear(); }
 void with_friction(SimulationSettings&) {}
