@@ -17,6 +17,7 @@
 
 #include "design_impl.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/parallel.hpp"
 
 namespace heft::excite {
 namespace {
@@ -163,7 +164,7 @@ class MultiStart {
         progress_(progress),
         threads_(design.options.threads > 0
                      ? design.options.threads
-                     : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
+                     : static_cast<int>(host::threads())),
         finalists_(std::clamp(design.options.finalists, 1, design.options.starts)),
         searches_(static_cast<std::size_t>(design.options.starts)),
         order_(searches_.size()) {

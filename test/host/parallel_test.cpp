@@ -1,0 +1,137 @@
+#include "heft/host/parallel.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <mutex>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "heft/host/number_store.hpp"
+
+namespace heft::host {
+namespace {
+
+constexpr int kItems = 500;
+
+/// Sets the number of threads as long as it lives.
+class Threads {
+ public:
+  explicit Threads(std::size_t count) { set_threads(count); }
+  ~Threads() { set_threads(0); }
+  Threads(const Threads&) = delete;
+  Threads& operator=(const Threads&) = delete;
+};
+
+/// Work of unequal length.
+double slow_root(int item) {
+  double x = item;
+  for (int k = 0; k < (item * 7919) % 2000; ++k) x = 0.5 * (x + item / std::max(x, 1e-9));
+  return x;
+}
+
+template <typename Use>
+void take_through(int items, const Use& use) {
+  int next = 0;
+  for_each_in_order<int, double>(
+      16, [&](int& item) { return (item = next++) < items; }, [](int& item) { return slow_root(item); }, use);
+}
+
+TEST(InOrder, UsesResultsInTheOrderOfTheItemsOnAnyNumberOfThreads) {
+  for (const std::size_t threads : {1, 2, 3, 8}) {
+    const Threads set(threads);
+    std::vector<double> used;
+    take_through(kItems, [&](double& result) { used.push_back(result); });
+    ASSERT_EQ(used.size(), static_cast<std::size_t>(kItems));
+    for (int item = 0; item < kItems; ++item) EXPECT_EQ(used[static_cast<std::size_t>(item)], slow_root(item));
+  }
+}
+
+TEST(InOrder, ThrowsWhatTheFirstItemThrowsWhicheverFailsSooner) {
+  for (const std::size_t threads : {1, 2, 3, 8}) {
+    const Threads set(threads);
+    for (int repetition = 0; repetition < 20; ++repetition) {
+      int next = 0, used = 0;
+      const auto run = [&] {
+        for_each_in_order<int, int>(
+            16,
+            [&](int& item) {
+              item = next++;
+              if (item == 60) throw std::runtime_error("reading 60");
+              return true;
+            },
+            [](int& item) {
+              if (item < 50) slow_root(1999);
+              if (item >= 50) throw std::runtime_error("working on " + std::to_string(item));
+              return item;
+            },
+            [&](int&) { ++used; });
+      };
+      std::string message;
+      try {
+        run();
+      } catch (const std::runtime_error& error) {
+        message = error.what();
+      }
+      EXPECT_EQ(message, "working on 50");
+      EXPECT_EQ(used, 50);
+    }
+  }
+}
+
+TEST(InOrder, ThrowsWhatReadingThrowsOnceEverythingBeforeWasUsed) {
+  for (const std::size_t threads : {1, 2, 8}) {
+    const Threads set(threads);
+    int next = 0, used = 0;
+    EXPECT_THROW((for_each_in_order<int, int>(
+                     16,
+                     [&](int& item) {
+                       item = next++;
+                       if (item == 30) throw std::runtime_error("the end is missing");
+                       return true;
+                     },
+                     [](int& item) { return item; }, [&](int&) { ++used; })),
+                 std::runtime_error);
+    EXPECT_EQ(used, 30);
+  }
+}
+
+TEST(InOrder, RunsOnAsManyThreadsAsAskedForAndNestedWorkOnItsOwn) {
+  const Threads set(3);
+  EXPECT_EQ(threads(), 3U);
+  std::mutex guard;
+  std::set<std::thread::id> ids;
+  std::atomic<int> nested{0};
+  take_through(kItems, [&](double&) {
+    if (threads() == 1) ++nested;
+    const std::lock_guard<std::mutex> lock(guard);
+    ids.insert(std::this_thread::get_id());
+  });
+  EXPECT_LE(ids.size(), 3U);
+  EXPECT_EQ(nested, kItems);
+  EXPECT_EQ(threads(), 3U) << "of the calling thread, once the work is done";
+}
+
+TEST(NumberStore, GivesBackWhatItTookFromMemoryAndFromTheDisk) {
+  NumberStore store;
+  constexpr std::size_t kBlock = 50'000, kBlocks = 60;  // 24 MB: more than stays in memory
+  std::vector<double> block(kBlock), read(kBlock);
+  for (std::size_t b = 0; b < kBlocks; ++b) {
+    for (std::size_t k = 0; k < kBlock; ++k) block[k] = static_cast<double>(b * kBlock + k);
+    ASSERT_TRUE(store.append(block));
+    for (const std::size_t from : {std::size_t{0}, b}) {
+      ASSERT_TRUE(store.read(from * kBlock, read));
+      EXPECT_EQ(read.front(), static_cast<double>(from * kBlock));
+      EXPECT_EQ(read.back(), static_cast<double>(from * kBlock + kBlock - 1));
+    }
+  }
+  EXPECT_EQ(store.size(), kBlock * kBlocks);
+  EXPECT_FALSE(store.read(store.size() - kBlock + 1, read)) << "beyond the end there is nothing";
+}
+
+}  // namespace
+}  // namespace heft::host
