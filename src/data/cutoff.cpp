@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
-#include "heft/statistics/spectrum.hpp"
+#include "heft/host/parallel.hpp"
 
 namespace heft::data {
 namespace {
@@ -84,14 +84,22 @@ void BandwidthEstimate::add(const Eigen::Ref<const Eigen::MatrixXd>& q) {
 void BandwidthEstimate::add_stretch() {
   fresh_ = 0;
   if (power_.size() == 0) return;
-  statistics::Periodogram periodogram(kWhole);
-  for (Index joint = 0; joint < mean_.size(); ++joint) {
-    const std::vector<std::complex<double>>& spectrum =
-        periodogram.of(stretch_.col(joint).head(filled_), mean_[joint]);
-    for (Index k = 0; k < power_.rows(); ++k) {
-      power_(k, joint) += std::norm(spectrum[static_cast<std::size_t>(k)]);
-    }
+  const std::size_t joints = static_cast<std::size_t>(mean_.size());
+  if (periodograms_.empty()) {
+    for (std::size_t t = 0; t < std::min(host::threads(), joints); ++t) periodograms_.emplace_back(kWhole);
   }
+  // Joints side by side; each transform needs a periodogram of its own.
+  const std::size_t workers = periodograms_.size();
+  host::for_each_parallel(workers, [&](std::size_t worker) {
+    for (std::size_t j = worker; j < joints; j += workers) {
+      const auto joint = static_cast<Index>(j);
+      const std::vector<std::complex<double>>& spectrum =
+          periodograms_[worker].of(stretch_.col(joint).head(filled_), mean_[joint]);
+      for (Index k = 0; k < power_.rows(); ++k) {
+        power_(k, joint) += std::norm(spectrum[static_cast<std::size_t>(k)]);
+      }
+    }
+  });
 }
 
 double BandwidthEstimate::value() {

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
 #include "heft/data/differentiate.hpp"
+#include "heft/statistics/spectrum.hpp"
 
 namespace heft::data {
 
@@ -41,6 +43,7 @@ class BandwidthEstimate {
   Eigen::Index total_rows_{0};
   Eigen::RowVectorXd square_sum_;  ///< of the deviation from mean_
   Eigen::MatrixXd power_;          ///< frequencies × n
+  std::vector<statistics::Periodogram> periodograms_;  ///< one a thread
 };
 
 }  // namespace heft::data

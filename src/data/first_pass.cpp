@@ -1,17 +1,15 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "cutoff.hpp"
-#include "displacement.hpp"
 #include "heft/host/error.hpp"
 #include "motion_stream_impl.hpp"
 #include "refuse_unsound.hpp"
 #include "resample.hpp"
-#include "streaming_median.hpp"
 
 namespace heft::data {
 
@@ -24,144 +22,67 @@ constexpr std::size_t kMostGaps = 100;
 /// Joints that travel less rest [rad, m]; also those with less than a hundredth of the largest travel.
 constexpr double kRestingTravel = 1e-2;
 
-/// Extremes and mean of the columns of a log.
-class Ranges {
- public:
-  Ranges(Index joints, Index torques)
-      : low_(Eigen::RowVectorXd::Constant(joints, std::numeric_limits<double>::infinity())),
-        high_(-low_),
-        sum_(Eigen::RowVectorXd::Zero(joints)),
-        torque_(Eigen::RowVectorXd::Zero(torques)) {}
-
-  /// The next rows; `tau` may be without columns.
-  void add(const Eigen::Ref<const Eigen::MatrixXd>& q, const Eigen::Ref<const Eigen::MatrixXd>& tau) {
-    if (origin_.size() == 0) origin_ = q.row(0);
-    low_ = low_.cwiseMin(q.colwise().minCoeff());
-    high_ = high_.cwiseMax(q.colwise().maxCoeff());
-    sum_ += (q.rowwise() - origin_).colwise().sum();
-    if (tau.cols() > 0) torque_ = torque_.cwiseMax(tau.cwiseAbs().colwise().maxCoeff());
-  }
-  Eigen::VectorXd travel() const { return (high_ - low_).transpose(); }
-  Eigen::VectorXd max_torque() const { return torque_.transpose(); }
-  Eigen::RowVectorXd mean(long samples) const { return origin_ + sum_ / static_cast<double>(samples); }
-
- private:
-  Eigen::RowVectorXd low_, high_, sum_, torque_;
-  Eigen::RowVectorXd origin_;  ///< first row: a large constant must not leave rounding noise in the sum
-};
-
 }  // namespace
 
-/// Time stamps of a log, in order: their median and longest period, and whether an even grid fits them.
-class SampleClock {
- public:
-  void add(double t) {
-    if (samples_ == 0) {
-      begin_ = t;
-    } else {
-      const double elapsed = t - begin_;
-      const auto number = static_cast<double>(samples_);
-      least_period_ = std::max(least_period_, elapsed / (number + 0.01));
-      most_period_ = std::min(most_period_, elapsed / (number - 0.01));
-      longest_period_ = std::max(longest_period_, t - last_time_);
-      median.add(t - last_time_);
-    }
-    last_time_ = t;
-    ++samples_;
+/// The facts of a log in memory; of a file they are known.
+LogFacts MotionStream::Impl::facts_of_memory() {
+  refuse_unsound(*memory);
+  prepare_memory(true);
+  summary.path = memory->path;
+  MemorySource source(memory->time, memory_columns);
+  LogFacts facts(summary.path, layout.q, layout.tau, logged);
+  RowBuffer rows(layout.total());
+  while (const Index count = source.read(kBlockRows, rows)) {
+    const auto group = [&](Index from, Index columns) {
+      return rows.values.block(rows.begin, from, count, columns);
+    };
+    const Index n = layout.q;
+    facts.add(rows.time.segment(rows.begin, count), group(0, n), group(n, layout.tau),
+              group(n + layout.tau, layout.qd), group(n + layout.tau + layout.qd, layout.qdd));
+    rows.clear();
   }
-  long samples() const { return samples_; }
-  double begin() const { return begin_; }
-  double end() const { return last_time_; }
-  double longest_period() const { return longest_period_; }
-  /// Whether an even grid of this period fits.
-  bool is_even(double period) const { return least_period_ <= period && period <= most_period_; }
-
-  StreamingMedian median;  ///< of the periods
-
- private:
-  long samples_{0};
-  double begin_{0.0}, last_time_{0.0};
-  double longest_period_{0.0};
-  // The grid is the log's own when |t_k - t_0 - k p| <= p/100 for every k and p = (t_end - t_0)/(m-1), that
-  // is when (t_k - t_0)/(k + 0.01) <= p <= (t_k - t_0)/(k - 0.01): bounds that need no second look at the
-  // rows.
-  double least_period_{0.0};
-  double most_period_{std::numeric_limits<double>::infinity()};
-};
-
-/// The source of the first pass, with every column that is checked.
-MotionStream::Impl::OpenSource MotionStream::Impl::open_first() {
-  OpenSource pass;
-  if (memory) {
-    refuse_unsound(*memory);
-    prepare_memory(true);
-    summary.path = memory->path;
-    pass.source = std::make_unique<MemorySource>(memory->time, memory_columns);
-  } else {
-    pass.file = std::make_unique<LogFile>(summary.path, needs);
-    prepare_file(*pass.file, true);
-    pass.source = std::make_unique<FileSource>(*pass.file, file_columns);
-  }
-  return pass;
+  return facts;
 }
 
 void MotionStream::Impl::first_pass() {
-  OpenSource pass = open_first();
+  if (memory) {
+    own_facts = std::make_unique<LogFacts>(facts_of_memory());
+  } else {
+    summary.path = kept->path();
+    prepare_file(kept->file(), true);
+  }
+  const LogFacts& known = facts();
   const Index n = layout.q;
   summary.num_joints = static_cast<int>(n);
   summary.velocity_logged = summary.acceleration_logged = logged;
   std::vector<MovingSpan> spans(static_cast<std::size_t>(n));
-  log_check.emplace(summary.path, static_cast<int>(n));
-
-  // Every row once: format, time stamps, ranges.
-  SampleClock clock;
-  Ranges ranges(n, layout.tau);
-  PositionNoise noise(n);
-  RowBuffer rows(layout.total());
-  while (const Index count = pass.source->read(kBlockRows, rows)) {
-    for (Index k = rows.begin; k < rows.end; ++k) clock.add(rows.time[k]);
-    const auto group = [&](Index from, Index columns) {
-      return rows.values.block(rows.begin, from, count, columns);
-    };
-    const auto q = group(0, n), tau = group(n, layout.tau), qd = group(n + layout.tau, layout.qd);
-    ranges.add(q, tau);
-    log_check->add(rows.time.segment(rows.begin, count), q, qd, group(n + layout.tau + layout.qd, layout.qdd),
-                   tau);
-    if (wants_displacement(layout.qd)) noise.add(q, qd);
-    if (logged) {
-      for (Index joint = 0; joint < n; ++joint) {
-        MovingSpan& span = spans[static_cast<std::size_t>(joint)];
-        for (Index k = 0; k < count; ++k) span.add(rows.time[rows.begin + k], std::abs(qd(k, joint)));
-      }
-    }
-    rows.clear();
-  }
+  if (logged) spans = known.spans;
   distrust_logged_rates(spans);
-  if (pass.file) {
-    pass.file->check_length();
-    prepare_file(*pass.file, false);
+  if (memory) {
+    prepare_memory(false);
+  } else {
+    prepare_file(kept->file(), false);
     std::vector<std::size_t> used;
     for (const FileColumn& column : file_columns) used.push_back(column.column);
-    if (std::string note = pass.file->note(used); !note.empty()) summary.notes.push_back(std::move(note));
+    if (std::string note = kept->file().note(used); !note.empty()) summary.notes.push_back(std::move(note));
   }
-  if (memory) prepare_memory(false);
-  position_noise = noise.value();
-  summary.samples = clock.samples();
-  summary.begin = clock.begin();
-  summary.end = clock.end();
+  position_noise = known.noise.value();
+  summary.samples = known.clock.samples();
+  summary.begin = known.clock.begin();
+  summary.end = known.clock.end();
   if (summary.samples < kLeastSamples) refuse_short_log(summary.path, summary.samples);
-  summary.travel = ranges.travel();
-  summary.max_torque = ranges.max_torque();
+  summary.travel = known.ranges.travel();
+  summary.max_torque = known.ranges.max_torque();
 
-  fit_grid(clock);
-  find_cutoff(ranges.mean(summary.samples));
+  fit_grid();
+  find_cutoff(known.ranges.mean(summary.samples));
   if (!logged) find_speeds(spans);
   find_standstill(spans);
 }
 
 /// A recorded rate that contradicts the positions would be worse than a derived one.
 void MotionStream::Impl::distrust_logged_rates(std::vector<MovingSpan>& spans) {
-  const std::string reason = logged ? log_check->unusable_rate() : std::string();
+  const std::string reason = logged ? facts().check.unusable_rate() : std::string();
   if (reason.empty()) return;
   options.prefer_logged = logged = false;
   summary.velocity_logged = summary.acceleration_logged = false;
@@ -171,8 +92,29 @@ void MotionStream::Impl::distrust_logged_rates(std::vector<MovingSpan>& spans) {
 }
 
 /// The even grid: the log's own rows where its clock is even.
-void MotionStream::Impl::fit_grid(SampleClock& clock) {
-  StreamingMedian& median = clock.median;
+void MotionStream::Impl::fit_grid() {
+  LogGrid grid;
+  bool known = false;
+  if (kept) {
+    kept->with_motion([&](KeptLog::Motion& motion) {
+      known = motion.grid.has_value();
+      if (known) grid = *motion.grid;
+    });
+  }
+  if (!known) {
+    grid = grid_of_log();
+    if (kept) kept->with_motion([&](KeptLog::Motion& motion) { motion.grid = grid; });
+  }
+  summary.resampled = grid.resampled;
+  summary.sample_rate = grid.sample_rate;
+  summary.gaps = grid.gaps;
+  grid_count = grid.rows;
+  longest = grid.longest;
+}
+
+LogGrid MotionStream::Impl::grid_of_log() const {
+  const SampleClock& clock = facts().clock;
+  StreamingMedian median = clock.median;
   while (!median.finish_pass()) {
     OpenSource again = open(Wanted::kTime);
     RowBuffer times(0);
@@ -189,56 +131,103 @@ void MotionStream::Impl::fit_grid(SampleClock& clock) {
   }
   const double length = summary.end - summary.begin;
   const double even_period = length / static_cast<double>(summary.samples - 1);
-  summary.resampled = !clock.is_even(even_period);
-  grid_count =
-      summary.resampled ? grid_rows(length, 1.0 / median.value()) : static_cast<Index>(summary.samples);
-  summary.sample_rate = static_cast<double>(grid_count - 1) / length;
-  longest = kGapFactor * median.value();
-  if (clock.longest_period() > longest) find_gaps_of_log();
+  LogGrid grid;
+  grid.resampled = !clock.is_even(even_period);
+  grid.rows =
+      grid.resampled ? grid_rows(length, 1.0 / median.value()) : static_cast<Index>(summary.samples);
+  grid.sample_rate = static_cast<double>(grid.rows - 1) / length;
+  grid.longest = kGapFactor * median.value();
+  if (clock.longest_period() > grid.longest) grid.gaps = gaps_of_log(grid.longest);
+  return grid;
 }
 
-void MotionStream::Impl::find_gaps_of_log() {
+std::vector<TimeGap> MotionStream::Impl::gaps_of_log(double longest_step) const {
+  std::vector<TimeGap> gaps;
   OpenSource pass = open(Wanted::kTime);
   RowBuffer rows(0);
   double last_time = summary.begin;
   while (pass.source->read(kBlockRows, rows) > 0) {
     for (Index k = rows.begin; k < rows.end; ++k) {
-      if (rows.time[k] - last_time > longest) {
-        if (summary.gaps.size() == kMostGaps) return;
-        summary.gaps.push_back({last_time, rows.time[k]});
+      if (rows.time[k] - last_time > longest_step) {
+        if (gaps.size() == kMostGaps) return gaps;
+        gaps.push_back({last_time, rows.time[k]});
       }
       last_time = rows.time[k];
     }
     rows.clear();
   }
+  return gaps;
 }
 
 /// @param mean  of each position over the log
 void MotionStream::Impl::find_cutoff(const Eigen::RowVectorXd& mean) {
   if (options.motion.cutoff == 0.0) {
     summary.cutoff_chosen = true;
-    BandwidthEstimate bandwidth(grid_count, mean, summary.sample_rate);
-    walk(Wanted::kPosition, kBlockRows * 4, 0,
-         [&](const Window& window) { bandwidth.add(on_grid(window, 0, layout.q)); });
-    summary.bandwidth = bandwidth.value();
+    std::optional<double> known;
+    if (kept) kept->with_motion([&](const KeptLog::Motion& motion) { known = motion.bandwidth; });
+    summary.bandwidth = known ? *known : bandwidth_of_log(mean);
+    if (kept) kept->with_motion([&](KeptLog::Motion& motion) { motion.bandwidth = summary.bandwidth; });
   }
   summary.cutoff = choose_cutoff(summary.path, options.motion, summary.bandwidth, summary.sample_rate);
 }
 
+double MotionStream::Impl::bandwidth_of_log(const Eigen::RowVectorXd& mean) const {
+  BandwidthEstimate bandwidth(grid_count, mean, summary.sample_rate);
+  Walk windows(*this, Wanted::kPosition, kBlockRows * 4, 0);
+  for (Window window; windows.next(window);) bandwidth.add(on_grid(window, 0, layout.q));
+  return bandwidth.value();
+}
+
+namespace {
+
+bool same_derivative(const MotionOptions& a, const MotionOptions& b) {
+  return a.stencil == b.stencil && a.method == b.method && a.polynomial_order == b.polynomial_order;
+}
+
+}  // namespace
+
 /// Speeds of a motion that has to be derived.
 void MotionStream::Impl::find_speeds(std::vector<MovingSpan>& spans) const {
-  const Index margin = settling_rows(summary.sample_rate, summary.cutoff, options.motion);
-  walk(Wanted::kPosition, std::max(kBlockRows * 4, 2 * margin), margin, [&](const Window& window) {
-    const DerivedMotion derived = motion(window);
-    const auto clear = outside_gaps(window);
-    for (Index joint = 0; joint < layout.q; ++joint) {
-      const auto speed = derived.qd.col(joint).cwiseAbs();
-      MovingSpan& span = spans[static_cast<std::size_t>(joint)];
-      for (Index k = window.first - window.lo; k < window.first - window.lo + window.count; ++k) {
-        if (clear[k]) span.add(window.grid[k], speed[k]);
+  bool known = false;
+  if (kept) {
+    kept->with_motion([&](const KeptLog::Motion& motion) {
+      for (const KeptLog::Motion::Speeds& speeds : motion.speeds) {
+        if (speeds.cutoff != summary.cutoff || !same_derivative(speeds.options, options.motion)) continue;
+        spans = speeds.spans;
+        known = true;
       }
-    }
+    });
+  }
+  if (known) return;
+  derive_speeds(spans);
+  if (!kept) return;
+  kept->with_motion([&](KeptLog::Motion& motion) {
+    motion.speeds.push_back({options.motion, summary.cutoff, spans});
   });
+}
+
+void MotionStream::Impl::derive_speeds(std::vector<MovingSpan>& spans) const {
+  const Index margin = settling_rows(summary.sample_rate, summary.cutoff, options.motion);
+  struct Speeds {
+    Eigen::VectorXd time;
+    Eigen::MatrixXd speed;
+    Eigen::Array<bool, Eigen::Dynamic, 1> clear;  ///< of gaps
+  };
+  walk<Speeds>(
+      Wanted::kPosition, std::max(kBlockRows * 4, 2 * margin), margin,
+      [&](const Window& window) {
+        const Index first = window.first - window.lo, count = window.count;
+        return Speeds{window.grid.segment(first, count), motion(window).qd.middleRows(first, count).cwiseAbs(),
+                      outside_gaps(window).segment(first, count)};
+      },
+      [&](const Speeds& piece) {
+        for (Index joint = 0; joint < layout.q; ++joint) {
+          MovingSpan& span = spans[static_cast<std::size_t>(joint)];
+          for (Index k = 0; k < piece.time.size(); ++k) {
+            if (piece.clear[k]) span.add(piece.time[k], piece.speed(k, joint));
+          }
+        }
+      });
 }
 
 /// Top speeds, and from when to when a joint moves.

@@ -42,11 +42,19 @@ std::vector<std::pair<std::string, const double*>> columns_of(const Log& log) {
 
 Log rows_of(LogFile& file, const std::string& path, std::vector<std::string>* notes) {
   const std::size_t num_columns = file.num_columns();
-  std::vector<double> row(num_columns);
+  const std::size_t time_column = file.find_column("time");
   std::vector<std::vector<double>> columns(num_columns);
-  while (file.next(row.data())) {
-    for (std::size_t c = 0; c < num_columns; ++c) columns[c].push_back(row[c]);
-  }
+  std::vector<FileColumn> all(num_columns);
+  for (std::size_t c = 0; c < num_columns; ++c) all[c].column = c;
+  all.erase(all.begin() + static_cast<std::ptrdiff_t>(time_column));
+  file.for_each_rows(all, [&](const FileRows& read) {
+    const auto append = [&](std::size_t column, const double* values) {
+      columns[column].insert(columns[column].end(), values, values + read.time.size());
+    };
+    append(time_column, read.time.data());
+    for (std::size_t c = 0; c < all.size(); ++c)
+      append(all[c].column, read.values.col(static_cast<Eigen::Index>(c)).data());
+  });
   file.check_length();
 
   Log log;
@@ -57,7 +65,7 @@ Log rows_of(LogFile& file, const std::string& path, std::vector<std::string>* no
     const std::vector<double> values = std::move(columns[c]);
     return Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(values.data(), rows));
   };
-  log.time = take(file.find_column("time"));
+  log.time = take(time_column);
   for (const Channel& channel : kChannels) {
     if (!file.has_channel(channel.matrix)) continue;
     Eigen::MatrixXd& matrix = log.*channel.matrix;

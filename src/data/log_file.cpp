@@ -220,6 +220,75 @@ bool LogFile::next(double* values) {
   return true;
 }
 
+/// Checks the times of rows of text, in their last column where the file has them.
+void LogFile::take_text_times(const TextRows& read, FileRows& rows) {
+  const Eigen::Index count = read.values.rows();
+  if (rate_ > 0.0) {
+    rows.time.resize(count);
+    for (Eigen::Index k = 0; k < count; ++k) rows.time[k] = static_cast<double>(num_rows_ + k) / rate_;
+  } else {
+    rows.time = read.values.col(read.values.cols() - 1);
+  }
+  for (Eigen::Index k = 0; k < count; ++k) {
+    if (num_rows_ == 0 || !(rows.time[k] > last_time_)) {
+      // Of several rows at once the last was read already: messages are about this one.
+      if (num_rows_ > 0 && k > 0) last_line_ = read.line_of(k - 1);
+      text_->stand_at(read.line_of(k));
+      check_time(rows.time[k]);
+    }
+    last_time_ = rows.time[k];
+    ++num_rows_;
+  }
+  last_line_ = read.line_of(count - 1);
+}
+
+void LogFile::for_each_rows(const std::vector<FileColumn>& columns,
+                            const std::function<void(const FileRows&)>& use) {
+  const auto wanted = static_cast<Eigen::Index>(columns.size());
+  FileRows rows;
+  const auto scale = [&] {
+    for (Eigen::Index c = 0; c < wanted; ++c) {
+      const double factor = columns[static_cast<std::size_t>(c)].factor;
+      if (factor != 1.0) rows.values.col(c) *= factor;
+    }
+    use(rows);
+  };
+  if (text_ != nullptr) {
+    // A column may be asked for twice: as it is, and times a torque constant.
+    std::vector<std::size_t> numbers;
+    std::vector<Eigen::Index> places;
+    for (const FileColumn& column : columns) {
+      const auto place = std::find(numbers.begin(), numbers.end(), column.column);
+      places.push_back(place - numbers.begin());
+      if (place == numbers.end()) numbers.push_back(column.column);
+    }
+    if (rate_ == 0.0) numbers.push_back(time_column_);
+    text_->for_each_rows(numbers, [&](const TextRows& read) {
+      take_text_times(read, rows);
+      rows.values = read.values(Eigen::all, places);
+      scale();
+    });
+    return;
+  }
+  constexpr Eigen::Index kRows = 2048;
+  std::vector<double> row(num_columns(), 0.0);
+  for (bool more = true; more;) {
+    rows.time.resize(kRows);
+    rows.values.resize(kRows, wanted);
+    Eigen::Index count = 0;
+    while (count < kRows && (more = next(row.data()))) {
+      rows.time[count] = row[time_column_];
+      for (Eigen::Index c = 0; c < wanted; ++c)
+        rows.values(count, c) = row[columns[static_cast<std::size_t>(c)].column];
+      ++count;
+    }
+    if (count == 0) return;
+    rows.time.conservativeResize(count);
+    rows.values.conservativeResize(count, Eigen::NoChange);
+    scale();
+  }
+}
+
 /// Text readers look at every number themselves; binary formats hold what is no number.
 void LogFile::check_finite(const double* values) {
   for (std::size_t c = 0; c < file_columns_; ++c) {
@@ -285,7 +354,16 @@ std::string LogFile::note(const std::vector<std::size_t>& used) const {
   return text;
 }
 
+void LogFile::close() {
+  how_ = how_read();
+  for (std::size_t c = 0; c < columns_.size(); ++c) columns_[c].dropped = is_dropped(c);
+  if (text_ != nullptr) dropped_ = text_->dropped();
+  text_ = nullptr;
+  reader_.reset();
+}
+
 std::string LogFile::how_read() const {
+  if (!reader_) return how_;
   std::string how = understood(reader_->columns());
   if (rate_ > 0.0) how += fmt::format("{}time from {:g} rows a second", how.empty() ? "" : "; ", rate_);
   for (const std::string& note : reader_->notes()) how += fmt::format("{}{}", how.empty() ? "" : "; ", note);

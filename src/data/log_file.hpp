@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -36,6 +37,19 @@ inline constexpr std::array<Channel, 8> kChannels{{
     {"qdref", &Log::qdref},  // velocity references [rad/s, m/s]
     {"temp", &Log::temperature},
 }};
+
+/// A column of a file and what its numbers are to be multiplied by.
+struct FileColumn {
+  std::size_t column{0};
+  double factor{1.0};
+  bool operator==(const FileColumn&) const = default;
+};
+
+/// Neighbouring rows of a log, one at least.
+struct FileRows {
+  Eigen::VectorXd time;    ///< [s]
+  Eigen::MatrixXd values;  ///< rows × columns asked for
+};
 
 /// Reads one log from front to back. Memory does not grow with the file.
 class LogFile {
@@ -74,9 +88,15 @@ class LogFile {
   /// @return false at the end of the file
   /// @throws DataError naming the line; of rows that arrive the next call then takes the row behind it
   bool next(double* values);
+  /// All rows that are left, in sequence, any number at a time; text is read on all threads. The same checks as next().
+  /// @throws DataError as next(), with the same words; not all rows before need have been used by then
+  void for_each_rows(const std::vector<FileColumn>& columns, const std::function<void(const FileRows&)>& use);
   /// Number of the line read last; 0 where there are none.
   std::size_t line() const { return text_ != nullptr ? text_->line() : 0; }
   const LogReader& reader() const { return *reader_; }
+
+  /// Gives back the file, at its end: what was found out about it remains, no row can be read.
+  void close();
 
   long num_rows() const { return num_rows_; }
   /// Whether the rows read are as many as needed. @throws DataError
@@ -103,6 +123,7 @@ class LogFile {
   }
 
   void check_time(double time);
+  void take_text_times(const TextRows& read, FileRows& rows);
   void check_finite(const double* values);
   void find_channels();
   std::string or_map(std::string_view prefix) const;
@@ -132,7 +153,8 @@ class LogFile {
   std::size_t last_line_{0};  ///< of the last row taken; of the header where there is none
   double other_time_{0.0};    ///< of the last row refused for its time [s]
   int other_rows_{0};         ///< rows in a row refused for their time, though it increases among them
-  std::vector<std::string> dropped_;  ///< by this class, in a binary log
+  std::vector<std::string> dropped_;  ///< by this class, in a binary log; all of them once the file is closed
+  std::string how_;                   ///< how_read() of a closed file
 };
 
 /// All rows of a log, in memory. @param notes  as of read_log, without how the file was understood

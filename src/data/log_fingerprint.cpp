@@ -11,7 +11,7 @@ using host::combine;
 
 namespace {
 
-/// Runs kept before every other one is dropped: 16 MB at most.
+/// Runs kept before every other one is dropped: 8 MB at most.
 constexpr std::size_t kMostRuns = std::size_t{1} << 20U;
 
 }  // namespace
@@ -32,7 +32,7 @@ void LogFingerprint::add(const Eigen::Ref<const Eigen::MatrixXd>& q,
     recent_[at] = hash;
     changed_[at] = changed;
     if (rows_ + 1 < kRun) continue;
-    Run run{0, std::count(changed_.begin(), changed_.end(), true) >= kRun / 2};
+    Run run{0, std::count(changed_.begin(), changed_.end(), true) >= kRun / 2 ? 1U : 0U};
     for (std::size_t i = 1; i <= kRun; ++i) run.hash = combine(run.hash, recent_[(at + i) % kRun]);
     keep(run);
   }
@@ -73,7 +73,7 @@ LogFingerprint::Relation LogFingerprint::relation_to(const LogFingerprint& other
       theirs += take_b ? 1 : 0;
       if (take_a && take_b) {
         ++shared;
-        moves = moves || run.moves;
+        moves = moves || run.moves != 0;
       }
     }
     if (take_a) ++a;

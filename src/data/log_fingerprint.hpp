@@ -31,8 +31,8 @@ class LogFingerprint {
 
  private:
   struct Run {
-    std::uint64_t hash;
-    bool moves;  ///< q changes in at least half of its rows
+    std::uint64_t hash : 63;
+    std::uint64_t moves : 1;  ///< q changes in at least half of its rows
     bool operator<(const Run& other) const { return hash < other.hash; }
     bool operator==(const Run& other) const { return hash == other.hash; }
   };

@@ -9,10 +9,10 @@
 
 #include "heft/data/log_part.hpp"
 #include "heft/host/error.hpp"
+#include "kept_log.hpp"
 #include "log_file.hpp"
 #include "log_fingerprint.hpp"
 #include "refuse_unsound.hpp"
-#include "row_source.hpp"
 
 namespace heft::data {
 namespace {
@@ -26,113 +26,38 @@ constexpr int kShortestPart = 50;
 /// Fewer rows where a single one would do are states, not a motion.
 constexpr long kFewestOfAMotion = 10;
 
-/// What cannot be read twice: a pipe, say.
-bool reads_once(const std::string& path) {
-  std::error_code ignored;
-  return std::filesystem::exists(path, ignored) && std::filesystem::is_other(path, ignored);
+/// Keeps what was found in the rows of a log: unit slips, and what another log could share with it.
+/// @throws DataError with the first unit slip
+void judge_rows(const LogCheck& check, LogFingerprint fingerprint, const JointLimits& limits, LogSource& source,
+                std::vector<std::string>& notes) {
+  // A list of poses is no motion: its time stamps say nothing of units.
+  const bool states = source.needs.min_samples == 1 && fingerprint.rows() < kFewestOfAMotion;
+  const std::vector<LogFinding> findings = states ? std::vector<LogFinding>() : check.findings(limits);
+  refuse_errors(findings);
+  for (const LogFinding& finding : findings) notes.push_back(finding.message);
+  source.unusable_rate = check.unusable_rate();
+  source.fingerprint = std::make_shared<const LogFingerprint>(std::move(fingerprint));
 }
 
-/// Columns of one channel in a file, as factors of their numbers.
-struct ChannelColumns {
-  std::vector<std::size_t> columns;
-  std::vector<double> factors;
-};
-
-ChannelColumns columns_of(const LogFile& file, const std::string& prefix, bool there,
-                          bool with_torque_constant = false) {
-  ChannelColumns channel;
-  for (int joint = 1; there && joint <= file.num_joints(); ++joint) {
-    channel.columns.push_back(file.find_column(fmt::format("{}{}", prefix, joint)));
-    channel.factors.push_back(with_torque_constant ? file.torque_constant(joint - 1) : 1.0);
-  }
-  return channel;
-}
-
-/// Calls `use(time, q, qd, qdd, tau)` for the rows of a file, block by block.
-/// @return LogFile::how_read() and unused_torque_constants(), where they say anything
-template <typename Use>
-std::vector<std::string> for_each_block(const std::string& path, const LogRequirements& needs,
-                                        const Use& use) {
-  LogFile file(path, needs);
-  const bool current = file.torque_from_current();
-  const std::array<ChannelColumns, 4> channels{
-      columns_of(file, "q", true), columns_of(file, "qd", file.has_channel(&Log::qd)),
-      columns_of(file, "qdd", file.has_channel(&Log::qdd)),
-      columns_of(file, current ? "i" : "tau", current || file.has_channel(&Log::tau), current)};
-  std::array<Eigen::MatrixXd, 4> blocks;
-  for (std::size_t c = 0; c < channels.size(); ++c) {
-    blocks[c].resize(kBlockRows, static_cast<Index>(channels[c].columns.size()));
-  }
-  Eigen::VectorXd time(kBlockRows);
-  const std::size_t time_column = file.find_column("time");
-  std::vector<double> row(file.num_columns());
-  Index rows = 0;
-  const auto hand_over = [&] {
-    use(time.head(rows), blocks[0].topRows(rows), blocks[1].topRows(rows), blocks[2].topRows(rows),
-        blocks[3].topRows(rows));
-    rows = 0;
-  };
-  while (file.next(row.data())) {
-    time[rows] = row[time_column];
-    for (std::size_t c = 0; c < channels.size(); ++c) {
-      for (std::size_t j = 0; j < channels[c].columns.size(); ++j) {
-        blocks[c](rows, static_cast<Index>(j)) = channels[c].factors[j] * row[channels[c].columns[j]];
-      }
-    }
-    if (++rows == kBlockRows) hand_over();
-  }
-  if (rows > 0) hand_over();
-  file.check_length();
-  std::vector<std::string> notes{file.how_read(), file.unused_torque_constants()};
-  std::erase(notes, "");
-  return notes;
-}
-
-/// Looks at every row of a log once: unit slips, and what another log could share with it.
-class Inspection {
- public:
-  Inspection(const std::string& path, int num_joints) : check_(path, num_joints) {}
-
-  void add(const Eigen::Ref<const Eigen::VectorXd>& time, const Eigen::Ref<const Eigen::MatrixXd>& q,
-           const Eigen::Ref<const Eigen::MatrixXd>& qd, const Eigen::Ref<const Eigen::MatrixXd>& qdd,
-           const Eigen::Ref<const Eigen::MatrixXd>& tau) {
-    check_.add(time, q, qd, qdd, tau);
-    fingerprint_->add(q, tau);
-  }
-  /// @throws DataError with the first unit slip
-  void finish(const JointLimits& limits, LogSource& source, std::vector<std::string>& notes) {
-    // A list of poses is no motion: its time stamps say nothing of units.
-    const bool states = source.needs.min_samples == 1 && fingerprint_->rows() < kFewestOfAMotion;
-    const std::vector<LogFinding> findings = states ? std::vector<LogFinding>() : check_.findings(limits);
-    refuse_errors(findings);
-    for (const LogFinding& finding : findings) notes.push_back(finding.message);
-    fingerprint_->finish();
-    source.unusable_rate = check_.unusable_rate();
-    source.fingerprint = std::move(fingerprint_);
-  }
-
- private:
-  LogCheck check_;
-  std::shared_ptr<LogFingerprint> fingerprint_{std::make_shared<LogFingerprint>()};
-};
-
+/// Looks at every row of a log once.
 /// @throws DataError as a reader of files does
 LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::string>& notes) {
-  if (!source.memory && reads_once(source.path)) {
-    source.memory = std::make_shared<Log>(read_log(source.path, source.needs, &notes));
-  }
-  Inspection inspection(source.path, source.needs.num_joints);
   if (source.memory) {
     const Log& log = *source.memory;
-    inspection.add(log.time, log.q, log.qd, log.qdd, log.tau);
-  } else {
-    const std::vector<std::string> told =
-        for_each_block(source.path, source.needs,
-                       [&](const auto& time, const auto& q, const auto& qd, const auto& qdd,
-                           const auto& tau) { inspection.add(time, q, qd, qdd, tau); });
-    notes.insert(notes.end(), told.begin(), told.end());
+    LogCheck check(source.path, source.needs.num_joints);
+    check.add(log.time, log.q, log.qd, log.qdd, log.tau);
+    LogFingerprint fingerprint;
+    fingerprint.add(log.q, log.tau);
+    fingerprint.finish();
+    judge_rows(check, std::move(fingerprint), limits, source, notes);
+    return source;
   }
-  inspection.finish(limits, source, notes);
+  const auto kept = std::make_shared<KeptLog>(source.path, source.needs, true);
+  for (std::string note : {kept->file().how_read(), kept->file().unused_torque_constants()}) {
+    if (!note.empty()) notes.push_back(std::move(note));
+  }
+  judge_rows(kept->facts().check, kept->take_fingerprint(), limits, source, notes);
+  source.kept = kept;
   return source;
 }
 
@@ -325,6 +250,7 @@ MotionStream stream(const LogSource& source, const StreamOptions& options) {
   StreamOptions wanted = options;
   if (wanted.motion.cutoff == 0.0) wanted.motion.cutoff = source.cutoff;
   if (source.memory) return MotionStream(*source.memory, wanted);
+  if (source.kept) return MotionStream(source.kept, wanted);
   return MotionStream(source.path, source.needs, wanted);
 }
 

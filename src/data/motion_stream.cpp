@@ -94,8 +94,10 @@ MotionStream::Impl::OpenSource MotionStream::Impl::open(Wanted wanted) const {
         memory->time, std::vector(memory_columns.begin(), memory_columns.begin() + count));
     return open;
   }
-  open.file = std::make_unique<LogFile>(summary.path, needs);
   const std::vector<FileColumn> columns(file_columns.begin(), file_columns.begin() + count);
+  open.source = kept->source(columns);
+  if (open.source) return open;
+  open.file = std::make_unique<LogFile>(summary.path, needs);
   std::vector<std::size_t> numbers;
   for (const FileColumn& column : columns) {
     if (column.column >= open.file->num_columns()) {
@@ -129,84 +131,95 @@ MotionStream::Impl::Window MotionStream::Impl::window_of(Index first, Index chun
   return window;
 }
 
-/// Calls `use` for every piece of the grid, pieces wholly inside a gap left out.
-void MotionStream::Impl::walk(Wanted wanted, Index chunk, Index margin,
-                              const std::function<void(const Window&)>& use,
-                              const std::function<void(double)>& progress) const {
-  OpenSource pass = open(wanted);
-  RowBuffer rows(pass.layout.total());
-  bool at_end = false;
-  const auto read = [&] {
-    at_end = pass.source->read(kBlockRows, rows) == 0;
-    return !at_end;
-  };
-  const Index reach = summary.resampled ? kSplineReach : 0;
-  // First row in the buffer at or after a time.
-  const auto row_at = [&](double time) {
-    const double* begin = rows.time.data() + rows.begin;
-    return static_cast<Index>(std::lower_bound(begin, begin + rows.size(), time) - begin);
-  };
+MotionStream::Impl::Walk::Walk(const Impl& stream, Wanted wanted, Index chunk, Index margin)
+    : stream_(stream),
+      pass_(stream.open(wanted)),
+      rows_(pass_.layout.total()),
+      chunk_(chunk),
+      margin_(margin),
+      reach_(stream.summary.resampled ? kSplineReach : 0) {}
 
-  for (Index first = 0; first < grid_count;) {
-    Window window = window_of(first, chunk, margin);
+double MotionStream::Impl::Walk::window_bytes() const {
+  return static_cast<double>(chunk_ + 2 * margin_) * static_cast<double>(pass_.layout.total() + 1) * sizeof(double);
+}
+
+bool MotionStream::Impl::Walk::read() {
+  at_end_ = pass_.source->read(kBlockRows, rows_) == 0;
+  return !at_end_;
+}
+
+/// First row in the buffer at or after a time.
+Index MotionStream::Impl::Walk::row_at(double time) const {
+  const double* begin = rows_.time.data() + rows_.begin;
+  return static_cast<Index>(std::lower_bound(begin, begin + rows_.size(), time) - begin);
+}
+
+/// Rows of the log: up to `reach_` behind a window from .. to, and from `reach_` before it.
+/// @param last  number of the row behind the window, where the grid is the log's own
+void MotionStream::Impl::Walk::read_around(double from, double to, Index last) {
+  const auto enough = [&] {
+    if (!stream_.summary.resampled) return rows_.first + rows_.size() >= last;
+    return rows_.size() > reach_ && rows_.time[rows_.end - 1 - reach_] > to;
+  };
+  while (!at_end_ && !enough() && read()) {
+    // A long gap must not make the buffer grow.
+    if (stream_.summary.resampled && rows_.size() > 0) {
+      const Index before = row_at(from) - reach_ - 1;
+      if (before > 0) rows_.drop_front(before);
+    }
+  }
+}
+
+/// Goes on to where a gap ends that holds the whole window. @return whether there is one
+bool MotionStream::Impl::Walk::skip_gap(double from, double to) {
+  if (!stream_.summary.resampled) return false;
+  const Index next = row_at(from);
+  if (next == 0 || next >= rows_.size() || rows_.time[rows_.begin + next] <= to) return false;
+  const double gap_end = rows_.time[rows_.begin + next];
+  const auto ahead = static_cast<Index>((gap_end - from) * stream_.summary.sample_rate) - 2 * margin_ - 2;
+  if (gap_end - rows_.time[rows_.begin + next - 1] <= stream_.longest || ahead <= chunk_) return false;
+  first_ += ahead;
+  return true;
+}
+
+bool MotionStream::Impl::Walk::next(Window& window) {
+  const StreamSummary& summary = stream_.summary;
+  while (first_ < stream_.grid_count) {
+    window = stream_.window_of(first_, chunk_, margin_);
     const double from = window.grid[0];
     const double to = window.grid[window.grid.size() - 1];
-
-    // Rows of the log: up to `reach` behind the window, and from `reach` before it.
-    const auto enough = [&] {
-      if (!summary.resampled) return rows.first + rows.size() >= window.hi;
-      return rows.size() > reach && rows.time[rows.end - 1 - reach] > to;
-    };
-    while (!at_end && !enough() && read()) {
-      // A long gap must not make the buffer grow.
-      if (summary.resampled && rows.size() > 0) {
-        const Index before = row_at(from) - reach - 1;
-        if (before > 0) rows.drop_front(before);
-      }
-    }
+    read_around(from, to, window.hi);
     const Index begin =
-        summary.resampled ? std::max<Index>(0, row_at(from) - reach - 1) : window.lo - rows.first;
-    rows.drop_front(begin);
+        summary.resampled ? std::max<Index>(0, row_at(from) - reach_ - 1) : window.lo - rows_.first;
+    rows_.drop_front(begin);
     const Index end =
-        summary.resampled ? std::min(rows.size(), row_at(to) + reach + 1) : window.hi - window.lo;
-    if (begin < 0 || end > rows.size() || end < 1) {
+        summary.resampled ? std::min(rows_.size(), row_at(to) + reach_ + 1) : window.hi - window.lo;
+    if (begin < 0 || end > rows_.size() || end < 1) {
       throw DataError(fmt::format(
           "{}: the log changed while it was being read (it had {} rows); wait until it is complete and try "
           "again",
           summary.path, summary.samples));
     }
+    if (skip_gap(from, to)) continue;
 
-    // A gap that holds the whole window: on to where it ends.
+    window.raw_first = rows_.first;
+    window.time = rows_.time.segment(rows_.begin, end);
+    window.values = rows_.values.middleRows(rows_.begin, end);
+    const bool is_last = first_ + window.count == stream_.grid_count;
     if (summary.resampled) {
-      const Index next = row_at(from);
-      if (next > 0 && next < rows.size() && rows.time[rows.begin + next] > to) {
-        const double gap_end = rows.time[rows.begin + next];
-        const auto ahead = static_cast<Index>((gap_end - from) * summary.sample_rate) - 2 * margin - 2;
-        if (gap_end - rows.time[rows.begin + next - 1] > longest && ahead > chunk) {
-          first += ahead;
-          continue;
-        }
-      }
-    }
-
-    window.raw_first = rows.first;
-    window.time = rows.time.segment(rows.begin, end);
-    window.values = rows.values.middleRows(rows.begin, end);
-    const bool is_last = first + window.count == grid_count;
-    if (summary.resampled) {
-      window.own_begin = first == 0 ? 0 : row_at(grid_time(first));
-      window.own_end = is_last ? end : row_at(grid_time(first + window.count));
+      window.own_begin = first_ == 0 ? 0 : row_at(stream_.grid_time(first_));
+      window.own_end = is_last ? end : row_at(stream_.grid_time(first_ + window.count));
     } else {
-      window.own_begin = first - window.lo;
+      window.own_begin = first_ - window.lo;
       window.own_end = window.own_begin + window.count;
     }
-    use(window);
-    first += window.count;
-    if (progress) progress(static_cast<double>(first) / static_cast<double>(grid_count));
+    first_ += window.count;
+    return true;
   }
   // The rest of the rows, if any, shows whether the log is still the one that was read first.
-  while (!at_end && read()) rows.clear();
-  refuse_other_length(rows.first + rows.size());
+  while (!at_end_ && read()) rows_.clear();
+  stream_.refuse_other_length(rows_.first + rows_.size());
+  return false;
 }
 
 /// @throws DataError when a later pass finds another number of rows than the first
@@ -314,17 +327,14 @@ void MotionStream::Impl::add_displacement(const Window& window, Index lo, Index 
       summary.resampled ? on_even_rows(window.grid, summary.sample_rate, window.time, path) : path, lo, size);
 }
 
-MotionStream::MotionStream(const std::string& path, const LogRequirements& needs,
-                           const StreamOptions& options)
+MotionStream::MotionStream(const std::string& path, const LogRequirements& needs, const StreamOptions& options)
+    : MotionStream(std::make_shared<const KeptLog>(path, needs, false), options) {}
+
+MotionStream::MotionStream(std::shared_ptr<const KeptLog> log, const StreamOptions& options)
     : impl_(std::make_unique<Impl>()) {
-  impl_->needs = needs;
+  impl_->needs = log->needs();
   impl_->options = options;
-  impl_->summary.path = path;
-  std::error_code ignored;
-  // What cannot be read twice (a pipe) is kept.
-  if (std::filesystem::exists(path, ignored) && std::filesystem::is_other(path, ignored)) {
-    impl_->memory = read_log(path, needs, &impl_->summary.notes);
-  }
+  impl_->kept = std::move(log);
   impl_->first_pass();
 }
 
@@ -341,19 +351,38 @@ MotionStream& MotionStream::operator=(MotionStream&&) noexcept = default;
 const StreamSummary& MotionStream::summary() const { return impl_->summary; }
 
 std::vector<LogFinding> MotionStream::check(const JointLimits& limits) const {
-  return impl_->log_check->findings(limits);
+  return impl_->facts().check.findings(limits);
 }
 
-void MotionStream::for_each(const std::function<void(const MotionChunk&)>& piece,
-                            const std::function<void(double)>& progress) const {
+void MotionStream::for_each_piece(const std::function<std::shared_ptr<void>(MotionChunk&)>& work,
+                                  const std::function<void(void*)>& use,
+                                  const std::function<void(double)>& progress) const {
+  struct Done {
+    std::shared_ptr<void> result;
+    Index behind{0};  ///< row of the grid behind the piece
+  };
   const Index handed_out = impl_->margin_rows();
   const Index settling =
       impl_->logged ? 0
                     : settling_rows(impl_->summary.sample_rate, impl_->summary.cutoff, impl_->options.motion);
   const Index chunk = std::max(impl_->options.chunk_samples, 2 * handed_out);
-  impl_->walk(
+  impl_->walk<Done>(
       Impl::Wanted::kEverything, chunk, handed_out + settling,
-      [&](const Impl::Window& window) { piece(impl_->chunk(window)); }, progress);
+      [&](Impl::Window& window) {
+        MotionChunk piece = impl_->chunk(window);
+        window.values.resize(0, 0);  // room for the work
+        return Done{work(piece), window.first + window.count};
+      },
+      [&](Done& done) {
+        use(done.result.get());
+        if (progress) progress(static_cast<double>(done.behind) / static_cast<double>(impl_->grid_count));
+      });
+}
+
+void MotionStream::for_each(const std::function<void(const MotionChunk&)>& piece,
+                            const std::function<void(double)>& progress) const {
+  for_each_piece([](MotionChunk& chunk) { return std::make_shared<MotionChunk>(std::move(chunk)); },
+                 [&](void* chunk) { piece(*static_cast<const MotionChunk*>(chunk)); }, progress);
 }
 
 }  // namespace heft::data

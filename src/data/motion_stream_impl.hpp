@@ -2,6 +2,8 @@
 /// What the passes of a MotionStream share: its first pass and those that hand out pieces.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -11,13 +13,14 @@
 
 #include "derive_motion.hpp"
 #include "heft/data/motion_stream.hpp"
+#include "heft/host/parallel.hpp"
+#include "kept_log.hpp"
+#include "log_facts.hpp"
 #include "log_file.hpp"
 #include "moving_span.hpp"
 #include "row_source.hpp"
 
 namespace heft::data {
-
-class SampleClock;
 
 struct MotionStream::Impl {
   /// Columns of a pass, by group, in this order in a RowBuffer.
@@ -53,11 +56,12 @@ struct MotionStream::Impl {
   LogRequirements needs;
   StreamOptions options;
   std::optional<Log> memory;
+  std::unique_ptr<LogFacts> own_facts;  ///< of a log in memory
+  std::shared_ptr<const KeptLog> kept;  ///< of a file
   StreamSummary summary;
   Layout layout;  ///< of a pass over everything
   std::vector<FileColumn> file_columns;
   std::vector<const double*> memory_columns;
-  std::optional<LogCheck> log_check;
   Eigen::Index grid_count{0};
   double longest{0.0};  ///< bridged by a spline [s]
   bool logged{false};   ///< motion as logged
@@ -72,20 +76,56 @@ struct MotionStream::Impl {
   void prepare_memory(bool every_rate);
   void prepare_file(const LogFile& file, bool every_rate);
   OpenSource open(Wanted wanted) const;
-  /// Checks every row, fits the even grid, finds ranges, bandwidth, top speeds and standstill.
+  const LogFacts& facts() const { return memory ? *own_facts : kept->facts(); }
+  LogFacts facts_of_memory();
+  /// Fits the even grid, finds bandwidth, top speeds and standstill of rows that were checked.
   void first_pass();
-  OpenSource open_first();
   void distrust_logged_rates(std::vector<MovingSpan>& spans);
-  void fit_grid(SampleClock& clock);
+  void fit_grid();
+  LogGrid grid_of_log() const;
+  std::vector<TimeGap> gaps_of_log(double longest_step) const;
   void find_cutoff(const Eigen::RowVectorXd& mean);
+  double bandwidth_of_log(const Eigen::RowVectorXd& mean) const;
   void find_speeds(std::vector<MovingSpan>& spans) const;
+  void derive_speeds(std::vector<MovingSpan>& spans) const;
   void find_standstill(const std::vector<MovingSpan>& spans);
-  void find_gaps_of_log();
   Eigen::Index margin_rows() const;
   Window window_of(Eigen::Index first, Eigen::Index chunk, Eigen::Index margin) const;
-  void walk(Wanted wanted, Eigen::Index chunk, Eigen::Index margin,
-            const std::function<void(const Window&)>& use,
-            const std::function<void(double)>& progress = {}) const;
+  /// Windows of a pass one by one, in time order, those wholly inside a gap left out.
+  class Walk {
+   public:
+    Walk(const Impl& stream, Wanted wanted, Eigen::Index chunk, Eigen::Index margin);
+    /// @return false at the end
+    /// @throws DataError when the log is no longer the one that the first pass read
+    bool next(Window& window);
+    /// Bytes of a window, about.
+    double window_bytes() const;
+
+   private:
+    bool read();
+    Eigen::Index row_at(double time) const;
+    void read_around(double from, double to, Eigen::Index last);
+    bool skip_gap(double from, double to);
+
+    const Impl& stream_;
+    OpenSource pass_;
+    RowBuffer rows_;
+    Eigen::Index chunk_, margin_, reach_;
+    Eigen::Index first_{0};
+    bool at_end_{false};
+  };
+  /// Calls `use` with what `work` made of each window: `work` on several threads, `use` in time order.
+  template <typename Result, typename Work, typename Use>
+  void walk(Wanted wanted, Eigen::Index chunk, Eigen::Index margin, const Work& work, const Use& use) const {
+    // A piece of a log is some megabytes, with what is made of it several times as much: memory must not grow with the
+    // number of processors.
+    constexpr double kMostBytes = 1e8;
+    constexpr double kCopies = 6.0;
+    Walk windows(*this, wanted, chunk, margin);
+    const auto most = static_cast<std::size_t>(std::max(2.0, kMostBytes / (kCopies * windows.window_bytes())));
+    host::for_each_in_order<Window, Result>(
+        most, [&](Window& window) { return windows.next(window); }, work, use);
+  }
   void refuse_other_length(Eigen::Index rows) const;
   Eigen::MatrixXd on_grid(const Window& window, Eigen::Index column, Eigen::Index columns) const;
   DerivedMotion motion(const Window& window) const;

@@ -55,12 +55,6 @@ class MemorySource : public RowSource {
   Eigen::Index at_{0};
 };
 
-/// A column of a file and what its numbers are to be multiplied by.
-struct FileColumn {
-  std::size_t column{0};
-  double factor{1.0};
-};
-
 class FileSource : public RowSource {
  public:
   FileSource(LogFile& file, std::vector<FileColumn> columns)

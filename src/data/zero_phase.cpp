@@ -1,44 +1,43 @@
-#include <array>
-#include <cmath>
-#include <numbers>
+#include <algorithm>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
+#include "low_pass_sections.hpp"
 
 namespace heft::data {
 namespace {
 
 using Eigen::Index;
 
-/// One second-order low-pass section as two trapezoidal integrators.
-/// H(s) = 1 / (s² + s/Q + 1) with s = (1/g) (z-1)/(z+1), g = tan(π f_c / f_s).
-struct Section {
-  double a1, a2, a3;
-  double state1{0.0}, state2{0.0};
-
-  Section(double g, double quality) {
-    a1 = 1.0 / (1.0 + g * (g + 1.0 / quality));
-    a2 = g * a1;
-    a3 = g * a2;
+/// Forward and back over columns first .. first + count of `signal`, count at most 2 · Pairs.
+/// @param work  of any size; kept by the caller from one group of columns to the next
+template <int Pairs>
+void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, double sample_rate, double cutoff,
+                    std::vector<double>& work, Eigen::MatrixXd& result) {
+  constexpr Index kLanes = 2 * Pairs;
+  const Index n = signal.rows();
+  const Index pad = low_pass_padding(n, sample_rate, cutoff);
+  const Index size = n + 2 * pad;
+  work.resize(static_cast<std::size_t>(size * kLanes));
+  // One row a sample.
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, kLanes, Eigen::RowMajor>> padded(work.data(), size, kLanes);
+  for (Index lane = 0; lane < kLanes; ++lane) {
+    const auto x = signal.col(first + std::min(lane, count - 1));
+    auto to = padded.col(lane);
+    for (Index k = 0; k < pad; ++k) {
+      to[k] = 2.0 * x[0] - x[pad - k];
+      to[pad + n + k] = 2.0 * x[n - 1] - x[n - 2 - k];
+    }
+    to.segment(pad, n) = x;
   }
-
-  /// State that holds the constant input `value` for ever.
-  void rest_at(double value) {
-    state1 = 0.0;
-    state2 = value;
-  }
-
-  double step(double input) {
-    const double v3 = input - state2;
-    const double v1 = a1 * state1 + a2 * v3;
-    const double v2 = state2 + a2 * state1 + a3 * v3;
-    state1 = 2.0 * v1 - state1;
-    state2 = 2.0 * v2 - state2;
-    return v2;
-  }
-};
+  const LowPass<Pairs> filter(sample_rate, cutoff);
+  filter.run(work.data(), size, kLanes);
+  filter.run(work.data() + (size - 1) * kLanes, size - pad, -kLanes);
+  for (Index lane = 0; lane < count; ++lane) result.col(first + lane) = padded.col(lane).segment(pad, n);
+}
 
 }  // namespace
 
@@ -49,41 +48,18 @@ Eigen::MatrixXd low_pass_zero_phase(const Eigen::MatrixXd& signal, double sample
                     "half the rate, {:.6g} Hz; choose another cut-off",
                     cutoff, sample_rate, 0.5 * sample_rate));
   }
-  const Index n = signal.rows();
-  if (n < 2) return signal;
-  // The slowest pole decays as exp(-0.38·2π f_c t): 8e-4 is left of the start-up after three periods.
-  const double wanted = std::ceil(3.0 * sample_rate / cutoff);
-  const Index pad = wanted < static_cast<double>(n - 1) ? static_cast<Index>(wanted) : n - 1;
-
-  const double g = std::tan(std::numbers::pi * cutoff / sample_rate);
-  // Butterworth poles of order 4 at ±22.5° and ±67.5° from the negative real axis: Q = 1/(2 cos θ).
-  const std::array<double, 2> quality{1.0 / (2.0 * std::cos(std::numbers::pi / 8.0)),
-                                      1.0 / (2.0 * std::cos(3.0 * std::numbers::pi / 8.0))};
-  const auto run = [&](Eigen::VectorXd& x, bool backwards) {
-    Section first(g, quality[0]);
-    Section second(g, quality[1]);
-    const Index count = x.size();
-    const double start = backwards ? x[count - 1] : x[0];
-    first.rest_at(start);
-    second.rest_at(start);
-    for (Index step = 0; step < count; ++step) {
-      double& value = x[backwards ? count - 1 - step : step];
-      value = second.step(first.step(value));
+  if (signal.rows() < 2) return signal;
+  Eigen::MatrixXd result(signal.rows(), signal.cols());
+  std::vector<double> work;
+  for (Index first = 0; first < signal.cols(); first += 6) {
+    const Index count = std::min<Index>(signal.cols() - first, 6);
+    if (count > 4) {
+      filter_columns<3>(signal, first, count, sample_rate, cutoff, work, result);
+    } else if (count > 2) {
+      filter_columns<2>(signal, first, count, sample_rate, cutoff, work, result);
+    } else {
+      filter_columns<1>(signal, first, count, sample_rate, cutoff, work, result);
     }
-  };
-
-  Eigen::MatrixXd result(n, signal.cols());
-  Eigen::VectorXd padded(n + 2 * pad);
-  for (Index column = 0; column < signal.cols(); ++column) {
-    const auto x = signal.col(column);
-    for (Index k = 0; k < pad; ++k) {
-      padded[k] = 2.0 * x[0] - x[pad - k];
-      padded[pad + n + k] = 2.0 * x[n - 1] - x[n - 2 - k];
-    }
-    padded.segment(pad, n) = x;
-    run(padded, false);
-    run(padded, true);
-    result.col(column) = padded.segment(pad, n);
   }
   return result;
 }

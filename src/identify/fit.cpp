@@ -12,6 +12,7 @@
 #include "heft/host/error.hpp"
 #include "heft/identify/sums.hpp"
 #include "heft/model/physical_links.hpp"
+#include "heft/regression/recorded_rows.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "heft/statistics/residual_statistics.hpp"
 #include "instrumental.hpp"
@@ -56,6 +57,7 @@ struct Task {
   const regression::BaseParameters& base;
   Eigen::VectorXd prior_x;  ///< p: the robot's own parameters
   Eigen::VectorXd prior;    ///< b: base parameters of these
+  const regression::RecordedRows* record{nullptr};  ///< rows of the logs; null: there are none
 
   int num_joints() const { return columns.num_joints(); }
   bool is(Method method) const { return options.method == method; }
@@ -186,8 +188,8 @@ void put_estimate(const Task& task, const WeightedFit& fit, const Independence& 
 }
 
 /// Instruments: the estimate itself with kIv, else a test whether least squares needs them.
-void use_instruments(const Task& task, const Eigen::VectorXd& start, const Independence& blocks,
-                     Fit& result) {
+void use_instruments(const Task& task, const WeightedFit& weighted, const Independence& blocks, Fit& result) {
+  const Eigen::VectorXd& start = weighted.solution.beta;
   const bool to_fit = task.is(Method::kIv);
   InstrumentOptions options;
   options.kind = task.options.instruments;
@@ -195,7 +197,7 @@ void use_instruments(const Task& task, const Eigen::VectorXd& start, const Indep
   if (!to_fit) options.max_iterations = 1;
   const InstrumentalFit fit =
       fit_instrumental(task.columns, task.base, task.logs, task.options.observation, start, result.noise_std,
-                       options, [&](double done) { task.report(0.7 + 0.25 * done); });
+                       options, [&](double done) { task.report(0.7 + 0.25 * done); }, task.record, &weighted.factors);
   const Eigen::VectorXd weights = regression::weights_of(result.noise_std);
   result.bias =
       test_bias(fit.sums, weights, start, options.condition_limit, blocks.length, blocks.edge_factor);
@@ -334,7 +336,7 @@ void solve(const Task& task, regression::BlockFactors factors,
   put_estimate(task, weighted, blocks, result);
   const bool may_be_biased = task.is(Method::kWls) || task.is(Method::kOls);
   if (task.is(Method::kIv) || (may_be_biased && task.options.test_bias && !task.logs.empty()))
-    use_instruments(task, weighted.solution.beta, blocks, result);
+    use_instruments(task, weighted, blocks, result);
   put_intervals(task, weighted, result);
 
   const Eigen::VectorXd size = expected_sizes(task.columns, task.summaries);
@@ -366,11 +368,13 @@ Fit fit(const model::Robot& robot, const Logs& logs, const FitOptions& options) 
   refuse_arm_at_rest(columns, resting_joints(columns, summaries));
   result.base = regression::find_base_parameters(columns);
   const Eigen::VectorXd prior = columns.values(robot);
-  const Task task{options, logs, summaries, columns, result.base, prior, result.base.regrouping * prior};
+  regression::RecordedRows record;
+  Task task{options, logs, summaries, columns, result.base, prior, result.base.regrouping * prior};
+  task.record = &record;
   solve(
-      task, regression::compressed(columns, task.base, logs, options.observation),
+      task, regression::compressed(columns, task.base, logs, options.observation, {}, &record),
       [&](const Eigen::VectorXd& beta) {
-        return regression::residual_correlation(columns, task.base, logs, options.observation, beta);
+        return regression::residual_correlation(columns, task.base, logs, options.observation, beta, record);
       },
       result);
   return result;

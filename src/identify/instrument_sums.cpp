@@ -12,6 +12,11 @@ namespace heft::identify {
 InstrumentSums::InstrumentSums(int joints, int columns, double block, int max_blocks)
     : plain_(joints, columns, block, max_blocks), partition_(block) {}
 
+InstrumentSums::InstrumentSums(const regression::BlockFactors& plain)
+    : plain_(plain.num_joints(), plain.num_columns(), plain.partition().first_length(), plain.max_blocks()),
+      known_(&plain),
+      partition_(plain.partition()) {}
+
 void InstrumentSums::coarsen() {
   partition_.coarsen();
   std::map<regression::BlockPartition::Key, std::vector<Moments>> merged;
@@ -37,9 +42,9 @@ void InstrumentSums::add(int log, int joint, const Eigen::Ref<const Eigen::Vecto
         "instruments: {} × {} rows of joint {} for a regressor of {} × {}; expected {} columns in both",
         Z.rows(), Z.cols(), joint + 1, W.rows(), W.cols(), b));
   }
-  plain_.add(log, joint, time, W, y);
+  if (known_ == nullptr) plain_.add(log, joint, time, W, y);
   // The plain blocks lead: ours are merged when theirs were.
-  while (partition_.level() < plain_.partition().level()) coarsen();
+  while (partition_.level() < plain().partition().level()) coarsen();
   for (Eigen::Index first = 0; first < time.size();) {
     const regression::BlockPartition::Key key = partition_.key_of(log, time[first]);
     Eigen::Index end = first;

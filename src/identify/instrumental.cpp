@@ -33,7 +33,7 @@ std::vector<std::string> notes_on(const InstrumentalEstimate& estimate, const Si
         "{} of {} pieces of log could not be simulated (the fitted mass matrix is not positive "
         "definite there); their instruments are the smoothed motion itself, which serves nearly as "
         "well",
-        report.failed, report.pieces));
+        report.failed.load(), report.pieces.load()));
   }
   return notes;
 }
@@ -61,7 +61,8 @@ InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
                                  const regression::ObservationOptions& observation,
                                  const Eigen::VectorXd& start_beta, const Eigen::VectorXd& start_noise,
                                  const InstrumentOptions& options,
-                                 const std::function<void(double)>& progress) {
+                                 const std::function<void(double)>& progress,
+                                 const regression::RecordedRows* recorded, const regression::BlockFactors* plain) {
   if (start_beta.size() != base.count() || start_noise.size() != columns.num_joints()) {
     throw DataError(
         fmt::format("instruments: a start of {} parameters and {} noise levels; expected {} and {}",
@@ -71,13 +72,14 @@ InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
   const bool simulated = options.kind != Instruments::kDelayed;
   const int limit = simulated ? std::max(1, options.max_iterations) : 1;
   const auto fresh = [&] {
+    if (plain != nullptr) return InstrumentSums(*plain);
     return InstrumentSums(columns.num_joints(), base.count(), options.block, options.max_blocks);
   };
   InstrumentalFit fit{{}, fresh(), start_noise, 0, false, {}};
   Eigen::VectorXd beta = start_beta;
   auto report = std::make_shared<SimulationReport>();
   while (fit.iterations < limit && !fit.converged) {
-    *report = {};
+    report->pieces = report->failed = 0;
     const regression::InstrumentMotion motion =
         simulated ? simulated_motion(columns, base, beta, logs, options, report)
                   : delayed_motion(logs, observation, options);
@@ -87,7 +89,7 @@ InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
         [&](const regression::ObservationRows& rows) {
           fit.sums.add(rows.log, rows.joint, rows.time, rows.Z, rows.W, rows.tau);
         },
-        motion);
+        motion, recorded);
     fit.estimate = solve_instrumental(fit.sums, weights, start_beta, options.condition_limit);
     const regression::TriangularFactor data = fit.sums.plain().weighted(weights);
     const double moved = (data.R() * (fit.estimate.beta - beta)).norm() /

@@ -61,6 +61,8 @@ struct InstrumentalFit {
 /// @param start_beta   b: plain (weighted) least squares
 /// @param start_noise  n
 /// @param progress     called with 0..1; may be empty
+/// @param plain        sums of the plain rows where they are known; to stay as long as the result
+/// @param recorded     rows of the same logs, as for_each_observation() takes them
 /// Cost: one pass over the logs for each iteration, and 0.02 ms for every RK4 step of a six-joint arm.
 InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
                                  const regression::BaseParameters& base,
@@ -68,6 +70,8 @@ InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
                                  const regression::ObservationOptions& observation,
                                  const Eigen::VectorXd& start_beta, const Eigen::VectorXd& start_noise,
                                  const InstrumentOptions& options = {},
-                                 const std::function<void(double)>& progress = {});
+                                 const std::function<void(double)>& progress = {},
+                                 const regression::RecordedRows* recorded = nullptr,
+                                 const regression::BlockFactors* plain = nullptr);
 
 }  // namespace heft::identify

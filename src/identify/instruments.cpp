@@ -11,42 +11,46 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
+#include "heft/model/acceleration.hpp"
+#include "heft/model/batch_dynamics.hpp"
 #include "heft/model/dynamics.hpp"
 
 namespace heft::identify {
 namespace {
 
 using Logs = std::vector<const data::MotionStream*>;
+using Vector = model::Acceleration::Vector;
 
 /// The arm that is simulated: rigid bodies, rotors, friction with a sign that is smooth over `width`.
 class SimulatedArm {
  public:
   explicit SimulatedArm(const model::Robot& robot)
-      : dynamics_(robot), width_(Eigen::VectorXd::Constant(robot.num_joints(), 1e-3)) {}
+      : dynamics_(robot),
+        batch_(robot),
+        drives_(drives_of(robot)),
+        acceleration_(robot, drives_),
+        width_(Eigen::VectorXd::Constant(robot.num_joints(), 1e-3)) {}
 
   const model::Robot& robot() const { return dynamics_.robot(); }
   void set_width(const Eigen::VectorXd& width) { width_ = width; }
 
   /// Mass matrix with rotors and gear couplings, n × n.
-  Eigen::MatrixXd inertia(const Eigen::VectorXd& q) const {
-    Eigen::MatrixXd H = dynamics_.mass_matrix(q);
-    for (Eigen::Index j = 0; j < H.rows(); ++j) H(j, j) += joint(j).rotor_inertia;
-    for (const GearCoupling<double>& c : robot().couplings) {
-      // T = I_a (q̈_j + r q̈_i) acts on j with 1 and on i with r.
-      H(c.driven, c.driven) += c.rotor_inertia;
-      H(c.driving, c.driving) += c.ratio * c.ratio * c.rotor_inertia;
-      H(c.driven, c.driving) += c.ratio * c.rotor_inertia;
-      H(c.driving, c.driven) += c.ratio * c.rotor_inertia;
-    }
-    return H;
+  Eigen::MatrixXd inertia(const Eigen::VectorXd& q) const { return dynamics_.mass_matrix(q) + drives_; }
+  /// The same for many positions, a row of n² numbers each.
+  Eigen::MatrixXd inertias(const Eigen::MatrixXd& q) const {
+    Eigen::MatrixXd all(q.rows(), q.cols() * q.cols());
+    batch_.mass_matrix(q, all);
+    all.rowwise() += drives_.reshaped().transpose();
+    return all;
   }
-  Eigen::VectorXd gravity(const Eigen::VectorXd& q) const { return dynamics_.gravity_torque(q); }
-  /// Gravity and velocity products.
-  Eigen::VectorXd bias(const Eigen::VectorXd& q, const Eigen::VectorXd& qd) const {
-    return dynamics_.inverse_dynamics(q, qd, Eigen::VectorXd::Zero(q.size()));
+  Eigen::MatrixXd gravities(const Eigen::MatrixXd& q) const { return batch_.gravity_torque(q); }
+  /// Acceleration that a torque gives beyond gravity, velocity products and friction.
+  /// @return false where the inertia is not positive definite
+  bool accelerate(const Vector& q, const Vector& qd, const Vector& torque, Vector& qdd) const {
+    return acceleration_.solve(q, qd, torque - friction(qd), qdd);
   }
-  Eigen::VectorXd friction(const Eigen::VectorXd& qd) const {
-    Eigen::VectorXd f(qd.size());
+  Vector friction(const Vector& qd) const {
+    Vector f(qd.size());
     for (Eigen::Index j = 0; j < qd.size(); ++j) {
       f[j] = joint(j).coulomb_friction * smooth_sign(qd[j], width_[j]) + joint(j).viscous_friction * qd[j] +
              joint(j).friction_offset;
@@ -65,8 +69,25 @@ class SimulatedArm {
     return robot().joints[static_cast<std::size_t>(j)].actuation;
   }
   static double smooth_sign(double v, double width) { return v / std::sqrt(v * v + width * width); }
+  /// What rotors and gear couplings add to the mass matrix.
+  static Eigen::MatrixXd drives_of(const model::Robot& robot) {
+    const Eigen::Index n = robot.num_joints();
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
+    for (Eigen::Index j = 0; j < n; ++j) H(j, j) = robot.joints[static_cast<std::size_t>(j)].actuation.rotor_inertia;
+    for (const GearCoupling<double>& c : robot.couplings) {
+      // T = I_a (q̈_j + r q̈_i) acts on j with 1 and on i with r.
+      H(c.driven, c.driven) += c.rotor_inertia;
+      H(c.driving, c.driving) += c.ratio * c.ratio * c.rotor_inertia;
+      H(c.driven, c.driving) += c.ratio * c.rotor_inertia;
+      H(c.driving, c.driven) += c.ratio * c.rotor_inertia;
+    }
+    return H;
+  }
 
   model::Dynamics dynamics_;
+  model::BatchDynamics batch_;
+  Eigen::MatrixXd drives_;
+  model::Acceleration acceleration_;
   Eigen::VectorXd width_;
 };
 
@@ -117,31 +138,30 @@ bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Moti
 
   /// What the control needs of the reference at one instant.
   struct Target {
-    Eigen::VectorXd q, qd, qdd, feed;
-    Eigen::MatrixXd H;
+    Vector q, qd, feed;
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, model::kMaxJoints, model::kMaxJoints> H;
   };
+  const Eigen::MatrixXd inertias = arm.inertias(reference.q), gravities = arm.gravities(reference.q);
   const auto target_at = [&](Eigen::Index row) {
     Target t;
     t.q = reference.q.row(row).transpose();
     t.qd = reference.qd.row(row).transpose();
-    t.qdd = reference.qdd.row(row).transpose();
-    t.H = arm.inertia(t.q);
-    t.feed = t.H * t.qdd + arm.gravity(t.q) + arm.friction(t.qd);
+    t.H = inertias.row(row).reshaped(n, n);
+    t.feed = t.H * Vector(reference.qdd.row(row).transpose()) + gravities.row(row).transpose() + arm.friction(t.qd);
     return t;
   };
   bool sound = true;
-  const auto acceleration = [&](const Target& t, const Eigen::VectorXd& q,
-                                const Eigen::VectorXd& qd) -> Eigen::VectorXd {
-    const Eigen::VectorXd tau = t.feed + t.H * (2.0 * omega * (t.qd - qd) + omega * omega * (t.q - q));
-    Eigen::MatrixXd result = tau - arm.bias(q, qd) - arm.friction(qd);
-    if (!solve_positive(arm.inertia(q), result)) sound = false;
+  const auto acceleration = [&](const Target& t, const Vector& q, const Vector& qd) {
+    const Vector tau = t.feed + t.H * Vector(2.0 * omega * (t.qd - qd) + omega * omega * (t.q - q));
+    Vector result = Vector::Zero(n);
+    if (!arm.accelerate(q, qd, tau, result)) sound = false;
     return result;
   };
 
   Target begin = target_at(0);
-  Eigen::VectorXd q = begin.q, qd = begin.qd;
+  Vector q = begin.q, qd = begin.qd;
   for (Eigen::Index k = 0;; ++k) {
-    const Eigen::VectorXd a1 = acceleration(begin, q, qd);
+    const Vector a1 = acceleration(begin, q, qd);
     out.time[k] = reference.time[2 * k];
     out.q.row(k) = q.transpose();
     out.qd.row(k) = qd.transpose();
@@ -151,12 +171,12 @@ bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Moti
     const Target middle = target_at(2 * k + 1);
     Target end = target_at(2 * k + 2);
     // Classical Runge-Kutta on (q, q̇).
-    const Eigen::VectorXd v2 = qd + 0.5 * h * a1;
-    const Eigen::VectorXd a2 = acceleration(middle, q + 0.5 * h * qd, v2);
-    const Eigen::VectorXd v3 = qd + 0.5 * h * a2;
-    const Eigen::VectorXd a3 = acceleration(middle, q + 0.5 * h * v2, v3);
-    const Eigen::VectorXd v4 = qd + h * a3;
-    const Eigen::VectorXd a4 = acceleration(end, q + h * v3, v4);
+    const Vector v2 = qd + 0.5 * h * a1;
+    const Vector a2 = acceleration(middle, q + 0.5 * h * qd, v2);
+    const Vector v3 = qd + 0.5 * h * a2;
+    const Vector a3 = acceleration(middle, q + 0.5 * h * v2, v3);
+    const Vector v4 = qd + h * a3;
+    const Vector a4 = acceleration(end, q + h * v3, v4);
     q += h / 6.0 * (qd + 2.0 * v2 + 2.0 * v3 + v4);
     qd += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
     begin = std::move(end);
@@ -245,10 +265,11 @@ regression::InstrumentMotion simulated_motion(const regression::RegressionColumn
                                               const Eigen::VectorXd& beta, const Logs& logs,
                                               const InstrumentOptions& options,
                                               std::shared_ptr<SimulationReport> report) {
-  auto arm = std::make_shared<SimulatedArm>(robot_with(columns, base, beta));
+  const auto robot = std::make_shared<const model::Robot>(robot_with(columns, base, beta));
   std::vector<data::StreamSummary> summaries;
   for (const data::MotionStream* log : logs) summaries.push_back(log->summary());
-  return [arm, summaries, options, report](int log, data::MotionChunk& chunk) {
+  return [robot, summaries, options, report](int log, data::MotionChunk& chunk) {
+    SimulatedArm arm(*robot);  // pieces are simulated side by side
     const data::StreamSummary& summary = summaries[static_cast<std::size_t>(log)];
     if (report) ++report->pieces;
     const int reference = reference_in(chunk, options, summary.path);
@@ -261,7 +282,7 @@ regression::InstrumentMotion simulated_motion(const regression::RegressionColumn
                                          : raw;
     const Eigen::MatrixXd velocity = data::differentiate(chunk.time, followed);
     Motion motion;
-    if (simulate_along(*arm, chunk.time, followed, velocity, smoothing, options, motion)) {
+    if (simulate_along(arm, chunk.time, followed, velocity, smoothing, options, motion)) {
       chunk.q = data::resample(motion.time, motion.q, chunk.time);
       chunk.qd = data::resample(motion.time, motion.qd, chunk.time);
       chunk.qdd = data::resample(motion.time, motion.qdd, chunk.time);

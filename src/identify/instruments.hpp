@@ -3,6 +3,7 @@
 /// Derivation: src/identify/instrumental.md
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <vector>
 
@@ -43,9 +44,9 @@ struct InstrumentOptions {
 
 /// What became of simulated motion.
 struct SimulationReport {
-  int pieces{0};
+  std::atomic<int> pieces{0};
   /// The model's mass matrix was not positive definite, or the motion ran away; the reference was used.
-  int failed{0};
+  std::atomic<int> failed{0};
 };
 
 /// Instruments from simulation: the arm with parameters β under control along the smoothed measured position

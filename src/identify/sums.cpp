@@ -6,6 +6,7 @@
 
 #include "heft/host/error.hpp"
 #include "heft/host/hash.hpp"
+#include "heft/regression/recorded_rows.hpp"
 #include "heft/regression/weighted_fit.hpp"
 #include "sums_checks.hpp"
 
@@ -26,13 +27,14 @@ Sums sums_of_log(const regression::RegressionColumns& columns, const regression:
   const std::vector<const data::MotionStream*> only{&log};
   LogShare share{log.summary(), key_of(log.summary()), {}, options.torque};
   share.summary.gaps.clear();
-  regression::WeightedFit own{regression::compressed(columns, base, only, settings.observation, {share.key}),
+  regression::RecordedRows record;
+  regression::WeightedFit own{regression::compressed(columns, base, only, settings.observation, {share.key}, &record),
                               Eigen::VectorXd::Ones(columns.num_joints()),
                               {}};
   regression::weigh_joints(base.regrouping * columns.values(columns.robot()),
                            options.fit.ridge_from_condition, true, own);
   share.correlation_time =
-      regression::residual_correlation(columns, base, only, settings.observation, own.solution.beta);
+      regression::residual_correlation(columns, base, only, settings.observation, own.solution.beta, record);
   Sums sums = settings;
   sums.logs = {std::move(share)};
   sums.factors = std::move(own.factors);

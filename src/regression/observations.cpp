@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
+#include <utility>
 
-#include "heft/data/differentiate.hpp"
+#include "heft/data/decimate.hpp"
+#include "heft/host/error.hpp"
+#include "heft/regression/recorded_rows.hpp"
 
 namespace heft::regression {
 namespace {
@@ -38,26 +42,69 @@ std::vector<std::vector<int>> places_by_joint(const RegressionColumns& columns,
   return places;
 }
 
-/// Rows of every joint, unfiltered, on the whole grid of a piece: rows × places of the joint.
-std::vector<Eigen::MatrixXd> all_rows(const RegressionColumns& columns, const std::vector<int>& selected,
-                                      const std::vector<std::vector<int>>& places,
-                                      const data::MotionChunk& chunk) {
-  std::vector<Eigen::MatrixXd> rows;
-  for (const std::vector<int>& list : places) {
-    rows.emplace_back(chunk.time.size(), static_cast<Eigen::Index>(list.size()));
-  }
-  for (Eigen::Index i = 0; i < chunk.time.size(); ++i) {
-    const Eigen::MatrixXd Y = columns.regressor(chunk.q.row(i).transpose(), chunk.qd.row(i).transpose(),
-                                                chunk.qdd.row(i).transpose());
-    for (std::size_t j = 0; j < places.size(); ++j) {
-      for (std::size_t c = 0; c < places[j].size(); ++c) {
-        rows[j](i, static_cast<Eigen::Index>(c)) =
-            Y(static_cast<Eigen::Index>(j), selected[static_cast<std::size_t>(places[j][c])]);
+/// Signals of a piece that pass the low-pass, side by side: torques, then the entries of the regressor that can be other
+/// than zero, joint by joint.
+class Signals {
+ public:
+  Signals(const RegressionColumns& columns, const std::vector<int>& selected)
+      : columns_(columns), places_(places_by_joint(columns, selected)) {
+    for (std::size_t joint = 0; joint < places_.size(); ++joint) {
+      for (const int place : places_[joint]) {
+        entries_.push_back({static_cast<int>(joint), selected[static_cast<std::size_t>(place)]});
       }
     }
   }
-  return rows;
-}
+
+  /// Columns of the regressor that reach a joint, by their place among the selected.
+  const std::vector<int>& places(Eigen::Index joint) const { return places_[static_cast<std::size_t>(joint)]; }
+
+  /// The first row of a piece that is kept; every step-th row of the log is.
+  static Eigen::Index first_kept(const data::MotionChunk& chunk, Eigen::Index step) {
+    const Eigen::Index number = chunk.first - chunk.begin;  // of the piece's first row, from the start of the log
+    return (step - number % step) % step;
+  }
+  /// Kept rows of the regressor behind the low-pass.
+  struct Filtered {
+    data::DecimatedLowPass::Kept tau, entries;
+  };
+  /// @param with_torque  false: of the entries alone
+  Filtered filtered(const data::MotionChunk& chunk, double cutoff, Eigen::Index step, bool with_torque) const {
+    const Eigen::Index torques = with_torque ? chunk.tau.cols() : 0, rows = chunk.time.size();
+    const auto entries = static_cast<Eigen::Index>(entries_.size());
+    const Eigen::Index signals = (torques + entries + 1) / 2 * 2;
+    const Eigen::Index first = first_kept(chunk, step);
+    Filtered out;
+    std::optional<data::DecimatedLowPass> low_pass;
+    data::DecimatedLowPass::Kept all;
+    if (cutoff > 0.0) {
+      low_pass.emplace(chunk.sample_rate, cutoff, signals, rows, first, step);
+    } else {
+      all.resize(rows, signals);  // every row is kept
+    }
+    std::vector<double> some(static_cast<std::size_t>(kRowsAtOnce * signals), 0.0);
+    for (Eigen::Index row = 0; row < rows; row += kRowsAtOnce) {
+      const Eigen::Index count = std::min(kRowsAtOnce, rows - row);
+      double* const to = low_pass ? some.data() : all.data() + row * signals;
+      for (Eigen::Index k = 0; k < count; ++k) {
+        for (Eigen::Index j = 0; j < torques; ++j) to[k * signals + j] = chunk.tau(row + k, j);
+      }
+      columns_.fill(chunk.q, chunk.qd, chunk.qdd, row, count, entries_, to + torques, signals);
+      if (low_pass) low_pass->add(to, count);
+    }
+    if (low_pass) all = low_pass->finish();
+    out.tau = all.leftCols(torques);
+    out.entries = all.middleCols(torques, entries);
+    return out;
+  }
+
+ private:
+  /// Rows that stay in the cache until they have passed the low-pass.
+  static constexpr Eigen::Index kRowsAtOnce = 64;
+
+  const RegressionColumns& columns_;
+  std::vector<std::vector<int>> places_;
+  std::vector<RegressionColumns::Entry> entries_;
+};
 
 /// Rows of a piece that a joint may use: usable, and faster than standstill within the reach of the filter.
 std::vector<bool> rows_in_use(const data::MotionChunk& chunk, Eigen::Index joint, double standstill,
@@ -77,71 +124,117 @@ std::vector<bool> rows_in_use(const data::MotionChunk& chunk, Eigen::Index joint
   return use;
 }
 
+/// What a log's rows are made with.
+struct Behind {
+  double cutoff{0.0};     ///< [Hz]; 0: no low-pass
+  Eigen::Index step{1};   ///< every step-th row of the grid is kept
+};
+
+Behind behind(const data::StreamSummary& log, const ObservationOptions& options) {
+  const double chosen = options.cutoff > 0.0 ? options.cutoff : log.cutoff;
+  // A cut-off near half the sample rate is no filter.
+  if (!(chosen > 0.0 && chosen < 0.45 * log.sample_rate)) return {};
+  const double rows = std::floor(log.sample_rate / (options.rows_per_cutoff * chosen));
+  return {chosen, std::max<Eigen::Index>(1, static_cast<Eigen::Index>(rows))};
+}
+
+/// Rows of every joint from one piece of a log; none of joints that have no row to use.
+/// @param own          whether torque and regressor of the motion itself are wanted
+/// @param instruments  another motion, or null
+std::vector<ObservationRows> rows_of(const Signals& signals, Eigen::Index selected, const data::MotionChunk& chunk,
+                                     bool own, const data::MotionChunk* instruments, const Behind& log,
+                                     const ObservationOptions& options) {
+  Signals::Filtered measured, other;
+  if (own) measured = signals.filtered(chunk, log.cutoff, log.step, true);
+  if (instruments != nullptr) other = signals.filtered(*instruments, log.cutoff, log.step, false);
+  const Eigen::Index first = Signals::first_kept(chunk, log.step);
+  std::vector<ObservationRows> rows;
+  Eigen::Index first_entry = 0;
+  for (Eigen::Index j = 0; j < chunk.q.cols(); ++j) {
+    const std::vector<int>& list = signals.places(j);
+    const Eigen::Index from = first_entry;
+    first_entry += static_cast<Eigen::Index>(list.size());
+    const std::vector<bool> use = rows_in_use(chunk, j, options.standstill_speed, log.cutoff);
+    std::vector<Eigen::Index> picked, kept;  // rows of the piece, and of what was kept of them
+    for (Eigen::Index k = 0, i = first; i < chunk.begin + chunk.count; ++k, i += log.step) {
+      if (i < chunk.begin || !use[static_cast<std::size_t>(i)]) continue;
+      picked.push_back(i);
+      kept.push_back(k);
+    }
+    if (picked.empty()) continue;
+    const auto spread = [&](const data::DecimatedLowPass::Kept& entries) {
+      Eigen::MatrixXd W = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(picked.size()), selected);
+      for (std::size_t c = 0; c < list.size(); ++c)
+        W.col(list[c]) = entries.col(from + static_cast<Eigen::Index>(c))(kept);
+      return W;
+    };
+    ObservationRows out;
+    out.joint = static_cast<int>(j);
+    out.time = chunk.time(picked);
+    if (own) out.tau = measured.tau.col(j)(kept);
+    if (own) out.W = spread(measured.entries);
+    if (instruments != nullptr) out.Z = spread(other.entries);
+    rows.push_back(std::move(out));
+  }
+  return rows;
+}
+
+/// What an instrument takes of a piece: no torque, no rows of the log's own.
+data::MotionChunk grid_of(const data::MotionChunk& chunk) {
+  data::MotionChunk grid;
+  grid.sample_rate = chunk.sample_rate;
+  grid.first = chunk.first, grid.begin = chunk.begin, grid.count = chunk.count;
+  grid.time = chunk.time;
+  grid.q = chunk.q, grid.qd = chunk.qd, grid.qdd = chunk.qdd;
+  grid.usable = chunk.usable;
+  grid.extra = chunk.extra;
+  return grid;
+}
+
+/// Completes rows that have only instruments.
+void take_recorded(RecordedRows::Pass& before, ObservationRows& rows) {
+  Eigen::MatrixXd Z = std::move(rows.Z);
+  const int log = rows.log, joint = rows.joint;
+  const Eigen::Index count = rows.time.size();
+  if (!before.next(rows) || rows.log != log || rows.joint != joint || rows.time.size() != count) {
+    throw DataError("rows of a log differ from those recorded before; expected the same logs and settings");
+  }
+  rows.Z = std::move(Z);
+}
+
 }  // namespace
 
 void for_each_observation(const RegressionColumns& columns, const std::vector<int>& selected,
                           const std::vector<const data::MotionStream*>& logs,
                           const ObservationOptions& options,
                           const std::function<void(const ObservationRows&)>& rows,
-                          const InstrumentMotion& instruments) {
+                          const InstrumentMotion& instruments, const RecordedRows* recorded) {
   std::vector<int> wanted = selected;
   if (wanted.empty()) {
     wanted.resize(static_cast<std::size_t>(columns.count()));
     std::iota(wanted.begin(), wanted.end(), 0);
   }
-  const std::vector<std::vector<int>> places = places_by_joint(columns, wanted);
-  const auto n = static_cast<Eigen::Index>(columns.num_joints());
+  const Signals signals(columns, wanted);
+  static const RecordedRows none;
+  if (!instruments || (recorded != nullptr && !recorded->is_usable())) recorded = nullptr;
+  RecordedRows::Pass before(recorded != nullptr ? *recorded : none);
   const auto p = static_cast<Eigen::Index>(wanted.size());
-
   for (std::size_t log = 0; log < logs.size(); ++log) {
-    const double chosen = options.cutoff > 0.0 ? options.cutoff : logs[log]->summary().cutoff;
-    const double rate = logs[log]->summary().sample_rate;
-    // A cut-off near half the sample rate is no filter.
-    const double cutoff = chosen < 0.45 * rate ? chosen : 0.0;
-    const auto step =
-        cutoff > 0.0
-            ? std::max<Eigen::Index>(
-                  1, static_cast<Eigen::Index>(std::floor(rate / (options.rows_per_cutoff * cutoff))))
-            : Eigen::Index{1};
-    logs[log]->for_each([&](const data::MotionChunk& chunk) {
-      std::vector<Eigen::MatrixXd> Y = all_rows(columns, wanted, places, chunk);
-      std::vector<Eigen::MatrixXd> instrument_rows;
-      if (instruments) {
-        data::MotionChunk other = chunk;
-        instruments(static_cast<int>(log), other);
-        instrument_rows = all_rows(columns, wanted, places, other);
-      }
-      const auto smooth = [&](const Eigen::MatrixXd& signal) {
-        return cutoff > 0.0 ? data::low_pass_zero_phase(signal, chunk.sample_rate, cutoff) : signal;
-      };
-      const Eigen::MatrixXd tau = smooth(chunk.tau);
-      for (Eigen::Index j = 0; j < n; ++j) {
-        const auto& list = places[static_cast<std::size_t>(j)];
-        const std::vector<bool> use = rows_in_use(chunk, j, options.standstill_speed, cutoff);
-        std::vector<Eigen::Index> picked;
-        for (Eigen::Index i = chunk.begin; i < chunk.begin + chunk.count; ++i) {
-          if ((chunk.first + i - chunk.begin) % step == 0 && use[static_cast<std::size_t>(i)])
-            picked.push_back(i);
-        }
-        if (picked.empty()) continue;
-        const auto spread = [&](const Eigen::MatrixXd& dense) {
-          Eigen::MatrixXd W = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(picked.size()), p);
-          for (std::size_t c = 0; c < list.size(); ++c) {
-            W.col(list[c]) = dense.col(static_cast<Eigen::Index>(c))(picked);
+    const Behind how = behind(logs[log]->summary(), options);
+    logs[log]->for_each<std::vector<ObservationRows>>(
+        [&](const data::MotionChunk& chunk) {
+          if (!instruments) return rows_of(signals, p, chunk, true, nullptr, how, options);
+          data::MotionChunk other = grid_of(chunk);
+          instruments(static_cast<int>(log), other);
+          return rows_of(signals, p, chunk, recorded == nullptr, &other, how, options);
+        },
+        [&](std::vector<ObservationRows>& piece) {
+          for (ObservationRows& of_joint : piece) {
+            of_joint.log = static_cast<int>(log);
+            if (recorded != nullptr) take_recorded(before, of_joint);
+            rows(of_joint);
           }
-          return W;
-        };
-        ObservationRows out;
-        out.log = static_cast<int>(log);
-        out.joint = static_cast<int>(j);
-        out.time = chunk.time(picked);
-        out.tau = tau.col(j)(picked);
-        out.W = spread(smooth(Y[static_cast<std::size_t>(j)]));
-        if (instruments) out.Z = spread(smooth(instrument_rows[static_cast<std::size_t>(j)]));
-        Y[static_cast<std::size_t>(j)].resize(0, 0);
-        rows(out);
-      }
-    });
+        });
   }
 }
 

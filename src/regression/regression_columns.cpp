@@ -25,10 +25,21 @@ const GearCoupling<double>* find_coupling(const std::vector<GearCoupling<double>
   return nullptr;
 }
 
+/// Place of a column that is not of a coupling in the full regressor of the dynamics.
+int full_column(const Column& column, int n) {
+  switch (column.kind) {
+    case ColumnKind::kLink: return 10 * column.joint + column.entry;
+    case ColumnKind::kRotorInertia: return 10 * n + column.joint;
+    case ColumnKind::kCoulomb: return 11 * n + column.joint;
+    case ColumnKind::kViscous: return 12 * n + column.joint;
+    default: return 13 * n + column.joint;
+  }
+}
+
 }  // namespace
 
 RegressionColumns::RegressionColumns(const model::Robot& robot, ModelStructure structure)
-    : structure_(std::move(structure)), dynamics_(robot) {
+    : structure_(std::move(structure)), dynamics_(robot), batch_(robot) {
   const int n = dynamics_.num_joints();
   model::refuse_wrong_couplings(robot, structure_.couplings);
   const auto prismatic = [&robot](int joint) {
@@ -85,6 +96,50 @@ Eigen::MatrixXd RegressionColumns::regressor(const Eigen::VectorXd& q, const Eig
     }
   }
   return Y;
+}
+
+void RegressionColumns::fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
+                             Eigen::Index first, Eigen::Index count, const std::vector<Entry>& entries, double* out,
+                             Eigen::Index stride) const {
+  // Of each joint the columns of the full regressor, and where they go; couplings are none of them.
+  const int n = num_joints();
+  std::vector<std::vector<int>> wanted(static_cast<std::size_t>(n));
+  std::vector<std::vector<std::size_t>> places(static_cast<std::size_t>(n));
+  std::vector<std::size_t> coupled;
+  for (std::size_t e = 0; e < entries.size(); ++e) {
+    const Column& column = (*this)[entries[e].column];
+    if (column.coupling >= 0) {
+      coupled.push_back(e);
+      continue;
+    }
+    wanted[static_cast<std::size_t>(entries[e].joint)].push_back(full_column(column, n));
+    places[static_cast<std::size_t>(entries[e].joint)].push_back(e);
+  }
+  std::vector<Eigen::MatrixXd> rows;
+  batch_.regressor_rows(q.middleRows(first, count), qd.middleRows(first, count), qdd.middleRows(first, count), wanted,
+                        rows);
+  for (std::size_t j = 0; j < rows.size(); ++j) {
+    for (std::size_t c = 0; c < places[j].size(); ++c) {
+      const double* const from = rows[j].col(static_cast<Eigen::Index>(c)).data();
+      double* to = out + places[j][c];
+      for (Eigen::Index row = 0; row < count; ++row, to += stride) *to = from[row];
+    }
+  }
+  for (const std::size_t e : coupled) {
+    for (Eigen::Index row = 0; row < count; ++row)
+      out[row * stride + static_cast<Eigen::Index>(e)] = coupled_entry(entries[e], qd.row(first + row), qdd.row(first + row));
+  }
+}
+
+double RegressionColumns::coupled_entry(const Entry& entry, const Eigen::RowVectorXd& qd,
+                                        const Eigen::RowVectorXd& qdd) const {
+  const Column& column = (*this)[entry.column];
+  const GearCoupling<double>& coupling = structure_.couplings[static_cast<std::size_t>(column.coupling)];
+  const Eigen::RowVectorXd& motion = column.kind == ColumnKind::kCouplingInertia ? qdd : qd;
+  double value = shared_motion(coupling, motion[coupling.driving], motion[coupling.driven]);
+  if (column.kind == ColumnKind::kCouplingCoulomb) value = velocity_sign(value, 0.0);
+  if (entry.joint == coupling.driven) return value;
+  return entry.joint == coupling.driving ? coupling.ratio * value : 0.0;
 }
 
 Eigen::VectorXd RegressionColumns::values(const model::Robot& robot) const {

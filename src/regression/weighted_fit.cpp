@@ -7,6 +7,7 @@
 
 #include "heft/host/decompositions.hpp"
 #include "heft/regression/block_groups.hpp"
+#include "heft/regression/recorded_rows.hpp"
 #include "heft/regression/scaled_svd.hpp"
 #include "heft/statistics/jackknife.hpp"
 #include "heft/statistics/residual_moments.hpp"
@@ -61,23 +62,32 @@ Eigen::VectorXd weights_of(const Eigen::VectorXd& noise) {
 
 BlockFactors compressed(const RegressionColumns& columns, const BaseParameters& base,
                         const std::vector<const data::MotionStream*>& logs,
-                        const ObservationOptions& observation, const std::vector<long>& keys) {
+                        const ObservationOptions& observation, const std::vector<long>& keys,
+                        RecordedRows* record) {
   constexpr double kBlock = 0.5;  // [s]; the covariance merges blocks to several correlation times
   BlockFactors factors(columns.num_joints(), base.count(), kBlock);
   for_each_observation(columns, base.kept, logs, observation, [&](const ObservationRows& rows) {
     const long key = keys.empty() ? rows.log : keys[static_cast<std::size_t>(rows.log)];
     factors.add(key, rows.joint, rows.time, rows.W, rows.tau);
+    if (record != nullptr) record->add(rows);
   });
   return factors;
 }
 
 Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const BaseParameters& base,
                                      const std::vector<const data::MotionStream*>& logs,
-                                     const ObservationOptions& observation, const Eigen::VectorXd& beta) {
+                                     const ObservationOptions& observation, const Eigen::VectorXd& beta,
+                                     const RecordedRows& record) {
   statistics::ResidualMoments moments(columns.num_joints());
-  for_each_observation(columns, base.kept, logs, observation, [&](const ObservationRows& rows) {
+  const auto add = [&](const ObservationRows& rows) {
     moments.add(rows.log, rows.joint, rows.time, rows.tau - rows.W * beta);
-  });
+  };
+  if (record.is_usable()) {
+    ObservationRows rows;
+    for (RecordedRows::Pass pass(record); pass.next(rows);) add(rows);
+  } else {
+    for_each_observation(columns, base.kept, logs, observation, add);
+  }
   return moments.correlation_time();
 }
 

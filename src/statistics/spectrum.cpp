@@ -13,6 +13,18 @@ using Eigen::Index;
 struct Periodogram::Impl {
   Eigen::FFT<double> fft;
   std::vector<double> windowed;
+  std::vector<double> window;  ///< Hann's of the length and centre asked for last: seldom another
+  double centre{0.0};
+
+  void make_window(Index n, double around) {
+    if (static_cast<Index>(window.size()) == n && centre == around) return;
+    window.resize(static_cast<std::size_t>(n));
+    centre = around;
+    for (Index k = 0; k < n; ++k) {
+      const double turn = (static_cast<double>(k) + centre) / static_cast<double>(n);
+      window[static_cast<std::size_t>(k)] = 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * turn);
+    }
+  }
   std::vector<std::complex<double>> transform;
 };
 
@@ -27,10 +39,9 @@ Periodogram& Periodogram::operator=(Periodogram&&) noexcept = default;
 const std::vector<std::complex<double>>& Periodogram::of(const Eigen::Ref<const Eigen::VectorXd>& x,
                                                          double mean, double centre) {
   const Index n = x.size();
+  impl_->make_window(n, centre);
   for (Index k = 0; k < n; ++k) {
-    const double turn = (static_cast<double>(k) + centre) / static_cast<double>(n);
-    impl_->windowed[static_cast<std::size_t>(k)] =
-        (0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * turn)) * (x[k] - mean);
+    impl_->windowed[static_cast<std::size_t>(k)] = impl_->window[static_cast<std::size_t>(k)] * (x[k] - mean);
   }
   std::fill(impl_->windowed.begin() + n, impl_->windowed.end(), 0.0);
   impl_->fft.fwd(impl_->transform, impl_->windowed);

@@ -42,9 +42,10 @@ struct LogFiles {
   ReadAs as{};  ///< what the files do not say of themselves
 };
 
+class KeptLog;
 class LogFingerprint;
 
-/// One checked log: a file that every pass reads anew, so that memory does not grow with it, or samples in memory.
+/// One checked log: a file whose rows are kept beside memory, so that memory does not grow with it, or samples in memory.
 /// Cheap to copy.
 struct LogSource {
   std::string path;
@@ -54,6 +55,7 @@ struct LogSource {
   std::string unusable_rate{};  ///< why logged velocity and acceleration are not used; empty: they are
   std::shared_ptr<const LogFingerprint>
       fingerprint{};  ///< tells whether another log holds samples of this one
+  std::shared_ptr<const KeptLog> kept{};  ///< what was read of the file, so that streams need not read it again
 };
 
 /// Logs to fit to and logs to judge on.

@@ -83,10 +83,14 @@ struct StreamSummary {
   std::vector<std::string> notes;           ///< lines worth telling
 };
 
+class KeptLog;
+struct LogSource;
+
 /// A log as a sequence of pieces. The first pass checks every row and collects the summary.
 class MotionStream {
  public:
-  /// From a file; read again for every pass. What cannot be read twice (a pipe) is kept in memory.
+  /// From a file, which is read once, a pipe too: its rows are kept in a temporary file, in memory where they are few. When
+  /// the disk has no place for them, and when the file has changed since, later passes read it again.
   /// @throws DataError as read_log does.
   MotionStream(const std::string& path, const LogRequirements& needs, const StreamOptions& options = {});
   /// From memory; the same pieces.
@@ -99,13 +103,26 @@ class MotionStream {
   /// Unit slips and worthless columns, from what the first pass saw (see LogCheck). The stream itself refuses
   /// none of them: a caller that knows the robot's limits does, with refuse_errors.
   std::vector<LogFinding> check(const JointLimits& limits = {}) const;
-  /// Calls `piece` for every piece in time order. Pieces wholly inside a gap of time are left out.
+  /// Calls `piece` for every piece in time order, one call at a time, not always from the same thread: pieces are derived by
+  /// several at once. Pieces wholly inside a gap of time are left out.
   /// @param progress  called with 0..1; may be empty
   /// @throws DataError when the file is no longer the one that the first pass read
   void for_each(const std::function<void(const MotionChunk&)>& piece,
                 const std::function<void(double)>& progress = {}) const;
+  /// The same in two steps: `work` on several pieces at once, on several threads; `use` with what it made of them, in time
+  /// order, one call at a time.
+  template <typename Result>
+  void for_each(const std::function<Result(const MotionChunk&)>& work, const std::function<void(Result&)>& use,
+                const std::function<void(double)>& progress = {}) const {
+    for_each_piece([&](MotionChunk& chunk) { return std::make_shared<Result>(work(chunk)); },
+                   [&](void* result) { use(*static_cast<Result*>(result)); }, progress);
+  }
 
  private:
+  friend MotionStream stream(const LogSource& source, const StreamOptions& options);
+  MotionStream(std::shared_ptr<const KeptLog> log, const StreamOptions& options);
+  void for_each_piece(const std::function<std::shared_ptr<void>(MotionChunk&)>& work,
+                      const std::function<void(void*)>& use, const std::function<void(double)>& progress) const;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -32,10 +32,14 @@ struct ObservationRows {
   Eigen::MatrixXd Z;     ///< instruments, like W, where a motion for them was given; else 0 columns
 };
 
-/// Another motion on the grid of a piece of log, for instruments: takes the piece, changes its q, q̇, q̈.
+class RecordedRows;
+
+/// Another motion on the grid of a piece of log, for instruments: takes the piece, changes its q, q̇, q̈. Called for several
+/// pieces at once, on several threads.
 using InstrumentMotion = std::function<void(int log, data::MotionChunk& chunk)>;
 
-/// Calls `rows` for every piece of every log and every joint, in time order.
+/// Calls `rows` for every piece of every log and every joint, in time order, one call at a time. Pieces are worked on by all
+/// threads; what comes out does not depend on their number.
 ///
 /// The columns are built at the even grid's own rate from zero-phase filtered motion, then torque and columns
 /// pass the same zero-phase low-pass and every k-th row is kept. Coulomb columns are built with the sharp sign
@@ -43,10 +47,12 @@ using InstrumentMotion = std::function<void(int log, data::MotionChunk& chunk)>;
 /// reversals. Memory: one piece of log.
 ///
 /// @param selected  columns of the regression wanted, ascending; empty: all
+/// @param recorded  with instruments: what add() of these rows was called with in a pass before, with the same logs and options;
+///                  W and torque are taken from there. May be null
 void for_each_observation(const RegressionColumns& columns, const std::vector<int>& selected,
                           const std::vector<const data::MotionStream*>& logs,
                           const ObservationOptions& options,
                           const std::function<void(const ObservationRows&)>& rows,
-                          const InstrumentMotion& instruments = {});
+                          const InstrumentMotion& instruments = {}, const RecordedRows* recorded = nullptr);
 
 }  // namespace heft::regression

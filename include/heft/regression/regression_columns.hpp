@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include "heft/core/friction/gear_coupling.hpp"
+#include "heft/model/batch_dynamics.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/model/robot.hpp"
 
@@ -66,14 +67,28 @@ class RegressionColumns {
   Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                             const Eigen::VectorXd& qdd) const;
 
+  /// Entry of the regressor: row of a joint, column of a parameter, counted from 0.
+  struct Entry {
+    int joint{0};
+    int column{0};
+  };
+  /// Some entries of the regressors of many instants.
+  /// @param q, qd, qdd  rows × n each; rows first .. first + count are taken
+  /// @param out  count rows of `stride` numbers, of which entries.size() are filled
+  void fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, Eigen::Index first,
+            Eigen::Index count, const std::vector<Entry>& entries, double* out, Eigen::Index stride) const;
+
   /// The robot's present values of these parameters, p. Couplings are found by their pair of joints.
   Eigen::VectorXd values(const model::Robot& robot) const;
   /// Puts values into a robot. Parameters outside the structure become 0: the fit had none of them.
   void apply(const Eigen::VectorXd& values, model::Robot& robot) const;
 
  private:
+  double coupled_entry(const Entry& entry, const Eigen::RowVectorXd& qd, const Eigen::RowVectorXd& qdd) const;
+
   ModelStructure structure_;
   model::Dynamics dynamics_;
+  model::BatchDynamics batch_;
   std::vector<Column> columns_;
 };
 

@@ -52,16 +52,20 @@ struct WeightedFit {
 };
 
 /// Reads the logs once: the triangle of every joint and half second.
-/// @param keys  numbers that the logs go by in the blocks; empty: their places
+/// @param keys    numbers that the logs go by in the blocks; empty: their places
+/// @param record  gets all rows; may be null
 BlockFactors compressed(const RegressionColumns& columns, const BaseParameters& base,
                         const std::vector<const data::MotionStream*>& logs,
-                        const ObservationOptions& observation, const std::vector<long>& keys = {});
+                        const ObservationOptions& observation, const std::vector<long>& keys = {},
+                        RecordedRows* record = nullptr);
 
-/// Reads the logs once more: how long the residual of an estimate is correlated in time, n [s].
+/// How long the residual of an estimate is correlated in time, n [s], from the rows recorded before, or from the logs once more
+/// where the record has none.
 /// @param beta  b
 Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const BaseParameters& base,
                                      const std::vector<const data::MotionStream*>& logs,
-                                     const ObservationOptions& observation, const Eigen::VectorXd& beta);
+                                     const ObservationOptions& observation, const Eigen::VectorXd& beta,
+                                     const RecordedRows& record);
 
 /// Solves with weights from the scatter that the fit before leaves, until they converge; cost does not depend on the
 /// length of the logs.

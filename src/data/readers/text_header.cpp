@@ -50,7 +50,7 @@ bool is_row_below(std::string_view names, std::string_view row) {
 /// The line of names. Lines that begin with # or % above it are comments; where a row of as many numbers follows them at
 /// once, the last of them holds the names.
 std::string TextReader::header_line() {
-  fill();
+  fill(line_ + 1);
   // Spreadsheets put a byte-order mark in front.
   if (filled_ >= 3 && std::memcmp(buffer_.data(), "\xEF\xBB\xBF", 3) == 0) at_ = 3;
   std::string comment;

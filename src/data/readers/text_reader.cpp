@@ -33,14 +33,15 @@ TextReader::TextReader(host::InputFile file, const std::string& path, const Read
 }
 
 /// Takes more of the file behind what is left in the buffer. @return false when the file has no more
-bool TextReader::fill() {
+/// @param line  number of the line that the buffer holds a part of, or none of
+bool TextReader::fill(std::size_t line) {
   if (at_end_) return false;
   std::memmove(buffer_.data(), buffer_.data() + at_, filled_ - at_);
   filled_ -= at_;
   at_ = 0;
   if (filled_ == buffer_.size()) {  // a line longer than the buffer
     if (filled_ >= kLongestLine) {
-      fail(line_ + 1,
+      fail(line,
            "found a line of more than {} million bytes; expected rows of numbers (CSV); this is no log",
            kLongestLine >> 20);
     }
@@ -53,7 +54,7 @@ bool TextReader::fill() {
     return false;
   }
   if (reading_ == Reading::kWhole && std::memchr(to, '\0', count) != nullptr) {
-    fail(line_ + 1,
+    fail(line,
          "found a zero byte in this line or soon behind it; expected text (CSV); this is a binary file, "
          "text of another encoding than UTF-8, or a log that was not written to its end; convert it");
   }
@@ -70,7 +71,7 @@ bool TextReader::next_line() {
     const void* stop = std::memchr(begin + searched, '\n', count - searched);
     if (stop == nullptr) {
       searched = count;
-      if (fill()) continue;
+      if (fill(line_ + 1)) continue;
       if (filled_ == at_) return false;
     }
     line_begin_ = buffer_.data() + at_;
@@ -91,17 +92,9 @@ void TextReader::return_line() {
 /// A log that was cut inside its last number still looks like a row. Where all rows have as many decimals, fewer at the
 /// end of the file give it away.
 void TextReader::look_at_end_of_line() {
-  constexpr int kMostDigits = 32;
   constexpr long kEnoughRows = 10;
   if (decimals_ == -2) return;
-  const char mark = dialect_.decimal_comma ? ',' : '.';
-  int count = -1, digits = 0;
-  for (const char* at = line_end_; at != line_begin_ && digits < kMostDigits; ++digits) {
-    const char c = *--at;
-    if (c == '\r' || (c == ' ' && dialect_.separator != ' ')) --digits;
-    if (c == mark) count = digits;
-    if (c == mark || c == dialect_.separator) break;
-  }
+  const int count = decimals_at_end(line_text(), dialect_.separator, dialect_.decimal_comma ? ',' : '.');
   if (decimals_ == -1) decimals_ = count;
   if (count == decimals_) return;
   if (!terminated_ && num_rows_ >= kEnoughRows && decimals_ > 0 && count < decimals_) {
@@ -122,20 +115,31 @@ void TextReader::want_only(const std::vector<std::size_t>& columns) {
   if (time_column_ < columns_.size()) state_[time_column_].wanted = true;
 }
 
-/// Moves to the next row. @return false at the end of the file
-bool TextReader::next_row_line() {
-  std::size_t blank_line = 0;  // first of a run of blank lines: harmless at the end of the file only
-  for (;;) {
-    if (!next_line()) return false;
-    if (!is_blank(line_text())) break;
-    if (blank_line == 0) blank_line = line_;
+/// Whether the present line is a row. Blank lines are none, which is harmless at the end of the file only.
+bool TextReader::is_row_line() {
+  if (is_blank(line_text())) {
+    if (blank_line_ == 0) blank_line_ = line_;
+    return false;
   }
-  if (blank_line != 0 && reading_ == Reading::kWhole) {
-    fail(blank_line,
+  refuse_blank_line_before_row();
+  return true;
+}
+
+void TextReader::refuse_blank_line_before_row() {
+  if (blank_line_ != 0 && reading_ == Reading::kWhole) {
+    fail(blank_line_,
          "column 'time': found a blank line between rows; expected {} fields in every row; "
          "remove the blank line",
          columns_.size());
   }
+  blank_line_ = 0;
+}
+
+/// Moves to the next row. @return false at the end of the file
+bool TextReader::next_row_line() {
+  do {
+    if (!next_line()) return false;
+  } while (!is_row_line());
   if (!unit_line_looked_for_) {  // of rows that arrive, the first
     return_line();
     if (look_below_header()) {
@@ -151,6 +155,12 @@ bool TextReader::next_row_line() {
 
 bool TextReader::next(double* values) {
   if (!next_row_line()) return false;
+  take_row(values);
+  return true;
+}
+
+/// The present line.
+void TextReader::take_row(double* values) {
   if (split_rows_) {
     take_fields(values);
   } else {
@@ -163,7 +173,6 @@ bool TextReader::next(double* values) {
   }
   look_at_end_of_line();
   ++num_rows_;
-  return true;
 }
 
 /// A row of plain CSV: every field is read where it stands.

@@ -1,0 +1,254 @@
+#include "heft/data/decimate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstring>
+
+#include "low_pass_sections.hpp"
+
+namespace heft::data {
+
+using Eigen::Index;
+
+namespace {
+
+/// DecimatedLowPass::kSums
+constexpr Index kLowPassSums = 9;
+
+/// Both sections as one: states s1, s2 of the first, then of the second.
+void step_states(const LowPass<1>& filter, Eigen::Vector4d& x, double input, double& output) {
+  LowPassSection::State first, second;
+  first.s1.setConstant(x[0]), first.s2.setConstant(x[1]);
+  second.s1.setConstant(x[2]), second.s2.setConstant(x[3]);
+  output = filter.second().step(second, filter.first().step(first, LowPassSection::Pair::Constant(input)))[0];
+  x << first.s1[0], first.s2[0], second.s1[0], second.s2[0];
+}
+
+/// Adds rows times their factors to sums, `kLowPassSums` rows of `signals` numbers.
+using SumsOfProducts = void (*)(double* sums, const double* rows, const double* factors, Index signals, Index count);
+
+/// Signals side by side, as many as a vector of the compiler has.
+template <typename Vector>
+[[gnu::always_inline]] inline void add_products(double* sums, const double* rows, const double* factors, Index signals,
+                                                Index count, Index first, Index last) {
+  constexpr Index kLanes = sizeof(Vector) / sizeof(double);
+  for (Index signal = first; signal + kLanes <= last; signal += kLanes) {
+    Vector sum[kLowPassSums];
+    for (Index s = 0; s < kLowPassSums; ++s) std::memcpy(&sum[s], sums + s * signals + signal, sizeof(Vector));
+    const double* row = rows + signal;
+    const double* factor = factors;
+    for (Index k = 0; k < count; ++k, row += signals, factor += kLowPassSums) {
+      Vector value;
+      std::memcpy(&value, row, sizeof(Vector));
+#pragma GCC unroll 9
+      for (Index s = 0; s < kLowPassSums; ++s) sum[s] += factor[s] * value;
+    }
+    for (Index s = 0; s < kLowPassSums; ++s) std::memcpy(sums + s * signals + signal, &sum[s], sizeof(Vector));
+  }
+}
+
+using Vector2 = double __attribute__((vector_size(16)));
+
+void add_in_pairs(double* sums, const double* rows, const double* factors, Index signals, Index count) {
+  add_products<Vector2>(sums, rows, factors, signals, count, 0, signals);
+}
+
+#ifdef __x86_64__
+using Vector4 = double __attribute__((vector_size(32)));
+
+/// AVX2 without fused products: the same bits.
+[[gnu::target("avx2")]] void add_in_fours(double* sums, const double* rows, const double* factors, Index signals,
+                                          Index count) {
+  add_products<Vector4>(sums, rows, factors, signals, count, 0, signals);
+  add_products<Vector2>(sums, rows, factors, signals, count, signals / 4 * 4, signals);
+}
+#endif
+
+SumsOfProducts sums_of_products() {
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("avx2")) return add_in_fours;
+#endif
+  return add_in_pairs;
+}
+
+Index number_kept(Index rows, Index first, Index step) { return rows > first ? (rows - first - 1) / step + 1 : 0; }
+
+}  // namespace
+
+DecimatedLowPass::DecimatedLowPass(double sample_rate, double cutoff, Index signals, Index rows, Index first_kept,
+                                   Index step)
+    : sample_rate_(sample_rate),
+      cutoff_(cutoff),
+      signals_(signals),
+      rows_(rows),
+      first_kept_(first_kept),
+      step_(step),
+      kept_(number_kept(rows, first_kept, step)),
+      padding_(rows > 1 ? low_pass_padding(rows, sample_rate, cutoff) : 0),
+      head_rows_(std::min(rows, std::max(padding_, first_kept) + 1)),
+      tail_first_(std::max<Index>(0, std::min(rows - 1 - padding_, first_kept + (kept_ - 1) * step + 1))) {
+  if (kept_ == 0) return;
+  make_tables();
+  head_.resize(head_rows_, signals);
+  tail_.resize(rows - tail_first_, signals);
+  sums_ = Kept::Zero(kSums, signals);
+  forward_ = Kept::Zero(kStates, signals);
+  output_.resize(kept_, signals);
+  behind_.resize(static_cast<std::size_t>(kept_));
+}
+
+void DecimatedLowPass::make_tables() {
+  static_assert(kSums == kLowPassSums);
+  const LowPass<1> filter(sample_rate_, cutoff_);
+  for (int s = 0; s < kStates; ++s) {
+    Eigen::Vector4d x = Eigen::Vector4d::Unit(s);
+    step_states(filter, x, 0.0, C_[s]);
+    A_.col(s) = x;
+  }
+  B_.setZero();
+  step_states(filter, B_, 1.0, D_);
+
+  table_.resize(static_cast<std::size_t>(step_ * kSums));
+  const auto sums_of = [&](Index row) { return table_.data() + row * kSums; };
+  // Forward, from the last row of a stretch to its first: A^(M-1-j) B; of the output in the last row C A^(M-2-j) B.
+  Eigen::Vector4d forward = B_;
+  double output = D_;
+  for (Index j = step_ - 1; j >= 0; --j) {
+    Eigen::Map<Eigen::Vector4d>{sums_of(j)} = forward;
+    sums_of(j)[2 * kStates] = output;
+    output = C_ * forward;
+    forward = A_ * forward;
+  }
+  // Backward: Σ A^j B y_j with y_j the forward output. P_i = A^i B C + P_(i+1) A, G_i = A^i B D + P_(i+1) B.
+  std::vector<Eigen::Vector4d> powers;  // A^i B
+  A_step_.setIdentity();
+  H_.setZero();
+  e_ = C_;
+  for (Index i = 0; i < step_; ++i) {
+    powers.push_back(A_step_ * B_);
+    H_ += powers.back() * (C_ * A_step_);
+    if (i + 1 == step_) e_ = C_ * A_step_;
+    A_step_ = A_step_ * A_;
+  }
+  Eigen::Matrix4d P = Eigen::Matrix4d::Zero();
+  for (Index i = step_ - 1; i >= 0; --i) {
+    const Eigen::Vector4d& power = powers[static_cast<std::size_t>(i)];
+    Eigen::Map<Eigen::Vector4d>{sums_of(i) + kStates} = power * D_ + P * B_;
+    P = power * C_ + P * A_;
+  }
+}
+
+void DecimatedLowPass::add(const double* rows, Index count) {
+  for (Index k = 0; k < count && kept_ > 0;) {
+    const double* const row = rows + k * signals_;
+    if (added_ < head_rows_ || added_ >= tail_first_) {
+      const Eigen::Map<const Eigen::RowVectorXd> values(row, signals_);
+      if (added_ < head_rows_) head_.row(added_) = values;
+      if (added_ >= tail_first_) tail_.row(added_ - tail_first_) = values;
+    }
+    if (added_ < head_rows_) {
+      ++k;
+      if (++added_ == head_rows_) begin_at_head();
+      continue;
+    }
+    // As many as neither end the stretch nor have to be kept for the end.
+    Index some = std::min(count - k, step_ - in_stretch_);
+    some = added_ < tail_first_ ? std::min(some, tail_first_ - added_) : 1;
+    added_ += some;
+    k += some;
+    accumulate(row, some);
+  }
+}
+
+/// Rows of the present stretch; none of them behind its end. Rows behind the last kept one are left to the end.
+void DecimatedLowPass::accumulate(const double* rows, Index count) {
+  if (stretch_ >= kept_) return;
+  static const auto add = sums_of_products();
+  add(sums_.data(), rows, table_.data() + in_stretch_ * kSums, signals_, count);
+  in_stretch_ += count;
+  if (in_stretch_ == step_) end_stretch();
+}
+
+void DecimatedLowPass::end_stretch() {
+  output_.row(stretch_) = sums_.row(2 * kStates) + e_ * forward_;
+  behind_[static_cast<std::size_t>(stretch_)] = sums_.middleRows(kStates, kStates) + H_ * forward_;
+  forward_ = (A_step_ * forward_ + sums_.topRows(kStates)).eval();
+  sums_.setZero();
+  in_stretch_ = 0;
+  ++stretch_;
+}
+
+/// The forward run from the rows that continue the log in front of it, to the first kept row.
+void DecimatedLowPass::begin_at_head() {
+  const LowPass<1> filter(sample_rate_, cutoff_);
+  const Index size = padding_ + first_kept_ + 1;
+  Kept pair(size, 2);
+  for (Index signal = 0; signal < signals_; signal += 2) {
+    const auto x = head_.middleCols<2>(signal);
+    for (Index k = 0; k < padding_; ++k) pair.row(k) = 2.0 * x.row(0) - x.row(padding_ - k);
+    pair.bottomRows(first_kept_ + 1) = x.topRows(first_kept_ + 1);
+    std::array<LowPassSection::State, 2> states;
+    states[0].s2 = states[1].s2 = pair.row(0).transpose();
+    LowPassSection::Pair y = LowPassSection::Pair::Zero();
+    for (Index k = 0; k < size; ++k)
+      y = filter.second().step(states[1], filter.first().step(states[0], pair.row(k).transpose()));
+    output_.block<1, 2>(0, signal) = y.transpose();
+    forward_.block<1, 2>(0, signal) = states[0].s1.transpose();
+    forward_.block<1, 2>(1, signal) = states[0].s2.transpose();
+    forward_.block<1, 2>(2, signal) = states[1].s1.transpose();
+    forward_.block<1, 2>(3, signal) = states[1].s2.transpose();
+  }
+  stretch_ = 1;
+  for (Index row = first_kept_ + 1; row < head_rows_;) {
+    const Index some = std::min(head_rows_ - row, step_ - in_stretch_);
+    accumulate(head_.data() + row * signals_, some);
+    row += some;
+  }
+}
+
+/// The backward run from behind the rows that continue the log at its end, to behind the last kept row: kStates × signals.
+Eigen::MatrixXd DecimatedLowPass::backward_state_behind_last() const {
+  const LowPass<1> filter(sample_rate_, cutoff_);
+  const Index last = first_kept_ + (kept_ - 1) * step_;
+  const Index left = rows_ - 1 - last;
+  Eigen::MatrixXd result(kStates, signals_);
+  Kept pair(left + padding_, 2);
+  for (Index signal = 0; signal < signals_; signal += 2) {
+    const auto x = tail_.middleCols<2>(signal);
+    const Index end = tail_.rows() - 1;
+    pair.topRows(left) = x.bottomRows(left);
+    for (Index k = 0; k < padding_; ++k) pair.row(left + k) = 2.0 * x.row(end) - x.row(end - 1 - k);
+    std::array<LowPassSection::State, 2> states;
+    const auto state = [&](int s) { return forward_.block<1, 2>(s, signal).transpose().array(); };
+    states[0].s1 = state(0), states[0].s2 = state(1), states[1].s1 = state(2), states[1].s2 = state(3);
+    const auto step = [&](Index k) -> LowPassSection::Pair {
+      return filter.second().step(states[1], filter.first().step(states[0], pair.row(k).transpose()));
+    };
+    LowPassSection::Pair y = output_.block<1, 2>(kept_ - 1, signal).transpose();
+    for (Index k = 0; k < pair.rows(); ++k) {
+      y = step(k);
+      pair.row(k) = y.transpose();
+    }
+    states[0].s1.setZero(), states[1].s1.setZero();
+    states[0].s2 = states[1].s2 = y;
+    for (Index k = pair.rows() - 1; k >= 0; --k) step(k);
+    result.block<1, 2>(0, signal) = states[0].s1.transpose();
+    result.block<1, 2>(1, signal) = states[0].s2.transpose();
+    result.block<1, 2>(2, signal) = states[1].s1.transpose();
+    result.block<1, 2>(3, signal) = states[1].s2.transpose();
+  }
+  return result;
+}
+
+DecimatedLowPass::Kept DecimatedLowPass::finish() {
+  if (kept_ == 0) return Kept(0, signals_);
+  Kept backward = backward_state_behind_last();
+  for (Index k = kept_ - 1; k >= 0; --k) {
+    output_.row(k) = C_ * backward + D_ * output_.row(k);
+    if (k > 0) backward = (A_step_ * backward + behind_[static_cast<std::size_t>(k)]).eval();
+  }
+  return std::move(output_);
+}
+
+}  // namespace heft::data
