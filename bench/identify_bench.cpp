@@ -16,6 +16,8 @@
 #include <numbers>
 #include <random>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -24,6 +26,7 @@
 #include <unistd.h>
 #include <Eigen/Core>
 
+#include "heft/data/log_set.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/file.hpp"
 #include "heft/identify/fit.hpp"
@@ -75,6 +78,7 @@ model::Robot robot() { return urdf::load_urdf(HEFT_BENCH_URDF); }
 struct Run {
   bool ok{false};
   double seconds{0.0};
+  double processor_seconds{0.0};  ///< of the program itself, on all processors together
   double peak_megabytes{0.0};
   std::string said;  ///< standard output and error
 };
@@ -104,6 +108,7 @@ Run run_in_child(const std::function<int()>& body) {
   if (::wait4(child, &status, 0, &usage) != child) throw std::runtime_error("a child process got lost");
   Run run;
   run.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  run.processor_seconds = static_cast<double>(usage.ru_utime.tv_sec) + 1e-6 * static_cast<double>(usage.ru_utime.tv_usec);
   run.ok = WIFEXITED(status) && WEXITSTATUS(status) == 0;
   run.peak_megabytes = static_cast<double>(usage.ru_maxrss) / 1024.0;  // kB on Linux
   run.said = host::read_file(said, "output");
@@ -196,7 +201,18 @@ data::MotionStream stream_of(const std::string& log) {
   return data::MotionStream(log, needs);
 }
 
-/// Reads the log and derives the motion.
+/// Reads the log alone, into memory.
+int take_text(const std::string& log) { return std::isfinite(data::read_log(log, {}).tau.sum()) ? 0 : 1; }
+
+/// Reads the log, checks it for unit slips and keeps its rows, as every command does first.
+int take_log(const std::string& log) {
+  data::LogFiles files;
+  files.train = {log};
+  const data::LogSet logs = data::open_logs(robot().joint_specs(), files);
+  return logs.train().size() == 1 ? 0 : 1;
+}
+
+/// The same, and derives the motion.
 int take_motion(const std::string& log) {
   const data::MotionStream stream = stream_of(log);
   double sum = 0.0;
@@ -234,6 +250,8 @@ struct Stage {
   const char* name;
   int (*take)(const std::string& log);
 };
+constexpr Stage kText{"text", &take_text};
+constexpr Stage kLog{"read", &take_log};
 constexpr Stage kMotion{"motion", &take_motion};
 constexpr Stage kRegressorRows{"rows", &take_rows};
 constexpr Stage kFit{"fit", &take_fit};
@@ -242,7 +260,7 @@ constexpr Stage kCommand{"command", &take_command};
 void stage(benchmark::State& state, const Stage& which) {
   const long samples = state.range(0);
   const std::string log = log_of(samples);
-  double peak = 0.0;
+  double peak = 0.0, processor = 0.0;
   for (auto _ : state) {
     const Run run = run_in_child([&] { return which.take(log); });
     if (!run.ok) {
@@ -251,7 +269,12 @@ void stage(benchmark::State& state, const Stage& which) {
     }
     state.SetIterationTime(run.seconds);
     peak = std::max(peak, run.peak_megabytes);
+    processor += run.processor_seconds;
   }
+  const double megabytes = static_cast<double>(fs::file_size(log)) / 1e6;
+  state.counters["processor_s"] = benchmark::Counter(processor, benchmark::Counter::kAvgIterations);
+  state.counters["MB_a_core_second"] =
+      megabytes * static_cast<double>(state.iterations()) / std::max(processor, 1e-9);
   state.counters["samples_per_second"] =
       benchmark::Counter(static_cast<double>(samples), benchmark::Counter::kIsIterationInvariantRate);
   state.counters["peak_MB"] = peak;
@@ -261,6 +284,8 @@ void stage(benchmark::State& state, const Stage& which) {
 void at_three_lengths(benchmark::internal::Benchmark* b) {
   b->Arg(10'000)->Arg(100'000)->Arg(1'000'000)->Iterations(1)->UseManualTime()->Unit(benchmark::kMillisecond);
 }
+BENCHMARK_CAPTURE(stage, text, kText)->Name("log/text")->Apply(at_three_lengths);
+BENCHMARK_CAPTURE(stage, read, kLog)->Name("log/read")->Apply(at_three_lengths);
 BENCHMARK_CAPTURE(stage, motion, kMotion)->Name("log/motion")->Apply(at_three_lengths);
 BENCHMARK_CAPTURE(stage, rows, kRegressorRows)->Name("log/rows")->Apply(at_three_lengths);
 BENCHMARK_CAPTURE(stage, fit, kFit)->Name("log/fit")->Apply(at_three_lengths);
@@ -343,13 +368,17 @@ void explain() {
   fmt::print(stderr, R"(
 UR10e, 1 kHz, a CSV log of time, q1..q6, tau1..tau6; N samples is N rows. Cases with an N are processes of
 their own:
-  log/motion/N    reads and checks the log, derives velocity and acceleration (two passes over the file)
+  log/text/N      reads the log alone, into memory, which therefore grows
+  log/read/N      reads the log, checks it for unit slips, rows kept for later passes
+  log/motion/N    the same, then grid, cut-off, velocity and acceleration
   log/rows/N      the same, then the base regressor at every sample, low-pass and decimation with the torque
   log/fit/N       the same, then triangular factors, solution, intervals, link parameters, bias test
   log/command/N   `heft identify` from start to exit, model file written
   regressor       the full regressor at one state
   triangular_factor/rows   QR update by so many samples, a factor a joint
-samples_per_second  samples of log over wall time
+samples_per_second  samples of log over wall time; a plain Python script: bench/identify_baseline.py
+processor_s         processor time of the program, all threads together
+MB_a_core_second    size of the log over processor_s: the figure of log/text
 peak_MB             largest resident memory of the process; not to grow with N
 log_MB              size of the log
 )");

@@ -21,6 +21,7 @@ struct Command {
   const char* summary;  ///< one line for `heft --help`
   /// Adds the options to `line` and returns the work.
   Action (*set_up)(CommandLine line);
+  bool parallel{true};  ///< takes --threads: it reads logs, or works on all processors
 };
 
 /// All commands in the order of the help text.

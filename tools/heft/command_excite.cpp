@@ -306,10 +306,6 @@ void add_search_options(CommandLine line, ExciteOptions& options) {
   line.add_option("--seed", options.design.seed, "seed of the random motions")
       .type_name("N")
       .capture_default_str();
-  line.add_option("--threads", options.design.threads,
-                  "threads (default: one a processor; the result does not depend on it)")
-      .type_name("N")
-      .between(1, 256);
   line.add_option("--compare", options.compare, "random motions inside the same limits to compare with")
       .type_name("N")
       .between(0, 100000)

@@ -17,6 +17,12 @@
 
 namespace heft::tools {
 
+void add_threads_option(CommandLine line, int& threads) {
+  line.add_option("--threads", threads, "threads (default: one a processor; the result does not depend on it)")
+      .type_name("N")
+      .between(1, 256);
+}
+
 void add_robot_options(CommandLine line, RobotOptions& options) {
   Option urdf = line.add_option("--urdf", options.urdf,
                                 "robot: a URDF file, or a robot of heft's own by name (ur5e, panda...); a "

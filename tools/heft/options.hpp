@@ -25,6 +25,9 @@ namespace heft::tools {
 
 class Console;
 
+/// `--threads N`: on how many threads the command works.
+void add_threads_option(CommandLine line, int& threads);
+
 /// --urdf, --model and what selects the chain. At least one of the two is given.
 struct RobotOptions {
   std::string urdf;
