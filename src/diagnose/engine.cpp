@@ -491,7 +491,7 @@ SeenWithin<double> Engine::seen(int joint) const {
     }
     return found.low <= found.high ? found : SeenInterval<double>{};
   };
-  return {interval(table_.qd), interval(load_), interval(table_.q)};
+  return {interval(table_.qd), interval(load()), interval(table_.q)};
 }
 
 model::Robot Engine::robot() const {
