@@ -59,16 +59,6 @@ struct Moving {
   Vec w, wd, a;
 };
 
-/// A link on the way outward.
-struct Link {
-  Turn turn;
-  Vec offset;     ///< of its origin in the parent's frame
-  Moving turned;  ///< the parent's angular motion, and the acceleration of this origin, in link axes
-  Moving moving;
-  /// What a joint asks of a wrench: z · moment + k · force, in link axes.
-  std::array<Vec, RegressorSlope::kMost> z, k;
-};
-
 /// Adds to `by` and to the probe's derivatives those of one weight block: z·n + k·f with
 /// n = c × a + I ω̇ + ω × I ω,  f = m a + ω̇ × c + ω × (ω × c).
 inline void add_block(const Mass& H, const Moving& at, const Vec& z, const Vec& k, Moving& by, Vec& by_z,
@@ -83,6 +73,16 @@ inline void add_block(const Mass& H, const Moving& at, const Vec& z, const Vec& 
 }
 
 }  // namespace
+
+/// A link on the way outward.
+struct RegressorSlope::Link {
+  Turn turn;
+  Vec offset;     ///< of its origin in the parent's frame
+  Moving turned;  ///< the parent's angular motion, and the acceleration of this origin, in link axes
+  Moving moving;
+  /// What a joint asks of a wrench: z · moment + k · force, in link axes.
+  std::array<Vec, kMost> z, k;
+};
 
 RegressorSlope::RegressorSlope(const model::Robot& robot)
     : up_{-robot.gravity[0], -robot.gravity[1], -robot.gravity[2]} {
@@ -112,11 +112,9 @@ RegressorSlope::RegressorSlope(const model::Robot& robot)
   }
 }
 
-void RegressorSlope::gradient(const Motion& at, const Weights& weights, Motion& by) const {
-  std::array<Link, kMost> links;
-  const std::size_t n = joints_.size();
+void RegressorSlope::go_outward(const Motion& at, std::array<Link, kMost>& links) const {
   const Moving base{zero(), zero(), both(up_)};
-  for (std::size_t j = 0; j < n; ++j) {
+  for (std::size_t j = 0; j < joints_.size(); ++j) {
     const Geometry& g = joints_[j];
     Link& link = links[j];
     const Moving& parent = j > 0 ? links[j - 1].moving : base;
@@ -149,13 +147,18 @@ void RegressorSlope::gradient(const Motion& at, const Weights& weights, Motion& 
     link.z[j] = g.revolute ? axis : zero();
     link.k[j] = g.revolute ? zero() : axis;
   }
+}
 
+void RegressorSlope::gradient(const Motion& at, const Weights& weights, Motion& by) const {
+  std::array<Link, kMost> links;
+  go_outward(at, links);
+  const Moving base{zero(), zero(), both(up_)};
   // Back: derivatives by a link's motion and probes, and what of them its parent and its joint bring about.
   Moving by_moving{zero(), zero(), zero()};
   std::array<Vec, kMost> by_z, by_k;
   by_z.fill(zero());
   by_k.fill(zero());
-  for (std::size_t j = n; j-- > 0;) {
+  for (std::size_t j = joints_.size(); j-- > 0;) {
     const Geometry& g = joints_[j];
     const Link& link = links[j];
     for (std::size_t i = 0; i <= j; ++i)

@@ -43,6 +43,10 @@ class RegressorSlope {
     std::array<double, 9> fixed, cosine, sine;
     std::array<double, 3> position, axis, slide;  ///< of the parent: position and direction of sliding; of the link: axis
   };
+  struct Link;
+  /// Motion and probes of every link.
+  void go_outward(const Motion& at, std::array<Link, kMost>& links) const;
+
   std::vector<Geometry> joints_;
   std::array<double, 3> up_;  ///< acceleration of the base that stands for gravity
 };

@@ -111,8 +111,10 @@ void minimise(const ExcitationDesign::Impl& design, Search& search, double barri
   ceres::GradientProblemSolver::Options options;
   options.line_search_direction_type = ceres::BFGS;
   options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-7;
+  options.function_tolerance = 1e-6;
   options.gradient_tolerance = 1e-6;
+  // Next to a limit the stretch that the line search looks for, between too short a step and none at all, is narrow.
+  options.max_num_line_search_step_size_iterations = 40;
   options.logging_type = ceres::SILENT;
   options.update_state_every_iteration = true;
   VectorXd x = search.x;

@@ -49,7 +49,7 @@ const std::map<std::string, Rooms>& table() {
        {"compare", "data", "diagnose", "drive", "exchange", "excite", "host", "identify", "model", "monitor",
         "page", "payload", "plausibility", "retime", "sim", "statistics", "stiffness", "track", "validate"}},
       {"bench",
-       {"core", "data", "diagnose", "host", "identify", "model", "page", "regression", "urdf", "validate"}},
+       {"core", "data", "diagnose", "host", "identify", "model", "page", "regression", "sim", "urdf", "validate"}},
       {"tools/studies",
        {"bench", "core", "data", "excite", "host", "identify", "model", "page", "report", "sim", "statistics",
         "stiffness", "track", "urdf", "validate"}},
