@@ -7,6 +7,14 @@
 
 #include "drive_torque.hpp"
 
+// With ten sizes in one file the compiler leaves calls that it inlines where there is one. (With every access checked, that
+// takes minutes to compile.)
+#if defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__)
+#define HEFT_INLINE_ALL [[gnu::flatten]]
+#else
+#define HEFT_INLINE_ALL
+#endif
+
 namespace heft::model {
 
 /// Core behind a virtual call, one instantiation a number of joints.
@@ -31,8 +39,7 @@ struct Sized final : Base {
 
   explicit Sized(const Robot& r) : Base(r), arm(to_arm_model<N>(r)) {}
 
-  // Flattened: with ten sizes in one file the compiler leaves calls that it inlines where there is one.
-  [[gnu::flatten]] Eigen::VectorXd inverse(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+  HEFT_INLINE_ALL Eigen::VectorXd inverse(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                                            const Eigen::VectorXd& qdd) const override {
     return inverse_dynamics(arm, Vector(q), Vector(qd), Vector(qdd));
   }
@@ -42,13 +49,13 @@ struct Sized final : Base {
     gravity_torque(arm, joint_trigonometry<Arm>(position), position, tau);
     return tau;
   }
-  [[gnu::flatten]] Eigen::MatrixXd mass(const Eigen::VectorXd& q) const override {
+  HEFT_INLINE_ALL Eigen::MatrixXd mass(const Eigen::VectorXd& q) const override {
     MassMatrix<double, N> m;
     const Vector position = q;
     mass_matrix(arm, joint_trigonometry<Arm>(position), position, m);
     return m;
   }
-  [[gnu::flatten]] Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
+  HEFT_INLINE_ALL Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                                              const Eigen::VectorXd& qdd) const override {
     FullRegressor<double, N> Y;
     full_regressor<double, N>(arm, Vector(q), Vector(qd), Vector(qdd), 0.0, Y);

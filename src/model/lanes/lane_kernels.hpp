@@ -15,7 +15,7 @@
 #include "lane_arm.hpp"
 
 /// With a compiler that inlines by the size of a whole file, calls of an addition would be left.
-#if defined(__GNUC__)
+#if defined(__GNUC__) && !defined(HEFT_LEAVE_CALLS)
 #define HEFT_ALL_INLINE [[gnu::flatten]]
 #else
 #define HEFT_ALL_INLINE
@@ -84,7 +84,8 @@ class SizedLaneArm final : public LaneArm {
 
   std::ptrdiff_t width() const noexcept override { return W; }
 
-  HEFT_ALL_INLINE void inverse_dynamics(const LaneStates& states, double* tau, std::ptrdiff_t step) const noexcept override {
+  HEFT_ALL_INLINE
+  void inverse_dynamics(const LaneStates& states, double* tau, std::ptrdiff_t step) const noexcept override {
     for_each_pack(states.count, [&](std::ptrdiff_t at) {
       const Vector q = load(states.q + at, states.q_step);
       const Vector qd = load(states.qd + at, states.qd_step);
@@ -96,7 +97,8 @@ class SizedLaneArm final : public LaneArm {
     });
   }
 
-  HEFT_ALL_INLINE void regressor(const LaneStates& states, double* const* places) const noexcept override {
+  HEFT_ALL_INLINE
+  void regressor(const LaneStates& states, double* const* places) const noexcept override {
     EntryPlaces<N, W> entries(arm_, places);
     for_each_pack(states.count, [&](std::ptrdiff_t at) {
       const Vector q = load(states.q + at, states.q_step);
@@ -108,7 +110,8 @@ class SizedLaneArm final : public LaneArm {
     });
   }
 
-  HEFT_ALL_INLINE void mass_matrix(const LaneStates& states, double* mass, std::ptrdiff_t step) const noexcept override {
+  HEFT_ALL_INLINE
+  void mass_matrix(const LaneStates& states, double* mass, std::ptrdiff_t step) const noexcept override {
     for_each_pack(states.count, [&](std::ptrdiff_t at) {
       const Vector q = load(states.q + at, states.q_step);
       MassMatrix<P, N> M;
@@ -118,7 +121,8 @@ class SizedLaneArm final : public LaneArm {
     });
   }
 
-  HEFT_ALL_INLINE std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* rotor, double* qdd,
+  HEFT_ALL_INLINE
+  std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* rotor, double* qdd,
                                   std::ptrdiff_t step) const noexcept override {
     Vector inertia;
     for (int j = 0; j < N; ++j) inertia[j] = P(rotor[j]);
