@@ -216,7 +216,7 @@ constexpr const char* kUsage =
     "usage: dynamics_bench [--json FILE] [--only TEXT] [--rounds N] [--list]\n"
     "  Time of dynamics with geometry of run time, of one core: the least of N rounds (200), all turn by turn.\n"
     "  --only TEXT  what has TEXT in its name, as --list prints them\n"
-    "  --json FILE  figures for bench/compare\n"
+    "  --json FILE  figures for bench/compare_runs\n"
     "A round computes 520 states twice and times the second. Instructions: bench/count_instructions.\n";
 
 struct Options {
