@@ -29,6 +29,7 @@
 #include "heft/data/log_set.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/file.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/identify/fit.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/regression/base_parameters.hpp"
@@ -342,7 +343,10 @@ int check_memory(long short_log, long long_log) {
     for (const long samples : {short_log, long_log}) {
       const std::string log = log_of(samples);
       const double floor = own_megabytes();
-      const Run run = run_in_child([&] { return which.take(log); });
+      const Run run = run_in_child([&] {
+        host::set_threads(1);  // what threads leave in each other's heaps differs by a tenth from run to run
+        return which.take(log);
+      });
       if (!run.ok) {
         fmt::print(stderr, "{}: failed on {} samples: {}\n", which.name, samples, run.said);
         return 1;

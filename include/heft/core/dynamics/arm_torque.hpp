@@ -53,7 +53,8 @@ class ArmTorque {
 
   /// Takes the described arm: no payload, its own gravity, no memory.
   /// @return kOutOfRange, kNonFiniteInput (settings, or numbers of the description): state kept
-  Status configure(const Config& config = {}) noexcept requires(Source::kIsStatic) {
+  /// Not inlined: the drive that it makes first is not to be on the stack of a caller that configures more.
+  [[gnu::noinline]] Status configure(const Config& config = {}) noexcept requires(Source::kIsStatic) {
     Drive drive;
     if (const Status described = Source::template configure<Scalar>(drive, config.sign_width);
         described != Status::kOk) {

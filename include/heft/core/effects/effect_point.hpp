@@ -103,18 +103,15 @@ constexpr Scalar held(const Scalar& value, const SeenInterval<Scalar>& seen) {
 
 }  // namespace detail
 
-/// The instant as an effect sees it that keeps its torque beyond what was seen. No allocation.
+/// Makes of an instant what an effect sees of it that keeps its torque beyond what was seen. In place: a copy for each
+/// kind of effect would be a kilobyte of a controller's stack.
 template <typename Effect, typename Scalar>
-constexpr EffectPoint<Scalar> as_seen(const SeenWithin<Scalar>& seen, const EffectPoint<Scalar>& point) {
+constexpr void hold_within(const SeenWithin<Scalar>& seen, EffectPoint<Scalar>& point) {
   if constexpr (requires { Effect::kHeldBeyond; }) {
-    EffectPoint<Scalar> at = point;
-    if constexpr (Effect::kHeldBeyond == SeenBy::kVelocity) at.qd = detail::held(point.qd, seen.velocity);
-    if constexpr (Effect::kHeldBeyond == SeenBy::kLoad) at.load = detail::held(point.load, seen.load);
+    if constexpr (Effect::kHeldBeyond == SeenBy::kVelocity) point.qd = detail::held(point.qd, seen.velocity);
+    if constexpr (Effect::kHeldBeyond == SeenBy::kLoad) point.load = detail::held(point.load, seen.load);
     if constexpr (Effect::kHeldBeyond == SeenBy::kPosition)
-      at.q = detail::nearest(point.q, seen.position.low, seen.position.high);
-    return at;
-  } else {
-    return point;
+      point.q = detail::nearest(point.q, seen.position.low, seen.position.high);
   }
 }
 

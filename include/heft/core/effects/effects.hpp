@@ -118,9 +118,11 @@ template <typename Scalar>
 Scalar joint_effect_torque(const JointEffect<Scalar>& effect, const EffectPoint<Scalar>& point,
                            const JointActuation<Scalar>& actuation) {
   Scalar torque(0);
+  EffectPoint<Scalar> held = point;
   visit_joint_effect(effect.kind, [&](auto type) {
     using Effect = decltype(type);
-    torque = Effect::torque(effect.parameters, as_seen<Effect>(effect.seen, point), actuation);
+    hold_within<Effect>(effect.seen, held);
+    torque = Effect::torque(effect.parameters, held, actuation);
     if constexpr (requires { Effect::kFadesBeyond; })
       torque *= part_left<Effect>(effect.seen, point);
   });
