@@ -3,6 +3,7 @@
 // samples (10000 and 100000 when not given) and measures nothing else.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -17,9 +18,11 @@
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <fcntl.h>
+#include <malloc.h>
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -344,7 +347,8 @@ int check_memory(long short_log, long long_log) {
       const std::string log = log_of(samples);
       const double floor = own_megabytes();
       const Run run = run_in_child([&] {
-        host::set_threads(1);  // what threads leave in each other's heaps differs by a tenth from run to run
+        // As the command does: threads come and go, and freed memory in a heap for each differs from run to run.
+        ::mallopt(M_ARENA_MAX, static_cast<int>(std::max(1U, std::thread::hardware_concurrency())));
         return which.take(log);
       });
       if (!run.ok) {

@@ -9,8 +9,9 @@
 namespace heft::host {
 namespace {
 
-/// Numbers that all stores together keep in memory: 8 MB, what a log of a minute takes.
-constexpr std::size_t kMostInMemory = std::size_t{1} << 20U;
+/// Numbers that all stores together keep in memory: 1 MB, what a log of some seconds takes. A file costs little more, as the
+/// system keeps it in memory while there is room.
+constexpr std::size_t kMostInMemory = std::size_t{1} << 17U;
 
 std::atomic<std::size_t>& in_memory() {
   static std::atomic<std::size_t> numbers{0};

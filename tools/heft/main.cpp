@@ -6,6 +6,7 @@
 #include <map>
 #include <new>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <fcntl.h>
@@ -88,11 +89,13 @@ void hold_standard_streams() {
 }
 
 /// Pieces of a log take and give back megabytes again and again. By default the system takes them back each time, and every
-/// page costs a fault and a clearing when it comes again: a fifth of the time of identify.
+/// page costs a fault and a clearing when it comes again: a fifth of the time of identify. Threads that come and go would leave
+/// it in a heap each; they share as many as there are processors.
 void keep_freed_memory() {
   constexpr int kLargest = 16 << 20;
   ::mallopt(M_MMAP_THRESHOLD, kLargest);
   ::mallopt(M_TRIM_THRESHOLD, kLargest);
+  ::mallopt(M_ARENA_MAX, static_cast<int>(std::max(1U, std::thread::hardware_concurrency())));
 }
 
 void take_signals() {
