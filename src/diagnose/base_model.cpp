@@ -53,31 +53,29 @@ bool BaseModel::is_link(int column) const {
 }
 
 BaseRows BaseModel::rows(const Motion& motion) const {
-  constexpr Index kPiece = 256,
-                  kTogether = 16;  // rows of a job; of those whose values are written next to each other
+  constexpr Index kPiece = 256;  // rows of a job: they stay in the cache
   BaseRows rows;
   const Index m = motion.q.rows();
-  for (const auto& list : places_) rows.emplace_back(m, static_cast<Index>(list.size()));
+  std::vector<std::vector<int>> columns;
+  for (const auto& list : places_) {
+    rows.emplace_back(m, static_cast<Index>(list.size()));
+    columns.emplace_back();
+    for (const int place : list) columns.back().push_back(base_.kept[static_cast<std::size_t>(place)]);
+  }
   host::for_each_parallel(static_cast<std::size_t>((m + kPiece - 1) / kPiece), [&](std::size_t piece) {
-    std::vector<MatrixXd> Y(kTogether);
-    const Index from = static_cast<Index>(piece) * kPiece, to = std::min(m, from + kPiece);
-    for (Index first = from; first < to; first += kTogether) {
-      const Index count = std::min(kTogether, to - first);
-      for (Index i = 0; i < count; ++i) {
-        Y[static_cast<std::size_t>(i)] = columns_.regressor(motion.link_q.row(first + i).transpose(),
-                                                            motion.link_qd.row(first + i).transpose(),
-                                                            motion.link_qdd.row(first + i).transpose());
-      }
-      for (std::size_t j = 0; j < places_.size(); ++j) put_rows(Y, motion, j, first, count, rows[j]);
+    const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, m - from);
+    std::vector<MatrixXd> of_links;
+    columns_.fill(motion.link_q, motion.link_qd, motion.link_qdd, from, count, columns, of_links);
+    for (std::size_t j = 0; j < places_.size(); ++j) {
+      rows[j].middleRows(from, count) = of_links[j];
+      put_motor_columns(motion, j, from, count, rows[j]);
     }
   });
   return rows;
 }
 
-/// Puts a joint's values of some rows into its columns.
-/// @param Y  regressors of the rows from `first` on
-void BaseModel::put_rows(const std::vector<MatrixXd>& Y, const Motion& motion, std::size_t j, Index first,
-                         Index count, MatrixXd& rows) const {
+/// Puts in what goes with the motor's motion, which is not the link's where a joint is elastic.
+void BaseModel::put_motor_columns(const Motion& motion, std::size_t j, Index first, Index count, MatrixXd& rows) const {
   const auto joint = static_cast<Index>(j);
   for (std::size_t c = 0; c < places_[j].size(); ++c) {
     const int place = places_[j][c];
@@ -87,10 +85,7 @@ void BaseModel::put_rows(const std::vector<MatrixXd>& Y, const Motion& motion, s
     } else if (place == viscous_[j]) {
       values = motion.qd.col(joint).segment(first, count);
     } else if (place == rotor_[j]) {
-      values = motion.qdd.col(joint).segment(first, count);  // on the motor's side of an elastic joint
-    } else {
-      const int column = base_.kept[static_cast<std::size_t>(place)];
-      for (Index i = 0; i < count; ++i) values[i] = Y[static_cast<std::size_t>(i)](joint, column);
+      values = motion.qdd.col(joint).segment(first, count);
     }
   }
 }

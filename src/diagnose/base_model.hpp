@@ -85,8 +85,8 @@ class BaseModel {
   Eigen::MatrixXd link_share(int link) const;
 
  private:
-  void put_rows(const std::vector<Eigen::MatrixXd>& Y, const Motion& motion, std::size_t joint,
-                Eigen::Index first, Eigen::Index count, Eigen::MatrixXd& rows) const;
+  void put_motor_columns(const Motion& motion, std::size_t joint, Eigen::Index first, Eigen::Index count,
+                         Eigen::MatrixXd& rows) const;
 
   regression::RegressionColumns columns_;
   regression::BaseParameters base_;

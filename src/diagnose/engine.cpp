@@ -9,6 +9,7 @@
 #include "deflection.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/host/parallel.hpp"
+#include "heft/model/batch_dynamics.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "residual_structure.hpp"
 
@@ -142,7 +143,7 @@ void Engine::build() {
 
 /// The links' motion where joints are elastic, from the torque that the present masses ask for.
 void Engine::deflect_links() {
-  const model::Dynamics dynamics(rigid_);
+  const model::BatchDynamics dynamics(rigid_);
   for (const Candidate& elastic : accepted) {
     if (!elastic.effect.is<ElasticJoint>()) continue;
     const int j = elastic.joint;
@@ -150,16 +151,15 @@ void Engine::deflect_links() {
     constexpr Index kPiece = 256;  // rows of a job
     host::for_each_parallel(
         static_cast<std::size_t>((table_.rows() + kPiece - 1) / kPiece), [&](std::size_t piece) {
-          const Index from = static_cast<Index>(piece) * kPiece;
-          for (Index i = from; i < std::min(table_.rows(), from + kPiece); ++i) {
-            const VectorXd q = motion_.link_q.row(i).transpose(), qd = motion_.link_qd.row(i).transpose();
-            VectorXd asked = motion_.link_qdd.row(i).transpose();
-            asked[j] = motion_.qdd(i, j);
-            load[i] = dynamics.inverse_dynamics(q, qd, asked)[j];
-            // One entry of the mass matrix: what one more unit of acceleration asks for.
-            asked[j] += 1.0;
-            inertia[i] = dynamics.inverse_dynamics(q, qd, asked)[j] - load[i];
-          }
+          const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, table_.rows() - from);
+          const auto q = motion_.link_q.middleRows(from, count), qd = motion_.link_qd.middleRows(from, count);
+          MatrixXd asked = motion_.link_qdd.middleRows(from, count);
+          asked.col(j) = motion_.qdd.col(j).segment(from, count);
+          load.segment(from, count) = dynamics.inverse_dynamics(q, qd, asked).col(j);
+          // One entry of the mass matrix: what one more unit of acceleration asks for.
+          asked.col(j).array() += 1.0;
+          inertia.segment(from, count) =
+              dynamics.inverse_dynamics(q, qd, asked).col(j) - load.segment(from, count);
         });
     if (!(inertia.minCoeff() > 0.0)) continue;
     const Deflection d = deflection(table_, load, inertia, elastic.shape, elastic.second);

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "heft/core/effects/hysteresis.hpp"
-#include "heft/model/dynamics.hpp"
+#include "heft/model/batch_dynamics.hpp"
 #include "heft/regression/base_parameters.hpp"
 #include "heft/regression/regression_columns.hpp"
 
@@ -116,15 +116,7 @@ VectorXd features_of(const MotionTable& table, const MotionSignals& signals, Ind
 }  // namespace
 
 MatrixXd load_of(const model::Robot& robot, const MotionTable& table) {
-  const model::Dynamics dynamics(robot);
-  MatrixXd load(table.rows(), table.num_joints);
-  for (Index i = 0; i < table.rows(); ++i) {
-    load.row(i) = dynamics
-                      .inverse_dynamics(table.q.row(i).transpose(), table.qd.row(i).transpose(),
-                                        table.qdd.row(i).transpose())
-                      .transpose();
-  }
-  return load;
+  return model::BatchDynamics(robot).inverse_dynamics(table.q, table.qd, table.qdd);
 }
 
 MotionSignals signals_of(const model::Robot& robot, const MotionTable& table) {

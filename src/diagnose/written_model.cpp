@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "heft/host/parallel.hpp"
-#include "heft/model/dynamics.hpp"
+#include "motion_signals.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -89,15 +89,7 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
   }
   chosen_ = std::move(versions[best]);
   robot_ = robot_of(chosen_);
-  const MotionTable& motion = judged().table();
-  const model::Dynamics rigid(robot_);
-  load_.resize(motion.rows(), motion.num_joints);
-  for (Index i = 0; i < motion.rows(); ++i) {
-    load_.row(i) = rigid
-                       .inverse_dynamics(motion.q.row(i).transpose(), motion.qd.row(i).transpose(),
-                                         motion.qdd.row(i).transpose())
-                       .transpose();
-  }
+  load_ = load_of(robot_, judged().table());
   for (JointEffect<double>& effect : robot_.effects) effect.seen = seen(effect.joint);
 }
 

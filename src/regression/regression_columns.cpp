@@ -101,23 +101,14 @@ Eigen::MatrixXd RegressionColumns::regressor(const Eigen::VectorXd& q, const Eig
 void RegressionColumns::fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
                              Eigen::Index first, Eigen::Index count, const std::vector<Entry>& entries, double* out,
                              Eigen::Index stride) const {
-  // Of each joint the columns of the full regressor, and where they go; couplings are none of them.
-  const int n = num_joints();
-  std::vector<std::vector<int>> wanted(static_cast<std::size_t>(n));
-  std::vector<std::vector<std::size_t>> places(static_cast<std::size_t>(n));
-  std::vector<std::size_t> coupled;
+  std::vector<std::vector<int>> columns(static_cast<std::size_t>(num_joints()));
+  std::vector<std::vector<std::size_t>> places(columns.size());
   for (std::size_t e = 0; e < entries.size(); ++e) {
-    const Column& column = (*this)[entries[e].column];
-    if (column.coupling >= 0) {
-      coupled.push_back(e);
-      continue;
-    }
-    wanted[static_cast<std::size_t>(entries[e].joint)].push_back(full_column(column, n));
+    columns[static_cast<std::size_t>(entries[e].joint)].push_back(entries[e].column);
     places[static_cast<std::size_t>(entries[e].joint)].push_back(e);
   }
   std::vector<Eigen::MatrixXd> rows;
-  batch_.regressor_rows(q.middleRows(first, count), qd.middleRows(first, count), qdd.middleRows(first, count), wanted,
-                        rows);
+  fill(q, qd, qdd, first, count, columns, rows);
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t c = 0; c < places[j].size(); ++c) {
       const double* const from = rows[j].col(static_cast<Eigen::Index>(c)).data();
@@ -125,9 +116,26 @@ void RegressionColumns::fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd
       for (Eigen::Index row = 0; row < count; ++row, to += stride) *to = from[row];
     }
   }
-  for (const std::size_t e : coupled) {
-    for (Eigen::Index row = 0; row < count; ++row)
-      out[row * stride + static_cast<Eigen::Index>(e)] = coupled_entry(entries[e], qd.row(first + row), qdd.row(first + row));
+}
+
+void RegressionColumns::fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
+                             Eigen::Index first, Eigen::Index count, const std::vector<std::vector<int>>& columns,
+                             std::vector<Eigen::MatrixXd>& rows) const {
+  // Couplings are no columns of the full regressor; any column keeps their place.
+  const int n = num_joints();
+  std::vector<std::vector<int>> full(columns.size());
+  for (std::size_t j = 0; j < columns.size(); ++j) {
+    for (const int c : columns[j]) full[j].push_back((*this)[c].coupling < 0 ? full_column((*this)[c], n) : 14 * n - 1);
+  }
+  batch_.regressor_rows(q.middleRows(first, count), qd.middleRows(first, count), qdd.middleRows(first, count), full,
+                        rows);
+  for (std::size_t j = 0; j < columns.size(); ++j) {
+    for (std::size_t c = 0; c < columns[j].size(); ++c) {
+      if ((*this)[columns[j][c]].coupling < 0) continue;
+      const Entry entry{static_cast<int>(j), columns[j][c]};
+      for (Eigen::Index row = 0; row < count; ++row)
+        rows[j](row, static_cast<Eigen::Index>(c)) = coupled_entry(entry, qd.row(first + row), qdd.row(first + row));
+    }
   }
 }
 

@@ -77,6 +77,11 @@ class RegressionColumns {
   /// @param out  count rows of `stride` numbers, of which entries.size() are filled
   void fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, Eigen::Index first,
             Eigen::Index count, const std::vector<Entry>& entries, double* out, Eigen::Index stride) const;
+  /// The same as matrices, one of each joint.
+  /// @param columns  n lists of parameters
+  /// @param rows     n matrices, made count × columns[j].size(); storage of that size is used again
+  void fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, Eigen::Index first,
+            Eigen::Index count, const std::vector<std::vector<int>>& columns, std::vector<Eigen::MatrixXd>& rows) const;
 
   /// The robot's present values of these parameters, p. Couplings are found by their pair of joints.
   Eigen::VectorXd values(const model::Robot& robot) const;
