@@ -708,6 +708,18 @@ TEST(Readme, TheExampleGivesWhatItShows) {
 
 // export -----------------------------------------------------------------------------------------------------
 
+TEST(Export, FrictionScalesNeedTheControllersFriction) {
+  const test::TemporaryFolder folder;
+  const Outcome without =
+      run_heft({"export", "--urdf", "ur5e", "--format", "ur-friction", "-o", folder.path("a.script")});
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.err, HasSubstr("expected --controller MODEL.json"));
+  const Outcome elsewhere = run_heft({"export", "--urdf", "ur5e", "--format", "mjcf", "--controller",
+                                      folder.write("c.json", "{}"), "-o", folder.path("a.xml")});
+  EXPECT_EQ(elsewhere.exit_code, 2);
+  EXPECT_THAT(elsewhere.err, HasSubstr("expected --format ur-friction"));
+}
+
 TEST(Export, RefusesNamesThatAreNotCpp) {
   const test::TemporaryFolder folder;
   const std::string arm = folder.write("arm.urdf", kArm);

@@ -92,7 +92,7 @@ TEST(Readme, EachLineOfYourLogIsRun) {
 /// Loads, then the robot itself: an arm of two joints that weighs 1.2 kg.
 TEST(Readme, EachLineOfYourRobotIsRun) {
   const std::vector<std::string> commands = commands_of("Your robot: where the answer goes");
-  EXPECT_GE(commands.size(), 14U);
+  EXPECT_GE(commands.size(), 15U);
   const test::TemporaryFolder folder;
   model::Robot robot = urdf::load_urdf(HEFT_URDF_DIR "/ur5e.urdf");
   for (model::RobotJoint& joint : robot.joints)
@@ -111,11 +111,23 @@ TEST(Readme, EachLineOfYourRobotIsRun) {
         run("heft identify --urdf own.urdf --log run.csv --method physical -o " + model, folder.path(""));
     ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
   }
+  // A controller that compensates for a quarter more viscous and a fifth less Coulomb friction than there is.
+  for (model::RobotJoint& joint : robot.joints)
+    joint.actuation = {.rotor_inertia = 0.2, .coulomb_friction = 0.8, .viscous_friction = 1.25};
+  settings.noise_seed = settings.motion_seed = 3;
+  data::write_log(folder.path("targets.csv"), test::synthetic_log(robot, settings));
+  const test::Outcome of_controller =
+      run("heft identify --urdf own.urdf --log targets.csv --method physical -o controller.json", folder.path(""));
+  ASSERT_EQ(of_controller.exit_code, 0) << of_controller.err;
   for (const std::string& command : commands) {
     const test::Outcome outcome = run(command, folder.path(""));
     EXPECT_EQ(outcome.exit_code, 0) << command << "\n" << outcome.err;
     const std::size_t file = command.find(" -o ");
-    if (file != std::string::npos) {
+    if (command.find("ur-friction") != std::string::npos) {
+      EXPECT_THAT(text_of(folder.path("arm.script")),
+                  ::testing::AllOf(::testing::ContainsRegex("viscous_scale = .0\\.(7[7-9]|8[0-2])"),
+                                   HasSubstr("coulomb_scale = [1.000, 1.000")));
+    } else if (file != std::string::npos) {
       EXPECT_GT(text_of(folder.path(command.substr(file + 4).c_str())).size(), 500U) << command;
     } else if (command.find("payload") != std::string::npos) {
       EXPECT_THAT(outcome.out, ::testing::ContainsRegex("1\\.(19|20|2,|2\\b)")) << command;
