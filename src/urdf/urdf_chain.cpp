@@ -145,7 +145,7 @@ class ChainBuilder {
     if (ends.size() > 1) refuse_branches(base, ends);
     LinkPtr tip = end_frame(ends.front(), several);
     if (several) {
-      warn(document_.at(*document_.link(tip->name),
+      warn(document_.at(document_.known_link(tip->name),
                         fmt::format("link \"{}\": several frames are fixed to the last moving link; "
                                     "it is taken as the tip itself; name the tip link to choose another",
                                     tip->name)));
@@ -194,7 +194,7 @@ class ChainBuilder {
   Placement checked_placement(const ::urdf::Joint& joint) const {
     const Placement placement = placement_of(joint.parent_to_joint_origin_transform);
     if (!placement.p.allFinite() || !placement.R.allFinite()) {
-      const XmlElement& element = *document_.joint(joint.name);
+      const XmlElement& element = document_.known_joint(joint.name);
       document_.fail_at(Document::nearest(element, {"origin"}),
                         "joint \"{}\": its origin is not finite; expected numbers", joint.name);
     }
@@ -221,7 +221,7 @@ class ChainBuilder {
   }
 
   model::RobotJoint make_joint(const ::urdf::Joint& joint, const Placement& placement) const {
-    const XmlElement& element = *document_.joint(joint.name);
+    const XmlElement& element = document_.known_joint(joint.name);
     model::RobotJoint result;
     result.name = joint.name;
     result.link_name = joint.child_link_name;
@@ -300,7 +300,7 @@ class ChainBuilder {
   void fill_link(model::RobotJoint& joint, bool is_last) {
     Body body;
     attach(model_.getLink(joint.link_name), Placement{}, body);
-    const XmlElement& element = *document_.link(joint.link_name);
+    const XmlElement& element = document_.known_link(joint.link_name);
     const bool has_inertia = !body.inertia.isZero(0.0);  // without mass: only where that is accepted
     if (body.mass == 0.0 && !has_inertia) {
       if (is_last) {
@@ -330,7 +330,7 @@ class ChainBuilder {
         attach(child, placement * checked_placement(*joint), body, true);
       } else if (!on_chain_.contains(joint->name)) {
         warn(document_.at(
-            *document_.joint(joint->name),
+            document_.known_joint(joint->name),
             fmt::format(
                 "joint \"{}\" moves but is not on the chain: link \"{}\" and what it carries ({:.6g} kg) "
                 "are left out",
@@ -347,7 +347,7 @@ class ChainBuilder {
 
   void add_inertial(const ::urdf::Link& link, const Placement& placement, Body& body) {
     const ::urdf::Inertial& inertial = *link.inertial;
-    const XmlElement& element = *document_.link(link.name);
+    const XmlElement& element = document_.known_link(link.name);
     const Placement own = placement * placement_of(inertial.origin);
     const Eigen::Matrix3d inertia = inertia_of(inertial);
     if (!std::isfinite(inertial.mass) || !(inertial.mass > 0.0 || options_.accept_impossible_values)) {

@@ -52,6 +52,19 @@ const XmlElement* Document::find(const std::map<std::string, const XmlElement*>&
   return found == elements.end() ? nullptr : found->second;
 }
 
+const XmlElement& Document::known(const std::map<std::string, const XmlElement*>& elements, const char* tag,
+                                  const std::string& name) const {
+  const XmlElement* element = find(elements, name);
+  if (element == nullptr) {
+    std::string printable = name;
+    std::replace_if(printable.begin(), printable.end(), [](unsigned char c) { return c < 32 || c == 127; }, '?');
+    fail("{} \"{}\": its name can be read in two ways; expected letters and digits, without zero bytes or references to "
+         "characters by number; rename it",
+         tag, printable);
+  }
+  return *element;
+}
+
 void Document::check_root() const {
   const auto is_xacro = [](const XmlElement& element) { return element.tag.starts_with("xacro:"); };
   if (root_.tag != "robot") {

@@ -35,6 +35,10 @@ class Document {
 
   const XmlElement* link(const std::string& name) const { return find(links_, name); }
   const XmlElement* joint(const std::string& name) const { return find(joints_, name); }
+  /// The same of a link or joint that urdfdom has read here.
+  /// @throws UrdfError when urdfdom reads its name in another way
+  const XmlElement& known_link(const std::string& name) const { return known(links_, "link", name); }
+  const XmlElement& known_joint(const std::string& name) const { return known(joints_, "joint", name); }
 
   template <typename... Args>
   [[noreturn]] void fail(fmt::format_string<Args...> format, Args&&... args) const {
@@ -56,6 +60,8 @@ class Document {
  private:
   static const XmlElement* find(const std::map<std::string, const XmlElement*>& elements,
                                 const std::string& name);
+  const XmlElement& known(const std::map<std::string, const XmlElement*>& elements, const char* tag,
+                          const std::string& name) const;
 
   void check_root() const;
 

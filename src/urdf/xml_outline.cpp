@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
+#include <system_error>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -12,16 +15,32 @@ namespace {
 /// Deeper nesting than any robot has; keeps a hostile file from exhausting the stack.
 constexpr int kMaxDepth = 100;
 
-/// The value with XML's five named entities resolved; others stay as they are.
+/// The character of a reference by number, &#65; or &#x41;, that begins a text, and its length; 0 where there is none, or no
+/// printable character of ASCII.
+std::pair<char, std::size_t> numbered(std::string_view value) {
+  if (!value.starts_with("&#")) return {};
+  const bool hexadecimal = value.starts_with("&#x");
+  const std::size_t begin = hexadecimal ? 3 : 2, end = std::min(value.find(';'), value.size());
+  int code = 0;
+  const auto [stop, error] =
+      std::from_chars(value.data() + begin, value.data() + end, code, hexadecimal ? 16 : 10);
+  if (end == value.size() || error != std::errc() || stop != value.data() + end || code < 32 || code > 126) return {};
+  return {static_cast<char>(code), end + 1};
+}
+
+/// The value with XML's five named entities and printable ASCII characters by number resolved; others stay as they are.
 std::string resolved(std::string_view value) {
   static constexpr std::array<std::pair<std::string_view, char>, 5> kEntities{
       {{"&amp;", '&'}, {"&lt;", '<'}, {"&gt;", '>'}, {"&quot;", '"'}, {"&apos;", '\''}}};
   std::string text;
   while (!value.empty()) {
-    const auto entity = std::find_if(kEntities.begin(), kEntities.end(),
-                                     [&](const auto& known) { return value.starts_with(known.first); });
-    text += entity == kEntities.end() ? value.front() : entity->second;
-    value.remove_prefix(entity == kEntities.end() ? 1 : entity->first.size());
+    std::pair<char, std::size_t> next = numbered(value);
+    for (const auto& [name, character] : kEntities) {
+      if (value.starts_with(name)) next = {character, name.size()};
+    }
+    if (next.second == 0) next = {value.front(), 1};
+    text += next.first;
+    value.remove_prefix(next.second);
   }
   return text;
 }

@@ -654,6 +654,27 @@ TEST(UrdfRefusal, MountingThatIsNoRotation) {
   EXPECT_THAT(refusal(two_joints(), options), HasSubstr("the mounting is not a rotation matrix"));
 }
 
+std::string renamed(std::string text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
+    text.replace(at, from.size(), to);
+  return text;
+}
+
+TEST(Urdf, ReadsNamesWithReferencesToCharacters) {
+  const model::Robot robot = load(renamed(two_joints(), "\"ja\"", "\"j&#111;&#x6C;nt&amp;&lt;\""));
+  EXPECT_EQ(robot.joints[0].name, "jolnt&<");
+}
+
+TEST(UrdfRefusal, NamesThatCanBeReadInTwoWays) {
+  using namespace std::string_literals;
+  EXPECT_NE(refusal(renamed(two_joints(), "\"ja\"", "\"\xff\xff_\xd0\0\2\xf5-\""s)), "");
+  for (const std::string& name : {"j&#10;a"s, "j&#955;a"s}) {
+    EXPECT_THAT(refusal(renamed(two_joints(), "\"ja\"", "\"" + name + "\"")),
+                HasSubstr("its name can be read in two ways"))
+        << name;
+  }
+}
+
 TEST(UrdfRefusal, FileOfNoise) {
   for (unsigned seed = 1; seed < 200; ++seed) {
     // Every truncation of a good file must end in a message, never in a crash.
