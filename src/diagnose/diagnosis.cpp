@@ -169,8 +169,8 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
           100.0 * again->part, again->ratio));
     } else {
       result.notes.emplace_back(
-          "the model written is not fitted to the validation logs: that does not lower the errors on stretches of "
-          "them that it would not be fitted to by 2 %");
+          "--refit changed nothing: a fit to the validation logs as well does not lower the errors by 2 % on stretches of "
+          "these that it leaves out");
     }
   }
 

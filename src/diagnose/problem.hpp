@@ -189,7 +189,8 @@ class Problem {
   Eigen::MatrixXd tau_;                                        ///< less what the prior says
   std::vector<std::vector<BlockMoments>> moments_;             ///< [block][joint]
   std::vector<std::vector<Eigen::MatrixXd>> moments_of_fold_;  ///< [fold][joint]: sums of these
-  std::vector<bool> summed_;                 ///< n: whether the sums hold the joint's moments as they are
+  /// n: whether the sums hold the joint's moments as they are; bytes, which threads may write side by side.
+  std::vector<char> summed_;
   Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: in addition to the prior
   Eigen::VectorXd least_noise_;                                ///< see hold_weights(); empty: any
   Eigen::VectorXd ridge_;                                      ///< p: see `hold` of the constructor

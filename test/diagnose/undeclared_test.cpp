@@ -303,7 +303,7 @@ TEST(Refit, IsNotMadeWhereStretchesOfTheLogsContradictEachOther) {
   const Diagnosis d = diagnose(c.robot, {train}, {validate}, options);
   EXPECT_FALSE(d.refitted.has_value());
   EXPECT_TRUE(std::any_of(d.notes.begin(), d.notes.end(), [](const std::string& note) {
-    return note.find("not fitted to the validation logs") != std::string::npos;
+    return note.find("--refit changed nothing") != std::string::npos;
   }));
 }
 
