@@ -1,10 +1,14 @@
 /// What the facade makes of the torque sensor's place, limits from a file, logs already taken and poses.
+#include <cstddef>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "heft/excite/excite.hpp"
+#include "heft/host/parallel.hpp"
 #include "support/arms.hpp"
 
 namespace heft::excite {
@@ -128,6 +132,28 @@ TEST(UrScript, IsObjectedToBeforeAMotionIsDesigned) {
   const model::Robot six = test::six_joint_arm();
   EXPECT_EQ(urscript_objection(six, 500.0), "");
   EXPECT_THAT(urscript_objection(six, 501.0), HasSubstr("more than the 500 Hz"));
+}
+
+TEST(Threads, OfAnyNumberGiveTheSameMotionToTheLastBit) {
+  Options options = quick();
+  options.search.starts = 4;
+  options.search.finalists = 3;
+  options.search.iterations = 4;
+  options.compare = 3;
+  options.rehearse = true;
+  std::optional<ExcitingMotion> alone;
+  for (const std::size_t threads : {1U, 2U, 3U, 8U}) {
+    host::set_threads(threads);
+    ExcitingMotion motion = design(arm(), limits(), options);
+    if (!alone) {
+      alone = std::move(motion);
+      continue;
+    }
+    EXPECT_EQ(motion.log.q, alone->log.q) << threads;
+    EXPECT_EQ(motion.log.tau, alone->log.tau) << threads;
+    EXPECT_EQ(motion.random->condition, alone->random->condition) << threads;
+  }
+  host::set_threads(0);
 }
 
 }  // namespace
