@@ -64,6 +64,21 @@ FrictionScales friction_scales(const Robot& robot, const Robot& controller) {
     scales.coulomb.push_back(
         scale_of(own.name, "Coulomb", own.actuation.coulomb_friction, other.actuation.coulomb_friction));
   }
+  const auto all = [&](double scale) {
+    const auto is = [scale](double value) { return value == scale; };
+    return std::all_of(scales.viscous.begin(), scales.viscous.end(), is) &&
+           std::all_of(scales.coulomb.begin(), scales.coulomb.end(), is);
+  };
+  if (all(0.0)) {
+    throw ModelError(fmt::format("robot \"{}\": found no friction in any joint; expected that of the arm as measured; give a "
+                                 "model that was fitted to its logs",
+                                 robot.name));
+  }
+  if (all(1.0)) {
+    throw ModelError(fmt::format("robot \"{}\" and the controller's model have the same friction to the last digit; expected "
+                                 "two models, one fitted to the measured torque and one to the controller's own",
+                                 robot.name));
+  }
   return scales;
 }
 
@@ -93,6 +108,6 @@ RobotText ur_friction_scales(const Robot& robot, const Robot& controller) {
   return written;
 }
 
-RobotFormat friction_scales_format() { return {"ur-friction", "Universal Robots' friction scales"}; }
+RobotFormat friction_scales_format() { return {"ur-friction", "friction for Universal Robots' direct_torque"}; }
 
 }  // namespace heft::exchange

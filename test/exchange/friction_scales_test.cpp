@@ -59,6 +59,10 @@ TEST(FrictionScales, RefuseAControllerWithoutFrictionAndOtherArms) {
   EXPECT_THAT(test::message_of<ModelError>([&] { friction_scales(ur5e(3.0, 2.0), panda); }),
               HasSubstr("7 joints; expected the 6"));
   EXPECT_THAT(test::message_of<ModelError>([&] { ur_friction_scales(panda, panda); }), HasSubstr("expected the 6 of an arm"));
+  EXPECT_THAT(test::message_of<ModelError>([&] { friction_scales(ur5e(0.0, 0.0), ur5e(4.0, 8.0)); }),
+              HasSubstr("found no friction in any joint"));
+  EXPECT_THAT(test::message_of<ModelError>([&] { friction_scales(ur5e(4.0, 8.0), ur5e(4.0, 8.0)); }),
+              HasSubstr("the same friction to the last digit"));
   model::Robot renamed = ur5e(4.0, 8.0);
   renamed.joints[0].name = "axis1";
   EXPECT_THAT(test::message_of<ModelError>([&] { friction_scales(ur5e(3.0, 2.0), renamed); }), HasSubstr("\"axis1\""));

@@ -18,8 +18,8 @@ struct FrictionScales {
 /// @param robot       the arm as measured
 /// @param controller  the same arm with the friction that the controller adds to its target torque at scale 1, such as a model
 ///                    fitted to its target current
-/// @throws ModelError when the two have other joints, the controller's friction of a joint is not above zero, or the robot's
-///         is below zero or not finite
+/// @throws ModelError when the two have other joints, the controller's friction of a joint is not above zero, the robot's is
+///         below zero or not finite, no joint of the robot has any, or all have the controller's to the last digit
 FrictionScales friction_scales(const model::Robot& robot, const model::Robot& controller);
 
 /// The scales for Universal Robots' URScript direct_torque(torque, viscous_scale, coulomb_scale) (PolyScope 5.25.1, PolyScope X
@@ -27,7 +27,7 @@ FrictionScales friction_scales(const model::Robot& robot, const model::Robot& co
 /// @throws ModelError as friction_scales(), and for an arm that has not six joints
 RobotText ur_friction_scales(const model::Robot& robot, const model::Robot& controller);
 
-/// "Universal Robots' friction scales".
+/// "ur-friction".
 RobotFormat friction_scales_format();
 
 }  // namespace heft::exchange
