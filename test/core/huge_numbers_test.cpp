@@ -1,5 +1,6 @@
 // Recursive least squares, payload estimator and filters under numbers that no sensor should give, in both precisions.
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 #include <random>
 
@@ -9,6 +10,7 @@
 #include "heft/core/estimate/instruments.hpp"
 #include "heft/core/estimate/payload_estimator.hpp"
 #include "heft/core/filter/state_variable_filter.hpp"
+#include "heft/core/numeric_range.hpp"
 #include "heft/model/named_arms.hpp"
 #include "support/random_arm.hpp"
 
@@ -312,6 +314,22 @@ TYPED_TEST(HugeNumbers, PayloadEstimatorFollowsAChangeWithItsDefaults) {
   const auto mass = arm.run(estimator, 34000, 20000, 0.3);
   EXPECT_NEAR(mass[19999], 1.8, 0.03);
   EXPECT_LT(std::abs(mass[33999]), 0.18) << "14 000 samples are 2.8 memories of the default";
+}
+
+TYPED_TEST(HugeNumbers, LargestMagnitudeAnswersForAllNumbers) {
+  const auto largest_of = [](std::initializer_list<TypeParam> values) {
+    LargestMagnitude<TypeParam> found;
+    for (const TypeParam& value : values) found.look(value);
+    return found.largest();
+  };
+  constexpr TypeParam nan = TestFixture::kNan, infinity = TestFixture::kInf;
+  EXPECT_EQ(largest_of({}), TypeParam(0));
+  EXPECT_EQ(largest_of({TypeParam(-0.0), TypeParam(0)}), TypeParam(0));
+  EXPECT_EQ(largest_of({TypeParam(1.5), TypeParam(-2.5), TypeParam(2)}), TypeParam(2.5));
+  EXPECT_EQ(largest_of({TypeParam(1), -infinity, TypeParam(3)}), infinity);
+  EXPECT_TRUE(std::isnan(largest_of({TypeParam(1), -nan, infinity, TypeParam(3)})));
+  EXPECT_TRUE(is_usable(largest_of({static_cast<TypeParam>(-kLargestInput<TypeParam>)})));
+  EXPECT_FALSE(is_usable(largest_of({TypeParam(1), nan, TypeParam(3)})));
 }
 
 TYPED_TEST(HugeNumbers, GateLetsInAChangeThatLastsAndKeepsOutliersOut) {

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -35,16 +36,21 @@ constexpr std::uint64_t magnitude_bits(double value) noexcept {
 
 }  // namespace detail
 
+/// |value| ≤ bound; false for NaN.
+/// @param bound  ≥ 0, not NaN
+template <typename Scalar>
+constexpr bool is_within(const Scalar& value, const Scalar& bound) noexcept {
+  if constexpr (std::is_floating_point_v<Scalar>) {
+    return detail::magnitude_bits(value) <= detail::magnitude_bits(bound);
+  } else {
+    return value <= bound && value >= -bound;
+  }
+}
+
 /// Neither NaN nor infinite nor larger than kLargestInput.
 template <typename Scalar>
 constexpr bool is_usable(const Scalar& value) noexcept {
-  constexpr Scalar kLargest{static_cast<Scalar>(kLargestInput<Scalar>)};
-  if constexpr (std::is_floating_point_v<Scalar>) {
-    return detail::magnitude_bits(value) <= detail::magnitude_bits(kLargest);
-  } else {
-    constexpr Scalar kSmallest{static_cast<Scalar>(-kLargestInput<Scalar>)};
-    return value <= kLargest && value >= kSmallest;
-  }
+  return is_within(value, static_cast<Scalar>(kLargestInput<Scalar>));
 }
 
 /// Neither NaN nor infinite, for any Scalar and in constant expressions; std::isfinite is neither, and calls libm on some
@@ -93,6 +99,45 @@ constexpr bool all_usable(const Values& values) noexcept {
     return true;
   }
 }
+
+/// Finds the largest magnitude of some numbers. A NaN counts as larger than all of them and stays, so that one comparison at the end,
+/// is_usable(largest()), answers for every number.
+template <typename Scalar>
+class LargestMagnitude {
+ public:
+  constexpr void look(const Scalar& value) noexcept {
+    if constexpr (std::is_floating_point_v<Scalar>) {
+      const auto bits = detail::magnitude_bits(value);
+      largest_ = bits > largest_ ? bits : largest_;
+    } else {
+      using std::abs;
+      const Scalar magnitude = abs(value);
+      const bool is_number = largest_ <= largest_;
+      if (is_number && !(magnitude <= largest_)) {
+        largest_ = magnitude;
+      }
+    }
+  }
+
+  /// Of all numbers so far, 0 without any.
+  constexpr Scalar largest() const noexcept {
+    if constexpr (std::is_floating_point_v<Scalar>) {
+      return std::bit_cast<Scalar>(largest_ >> 1);
+    } else {
+      return largest_;
+    }
+  }
+
+ private:
+  static constexpr auto nothing() noexcept {
+    if constexpr (std::is_floating_point_v<Scalar>) {
+      return detail::magnitude_bits(Scalar(0));
+    } else {
+      return Scalar(0);
+    }
+  }
+  decltype(nothing()) largest_ = nothing();
+};
 
 /// A variance or weight: positive, and within kLargestWeight and its inverse.
 template <typename Scalar>

@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cstddef>
+#include <type_traits>
+#include <utility>
 
 namespace heft {
 
@@ -60,6 +62,27 @@ inline constexpr auto kNeverMeet = [] {
   return table;
 }();
 
+/// A row number as a type, so that loops over what the row touches are of known length.
+template <int R>
+using RowNumber = std::integral_constant<int, R>;
+
+/// Calls f(RowNumber<r>{}) for every row, in ascending order.
+template <typename Layout, typename F>
+constexpr void for_rows(F f) {
+  [&]<int... R>(std::integer_sequence<int, R...>) { (f(RowNumber<R>{}), ...); }
+  (std::make_integer_sequence<int, Layout::kRows>{});
+}
+
+/// Calls f(RowNumber<r>{}) for one row.
+template <typename Layout, typename F>
+constexpr void with_row(int r, F f) {
+  for_rows<Layout>([&](auto row) {
+    if (row() == r) {
+      f(row);
+    }
+  });
+}
+
 /// Calls f(index) for every parameter that row r touches, in ascending order.
 template <typename Layout, typename F>
 constexpr void for_support(int r, F f) {
@@ -68,6 +91,20 @@ constexpr void for_support(int r, F f) {
     f(Layout::friction(r) + 1);
   }
   for (int i = Layout::inertial(r); i < Layout::kParameters; ++i) {
+    f(i);
+  }
+}
+
+/// The same with a row that the compiler knows. Written out where it is short: on a processor without vectors the counting of a loop
+/// costs as much as what it does.
+template <typename Layout, int R, typename F>
+constexpr void for_support(RowNumber<R>, F f) {
+  if constexpr (Layout::kFriction > 0) {
+    f(std::size_t{Layout::friction(R)});
+    f(std::size_t{Layout::friction(R) + 1});
+  }
+#pragma GCC unroll 16
+  for (std::size_t i = Layout::inertial(R); i < std::size_t{Layout::kParameters}; ++i) {
     f(i);
   }
 }

@@ -28,6 +28,16 @@ class MagnitudeGate {
   /// @param magnitude  ≥ 0; zero says nothing and is accepted
   /// @param factor     multiple of the largest of late that is accepted, > 1
   Verdict look(const Scalar& magnitude, const Scalar& factor) noexcept {
+    // Most numbers are smaller than the largest of late, and the last was not refused.
+    if (magnitude <= largest_ && score_ == 0 && count_ + 1 < block_ && magnitude > Scalar(0)) {
+      ++count_;
+      return Verdict::kAccept;
+    }
+    return look_closely(magnitude, factor);
+  }
+
+ private:
+  Verdict look_closely(const Scalar& magnitude, const Scalar& factor) noexcept {
     if (!(magnitude > Scalar(0))) {
       return Verdict::kAccept;
     }
@@ -51,7 +61,6 @@ class MagnitudeGate {
     return ++count_ < block_ ? Verdict::kAccept : end_block(first_block, factor);
   }
 
- private:
   void set_scale(const Scalar& scale, const Scalar& factor) noexcept {
     scale_ = scale;
     limit_ = factor * scale;

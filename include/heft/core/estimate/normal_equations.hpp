@@ -37,69 +37,76 @@ class NormalEquations {
   /// Adds one row: Φ += z w, φ += z y.
   /// @param r  row number in the layout
   void add(int r, const Row& z, const Row& w, Scalar y) noexcept {
-    const std::size_t first = static_cast<std::size_t>(Layout::inertial(r));
+    with_row<Layout>(r, [&](auto row) { add(row, z, w, y); });
+  }
+  /// The same where the row is known to the compiler.
+  template <int R>
+  void add(RowNumber<R>, const Row& z, const Row& w, Scalar y) noexcept {
+    constexpr std::size_t kFirst = static_cast<std::size_t>(Layout::inertial(R));
+    constexpr std::size_t kWidth = kSize - kFirst;
+    // A copy that no store to Φ can touch, so that it stays in registers.
+    const std::array<Scalar, kWidth> inertial = from<kFirst>(w);
     if constexpr (Layout::kFriction > 0) {
-      const std::size_t f = static_cast<std::size_t>(Layout::friction(r));
-      const std::size_t v = f + 1;
+      constexpr std::size_t f = static_cast<std::size_t>(Layout::friction(R));
+      constexpr std::size_t v = f + 1;
+      const Scalar zv = z[v], wv = w[v];
       // Coulomb row of Φ: z is a sign.
       add_signed(z[f], [&](auto apply) {
         apply(right_[f], y);
-        apply(matrix_[f][v], w[v]);
-        for (std::size_t j = first; j < kSize; ++j) {
-          apply(matrix_[f][j], w[j]);
-        }
+        apply(matrix_[f][v], wv);
+        apply_to_row<kFirst>(f, inertial, apply);
       });
       // Coulomb column: w is a sign.
       add_signed(w[f], [&](auto apply) {
         apply(matrix_[f][f], z[f]);
-        apply(matrix_[v][f], z[v]);
-        for (std::size_t i = first; i < kSize; ++i) {
+        apply(matrix_[v][f], zv);
+#pragma GCC unroll 16
+        for (std::size_t i = kFirst; i < kSize; ++i) {
           apply(matrix_[i][f], z[i]);
         }
       });
-      right_[v] += z[v] * y;
-      matrix_[v][v] += z[v] * w[v];
-      for (std::size_t j = first; j < kSize; ++j) {
-        matrix_[v][j] += z[v] * w[j];
+      matrix_[v][v] += zv * wv;
+      add_multiple<kFirst>(v, zv, inertial, y);
+      for (std::size_t i = kFirst; i < kSize; ++i) {
+        const Scalar zi = z[i];
+        matrix_[i][v] += zi * wv;
+        add_multiple<kFirst>(i, zi, inertial, y);
       }
-      for (std::size_t i = first; i < kSize; ++i) {
-        matrix_[i][v] += z[i] * w[v];
-      }
-    }
-    for (std::size_t i = first; i < kSize; ++i) {
-      const Scalar zi = z[i];
-      right_[i] += zi * y;
-      for (std::size_t j = first; j < kSize; ++j) {
-        matrix_[i][j] += zi * w[j];
+    } else {
+      for (std::size_t i = kFirst; i < kSize; ++i) {
+        add_multiple<kFirst>(i, z[i], inertial, y);
       }
     }
   }
 
   /// Adds one row of least squares, Φ += wᵀ w; only the upper triangle is kept up, see matrix_symmetric().
   void add_symmetric(int r, const Row& w, Scalar y) noexcept {
-    const std::size_t first = static_cast<std::size_t>(Layout::inertial(r));
+    with_row<Layout>(r, [&](auto row) { add_symmetric(row, w, y); });
+  }
+  template <int R>
+  void add_symmetric(RowNumber<R>, const Row& w, Scalar y) noexcept {
+    constexpr std::size_t kFirst = static_cast<std::size_t>(Layout::inertial(R));
+    const std::array<Scalar, kSize - kFirst> inertial = from<kFirst>(w);
     if constexpr (Layout::kFriction > 0) {
-      const std::size_t f = static_cast<std::size_t>(Layout::friction(r));
-      const std::size_t v = f + 1;
+      constexpr std::size_t f = static_cast<std::size_t>(Layout::friction(R));
+      constexpr std::size_t v = f + 1;
+      const Scalar wv = w[v];
       add_signed(w[f], [&](auto apply) {
         apply(right_[f], y);
         apply(matrix_[f][f], w[f]);
-        apply(matrix_[f][v], w[v]);
-        for (std::size_t j = first; j < kSize; ++j) {
-          apply(matrix_[f][j], w[j]);
-        }
+        apply(matrix_[f][v], wv);
+        apply_to_row<kFirst>(f, inertial, apply);
       });
-      right_[v] += w[v] * y;
-      matrix_[v][v] += w[v] * w[v];
-      for (std::size_t j = first; j < kSize; ++j) {
-        matrix_[v][j] += w[v] * w[j];
-      }
+      matrix_[v][v] += wv * wv;
+      add_multiple<kFirst>(v, wv, inertial, y);
     }
-    for (std::size_t i = first; i < kSize; ++i) {
-      const Scalar wi = w[i];
-      right_[i] += wi * y;
-      for (std::size_t j = i; j < kSize; ++j) {
-        matrix_[i][j] += wi * w[j];
+#pragma GCC unroll 16
+    for (std::size_t i = 0; i < kSize - kFirst; ++i) {
+      const Scalar wi = inertial[i];
+      right_[kFirst + i] += wi * y;
+#pragma GCC unroll 16
+      for (std::size_t j = i; j < kSize - kFirst; ++j) {
+        matrix_[kFirst + i][kFirst + j] += wi * inertial[j];
       }
     }
   }
@@ -119,6 +126,38 @@ class NormalEquations {
 
  private:
   static constexpr std::size_t kSize = static_cast<std::size_t>(kParameters);
+
+  /// Entries from First on.
+  template <std::size_t First>
+  static std::array<Scalar, kSize - First> from(const Row& row) noexcept {
+    std::array<Scalar, kSize - First> tail;
+#pragma GCC unroll 16
+    for (std::size_t j = 0; j < kSize - First; ++j) {
+      tail[j] = row[First + j];
+    }
+    return tail;
+  }
+
+  template <std::size_t First, typename F>
+  void apply_to_row(std::size_t i, const std::array<Scalar, kSize - First>& w, F apply) noexcept {
+    Row& sums = matrix_[i];
+#pragma GCC unroll 16
+    for (std::size_t j = 0; j < kSize - First; ++j) {
+      apply(sums[First + j], w[j]);
+    }
+  }
+
+  /// Row i of the system from column First on.
+  template <std::size_t First>
+  void add_multiple(std::size_t i, const Scalar& zi, const std::array<Scalar, kSize - First>& w,
+                    const Scalar& y) noexcept {
+    Row& sums = matrix_[i];
+    right_[i] += zi * y;
+#pragma GCC unroll 16
+    for (std::size_t j = 0; j < kSize - First; ++j) {
+      sums[First + j] += zi * w[j];
+    }
+  }
 
   /// Adds, subtracts or multiplies, by the value of a factor that is mostly ±1.
   template <typename F>

@@ -35,14 +35,7 @@ class StagedSolver {
   void start(const Matrix& matrix, const Row& right_side, bool symmetric) noexcept {
     lu_ = matrix;
     right_ = right_side;
-    if (symmetric) {
-      for (std::size_t i = 1; i < kSize; ++i) {
-        for (std::size_t j = 0; j < i; ++j) {
-          lu_[i][j] = lu_[j][i];
-        }
-      }
-    }
-    stage_ = Stage::kScale;
+    stage_ = symmetric ? Stage::kMirror : Stage::kScale;
     at_ = 0;
     row_ = 0;
   }
@@ -74,6 +67,7 @@ class StagedSolver {
   static constexpr int total_work() noexcept {
     int work = kParameters;
     for (int k = 0; k < kParameters; ++k) {
+      work += copying(k);
       int reach = kParameters - 1 - k;
       if (k < Layout::kFriction) {
         reach = kParameters - Layout::inertial(row_of_friction<Layout>(k)) + 1;
@@ -85,11 +79,12 @@ class StagedSolver {
 
  private:
   static constexpr std::size_t kSize = static_cast<std::size_t>(kParameters);
-  enum class Stage : std::uint8_t { kScale, kEliminate, kBack, kDone };
+  enum class Stage : std::uint8_t { kMirror, kScale, kEliminate, kBack, kDone };
 
   // One step costs a row's worth of multiplications; returns how many.
   int step() noexcept {
     switch (stage_) {
+      case Stage::kMirror: return mirror_row();
       case Stage::kScale: return scale();
       case Stage::kEliminate: return eliminate_row();
       case Stage::kBack: return back_row();
@@ -103,6 +98,21 @@ class StagedSolver {
     stage_ = Stage::kDone;
     return 1;
   }
+
+  // One row of the lower triangle. The sample that takes the snapshot has done enough with that.
+  int mirror_row() noexcept {
+    const std::size_t i = at_;
+    for (std::size_t j = 0; j < i; ++j) {
+      lu_[i][j] = lu_[j][i];
+    }
+    if (++at_ == kSize) {
+      stage_ = Stage::kScale;
+    }
+    return copying(static_cast<int>(i));
+  }
+
+  // Numbers copied, as multiplications that take as long.
+  static constexpr int copying(int numbers) noexcept { return 1 + numbers / 2; }
 
   int scale() noexcept {
     using std::sqrt;
@@ -127,69 +137,17 @@ class StagedSolver {
 
   // Elimination of column at_: row_ 0 chooses the pivot, then one target row a step.
   int eliminate_row() noexcept {
-    using std::abs;
     const std::size_t k = at_;
-    std::size_t first = k + 1;
-    bool dense = true;
-    if constexpr (Layout::kFriction > 0) {
-      dense = k >= static_cast<std::size_t>(Layout::kFriction);
-    }
+    int work = 1;
     if (row_ == 0) {
-      if (dense) {
-        std::size_t best = k;
-        Scalar largest = abs(lu_[k][k]) * scale_[order_[k]];
-        for (std::size_t i = k + 1; i < kSize; ++i) {
-          const Scalar candidate = abs(lu_[i][k]) * scale_[order_[i]];
-          if (candidate > largest) {
-            best = i;
-            largest = candidate;
-          }
-        }
-        if (best != k) {
-          std::swap(lu_[best], lu_[k]);
-          std::swap(right_[best], right_[k]);
-          std::swap(order_[best], order_[k]);
-        }
-      }
-      const Scalar pivot = lu_[k][k];
-      const Scalar scaled = abs(pivot) * (scale_[order_[k]] * scale_[k]);
-      if (!(scaled > kTiny)) {
+      if (!choose_pivot(k)) {
         return fail();
       }
-      if (scaled < smallest_pivot_) {
-        smallest_pivot_ = scaled;
-      }
-      inverse_pivot_[k] = Scalar(1) / pivot;
-      row_ = first;
-      skip_structural_zeros();
-      if (row_ < kSize) {
-        return static_cast<int>(kSize - k);
-      }
-    }
-    int work = 1;
-    if (row_ < kSize) {
-      const std::size_t i = row_;
-      const Scalar factor = lu_[i][k] * inverse_pivot_[k];
-      lu_[i][k] = factor;
-      right_[i] -= factor * right_[k];
-      std::size_t from = first;
-      if constexpr (Layout::kFriction > 0) {
-        if (!dense) {
-          const int r = row_of_friction<Layout>(static_cast<int>(k));
-          from = static_cast<std::size_t>(Layout::inertial(r));
-          const std::size_t partner = static_cast<std::size_t>(Layout::friction(r) + 1);
-          if (partner > k) {
-            lu_[i][partner] -= factor * lu_[k][partner];
-            ++work;
-          }
-        }
-      }
-      for (std::size_t j = from; j < kSize; ++j) {
-        lu_[i][j] -= factor * lu_[k][j];
-      }
-      work += static_cast<int>(kSize - from) + 1;
-      ++row_;
-      skip_structural_zeros();
+      row_ = next_row(k, k + 1);
+      work = row_ < kSize ? static_cast<int>(kSize - k) : 1;
+    } else {
+      work = 1 + subtract_pivot_row(k, row_);
+      row_ = next_row(k, row_ + 1);
     }
     if (row_ >= kSize) {
       row_ = 0;
@@ -200,10 +158,73 @@ class StagedSolver {
     return work;
   }
 
-  void skip_structural_zeros() noexcept {
-    while (row_ < kSize && structural_zero(row_, at_)) {
-      ++row_;
+  static constexpr bool is_dense(std::size_t column) noexcept {
+    return Layout::kFriction == 0 || column >= static_cast<std::size_t>(Layout::kFriction);
+  }
+
+  // First row from i on with an entry in column k.
+  static std::size_t next_row(std::size_t k, std::size_t i) noexcept {
+    while (!is_dense(k) && i < kSize && structural_zero(i, k)) {
+      ++i;
     }
+    return i;
+  }
+
+  // @return false when there is none
+  bool choose_pivot(std::size_t k) noexcept {
+    using std::abs;
+    if (is_dense(k)) {
+      std::size_t best = k;
+      Scalar largest = abs(lu_[k][k]) * scale_[order_[k]];
+      for (std::size_t i = k + 1; i < kSize; ++i) {
+        const Scalar candidate = abs(lu_[i][k]) * scale_[order_[i]];
+        if (candidate > largest) {
+          best = i;
+          largest = candidate;
+        }
+      }
+      if (best != k) {
+        std::swap(lu_[best], lu_[k]);
+        std::swap(right_[best], right_[k]);
+        std::swap(order_[best], order_[k]);
+      }
+    }
+    const Scalar pivot = lu_[k][k];
+    const Scalar scaled = abs(pivot) * (scale_[order_[k]] * scale_[k]);
+    if (!(scaled > kTiny)) {
+      return false;
+    }
+    if (scaled < smallest_pivot_) {
+      smallest_pivot_ = scaled;
+    }
+    inverse_pivot_[k] = Scalar(1) / pivot;
+    return true;
+  }
+
+  // Row i less its share of row k. @return multiplications
+  int subtract_pivot_row(std::size_t k, std::size_t i) noexcept {
+    Row& target = lu_[i];
+    const Row& pivot_row = lu_[k];
+    const Scalar factor = target[k] * inverse_pivot_[k];
+    target[k] = factor;
+    right_[i] -= factor * right_[k];
+    int work = 1;
+    std::size_t from = k + 1;
+    if constexpr (Layout::kFriction > 0) {
+      if (!is_dense(k)) {
+        const int r = row_of_friction<Layout>(static_cast<int>(k));
+        from = static_cast<std::size_t>(Layout::inertial(r));
+        const std::size_t partner = static_cast<std::size_t>(Layout::friction(r) + 1);
+        if (partner > k) {
+          target[partner] -= factor * pivot_row[partner];
+          ++work;
+        }
+      }
+    }
+    for (std::size_t j = from; j < kSize; ++j) {
+      target[j] -= factor * pivot_row[j];
+    }
+    return work + static_cast<int>(kSize - from);
   }
 
   // Back substitution of the scaled solution, one unknown a step, last first; at_ counts down.
@@ -219,6 +240,12 @@ class StagedSolver {
   }
 
   int subtract_upper(std::size_t i, const Row& x, Scalar& s) const noexcept {
+    if (is_dense(i)) {
+      for (std::size_t j = i + 1; j < kSize; ++j) {
+        s -= lu_[i][j] * x[j];
+      }
+      return static_cast<int>(kSize - i) - 1;
+    }
     int work = 0;
     for (std::size_t j = i + 1; j < kSize; ++j) {
       if (!structural_zero(i, j)) {
