@@ -134,6 +134,24 @@ TEST(JointFeedback, CutsTorquesAtTheLimitAndSaysWhere) {
   EXPECT_EQ(record.limited, 0b001010U);
 }
 
+TEST(JointFeedback, WithoutALimitRefusesWhatIsNotFiniteAllTheSame) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const auto feedback = make_feedback(0, 0, kInfinity);
+  ControlRecord record;
+  record.limited = 5;
+  Vector wanted, tau = Vector::Constant(7);
+  for (const double bad : {kInfinity, -kInfinity, std::numeric_limits<double>::quiet_NaN()}) {
+    wanted << 3, 1e300, -1e300, 0, 0, bad;
+    EXPECT_EQ(feedback.limit(wanted, tau, record), Status::kNonFiniteInput) << bad;
+    EXPECT_EQ(tau, Vector::Constant(7)) << bad;
+    EXPECT_EQ(record.limited, 5U) << bad;
+  }
+  wanted[5] = -4;
+  EXPECT_EQ(feedback.limit(wanted, tau, record), Status::kOk);
+  EXPECT_EQ(tau, wanted);
+  EXPECT_EQ(record.limited, 0U);
+}
+
 TEST(JointFeedback, NeverHandsOnATorqueThatIsNotFinite) {
   const auto feedback = make_feedback(100, 20, 10);
   const Parameters parameters{reduced_links(model::Ur5Arm::kModel)};

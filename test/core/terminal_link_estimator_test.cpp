@@ -51,6 +51,17 @@ TYPED_TEST(TerminalLink, IsExactWithoutNoise) {
   EXPECT_LT(error_of(estimator.estimate()), 1e-9);
 }
 
+TYPED_TEST(TerminalLink, TakesTheSinesAndCosinesOfAController) {
+  auto estimator = make<TypeParam::value>();
+  typename Estimator<TypeParam::value>::Record record;
+  for (const auto& s : test::terminal_link_run(1500, 0.0, 1)) {
+    ASSERT_EQ(estimator.update(joint_trigonometry<Arm6>(s.q), s.q, s.qd, s.qdd, s.qdd, s.tau, record),
+              Status::kOk);
+  }
+  EXPECT_EQ(estimator.source(), EstimateSource::kInstrumental);
+  EXPECT_LT(error_of(estimator.estimate()), 1e-9);
+}
+
 TYPED_TEST(TerminalLink, InstrumentsRemoveTheBiasOfLeastSquares) {
   auto instrumental = make<TypeParam::value>();
   typename Estimator<TypeParam::value>::Config config;

@@ -66,8 +66,10 @@ void expect_rows_give_the_torque() {
   for (int n = 0; n < 50; ++n) {
     const auto q = test::random_vector<kN>(random, 3), qd = test::random_vector<kN>(random, 3),
                a = test::random_vector<kN>(random, 5), b = test::random_vector<kN>(random, 5);
-    std::array<TerminalRows<double, Layout>, 2> own{}, shared{};
+    std::array<TerminalRows<double, Layout>, 2> own{}, shared{}, from_joints{};
     terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {a, b}, 0.0, own);
+    terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(joint_trigonometry<Arm>(q)), q, qd,
+                                 AccelerationPair<typename Arm::Vector>{a, b}, 0.0, from_joints);
     typename Arm::Vector tau;
     inverse_dynamics_with_rows<Arm, First>(parameters, joint_trigonometry<Arm>(q), q, qd, b, a, 0.0, tau,
                                            shared);
@@ -82,6 +84,8 @@ void expect_rows_give_the_torque() {
         for (std::size_t p = 0; p < row.size(); ++p) {
           torque += row[p] * x[p];
           EXPECT_NEAR(row[p], shared[c][static_cast<std::size_t>(r)][p], 1e-11)
+              << "row " << r << " column " << p;
+          EXPECT_NEAR(row[p], from_joints[c][static_cast<std::size_t>(r)][p], 1e-11)
               << "row " << r << " column " << p;
         }
         EXPECT_NEAR(torque, expected[First + r], 1e-12 * expected.norm())

@@ -183,6 +183,12 @@ struct StaticInstances {
                           Vector& tau, ControlRecord& record) {
       return computed_torque<Arm>(feedback, parameters, friction, rotor, reference, q, qd, tau, record);
     }
+    static Status control_with(const JointFeedback<Scalar, kN>& feedback, const Parameters& parameters,
+                               const FrictionFeedForward<Scalar, kN>& friction, const Vector& rotor,
+                               const JointReference<Scalar, kN>& reference, const Trig& trig, const Vector& q,
+                               const Vector& qd, Vector& tau, ControlRecord& record) {
+      return computed_torque<Arm>(feedback, parameters, friction, rotor, reference, trig, q, qd, tau, record);
+    }
     static Status instrument(const Parameters& parameters, const Trig& trig, const Vector& q,
                              const Vector& qd, const Vector& rotor, const Vector& tau, Vector& acceleration) {
       return predicted_acceleration<Arm>(parameters, trig, q, qd, rotor, tau, acceleration);
@@ -220,6 +226,9 @@ struct TerminalInstances {
   using Rows = TerminalRows<Scalar, Layout>;
 
   static void trigonometry(const Vector& q, Trig& trig) { trig = terminal_trigonometry<Arm, First>(q); }
+  static void sums(const JointTrigonometry<Arm>& own, Trig& trig) {
+    trig = terminal_trigonometry<Arm, First>(own);
+  }
   static void rows(const Trig& trig, const Vector& q, const Vector& qd, const std::array<Vector, 1>& qdd,
                    Scalar sign_width, std::array<Rows, 1>& rows) {
     terminal_rows<Arm, First, 1>(trig, q, qd, qdd, sign_width, rows);
@@ -370,7 +379,8 @@ template DynamicArm<Pack<float, 2>, 6>::DynamicArm(const DynamicArm<float, 6>&) 
 template void inverse_dynamics(const DynamicArm<Pack<float, 2>, 6>&,
                                const JointTrigonometry<DynamicArm<Pack<float, 2>, 6>>&,
                                const JointVector<Pack<float, 2>, 6>&, const JointVector<Pack<float, 2>, 6>&,
-                               const JointVector<Pack<float, 2>, 6>&, JointVector<Pack<float, 2>, 6>&) noexcept;
+                               const JointVector<Pack<float, 2>, 6>&,
+                               JointVector<Pack<float, 2>, 6>&) noexcept;
 #ifdef HEFT_WHOLE_GRID
 HEFT_INSTANTIATE_CONTROLLERS(double, firmware::EffectsArm);
 HEFT_INSTANTIATE_RUN_TIME_CONTROLLERS(float, RunTimeArm<7, 8, 1>);

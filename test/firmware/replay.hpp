@@ -48,16 +48,18 @@ class Replay {
                                                           vector(row.qdd_ref)};
     const Vector q = vector(row.q);
     const Vector qd = vector(row.qd);
+    const JointTrigonometry<Arm> trig = joint_trigonometry<Arm>(q);
     typename Estimator::Record record;
-    const Status status = estimator_.update(q, qd, vector(row.qdd), reference.qdd, vector(row.tau), record);
+    const Status status =
+        estimator_.update(trig, q, qd, vector(row.qdd), reference.qdd, vector(row.tau), record);
     if (status != Status::kOk) return status;
     if (record.new_estimate) {
       parameters_ = estimator_.reduced();
       estimator_.friction(friction_.coulomb, friction_.viscous);
     }
     ControlRecord control;
-    return computed_torque<Arm>(feedback_, parameters_, friction_, Vector::Zero(), reference, q, qd, torque_,
-                                control);
+    return computed_torque<Arm>(feedback_, parameters_, friction_, Vector::Zero(), reference, trig, q, qd,
+                                torque_, control);
   }
 
   Scalar result(int i) const noexcept {

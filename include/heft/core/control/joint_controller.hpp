@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include <Eigen/Core>
 
@@ -50,22 +51,31 @@ class JointFeedback {
       }
     }
     config_ = config;
+    for (int i = 0; i < N; ++i) {
+      config_.torque_limit[i] = finite_limit(config.torque_limit[i]);
+    }
     return Status::kOk;
   }
 
   /// Kp (q_r − q) + Kd (q̇_r − q̇).
   Vector feedback(const JointReference<Scalar, N>& reference, const Vector& q,
                   const Vector& qd) const noexcept {
-    Vector out;
-    for (int i = 0; i < N; ++i) {
-      out[i] =
-          config_.stiffness[i] * (reference.q[i] - q[i]) + config_.damping[i] * (reference.qd[i] - qd[i]);
-    }
-    return out;
+    return config_.stiffness.cwiseProduct(reference.q - q) + config_.damping.cwiseProduct(reference.qd - qd);
   }
 
   /// Cuts a torque at the limits. A torque that is not finite is refused: kNonFiniteInput, `tau` unchanged.
   Status limit(const Vector& wanted, Vector& tau, ControlRecord& record) const noexcept {
+    // Mostly all torques are within their limits, and finite for that.
+    bool within = true;
+#pragma GCC unroll 8
+    for (int i = 0; i < N; ++i) {
+      within = within && is_within(wanted[i], config_.torque_limit[i]);
+    }
+    if (within) {
+      tau = wanted;
+      record.limited = 0;
+      return Status::kOk;
+    }
     for (int i = 0; i < N; ++i) {
       if (!is_finite(wanted[i])) {
         return Status::kNonFiniteInput;
@@ -83,6 +93,15 @@ class JointFeedback {
   }
 
  private:
+  /// Without infinity, what is within a limit is finite.
+  static Scalar finite_limit(const Scalar& limit) noexcept {
+    if constexpr (std::numeric_limits<Scalar>::has_infinity) {
+      return limit > std::numeric_limits<Scalar>::max() ? std::numeric_limits<Scalar>::max() : limit;
+    } else {
+      return limit;
+    }
+  }
+
   Config config_{};
 };
 
@@ -152,8 +171,24 @@ inline JointVector<Scalar, N> commanded_acceleration(const JointFeedback<Scalar,
 ///                    TerminalLinkEstimator::reduced(), corrected_for_payload(), or both
 /// @param friction    feed-forward, zero to leave it out
 /// @param rotor       reflected rotor inertias, n, multiplied by the commanded acceleration
+/// @param trig        of q; computed here where it is left out
 /// @param tau         torque, n; unchanged unless kOk
 /// @return kNonFiniteInput
+template <typename Arm, typename Parameters>
+requires(Arm::kIsStatic) inline Status computed_torque(
+    const JointFeedback<typename Arm::Scalar, Arm::kNumJoints>& feedback, const Parameters& parameters,
+    const FrictionFeedForward<typename Arm::Scalar, Arm::kNumJoints>& friction,
+    const typename Arm::Vector& rotor, const JointReference<typename Arm::Scalar, Arm::kNumJoints>& reference,
+    const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q, const typename Arm::Vector& qd,
+    typename Arm::Vector& tau, ControlRecord& record) noexcept {
+  using Vector = typename Arm::Vector;
+  const Vector qdd =
+      commanded_acceleration<typename Arm::Scalar, Arm::kNumJoints>(feedback, reference, q, qd);
+  Vector wanted;
+  inverse_dynamics<Arm>(parameters, trig, q, qd, qdd, wanted);
+  wanted += friction.torque(reference.qd) + rotor.cwiseProduct(qdd);
+  return feedback.limit(wanted, tau, record);
+}
 template <typename Arm, typename Parameters>
 requires(Arm::kIsStatic) inline Status
     computed_torque(const JointFeedback<typename Arm::Scalar, Arm::kNumJoints>& feedback,
@@ -163,16 +198,8 @@ requires(Arm::kIsStatic) inline Status
                     const JointReference<typename Arm::Scalar, Arm::kNumJoints>& reference,
                     const typename Arm::Vector& q, const typename Arm::Vector& qd, typename Arm::Vector& tau,
                     ControlRecord& record) noexcept {
-  using Vector = typename Arm::Vector;
-  const Vector qdd =
-      commanded_acceleration<typename Arm::Scalar, Arm::kNumJoints>(feedback, reference, q, qd);
-  Vector wanted;
-  inverse_dynamics<Arm>(parameters, joint_trigonometry<Arm>(q), q, qd, qdd, wanted);
-  const Vector extra = friction.torque(reference.qd);
-  for (int i = 0; i < Arm::kNumJoints; ++i) {
-    wanted[i] += extra[i] + rotor[i] * qdd[i];
-  }
-  return feedback.limit(wanted, tau, record);
+  return computed_torque<Arm>(feedback, parameters, friction, rotor, reference, joint_trigonometry<Arm>(q), q,
+                              qd, tau, record);
 }
 
 /// Computed torque with run-time geometry; the arm's own parameters and actuation are used.

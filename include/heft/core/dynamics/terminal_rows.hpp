@@ -453,6 +453,29 @@ inline TerminalTrigonometry<Arm, First> terminal_trigonometry(const typename Arm
   return trig;
 }
 
+/// The same from the joints' own sines and cosines, where something else of the sample needs these: sums of angles by
+/// sin(a + b) = sin a cos b + cos a sin b, four multiplications each.
+template <typename Arm, int First>
+inline TerminalTrigonometry<Arm, First> terminal_trigonometry(const JointTrigonometry<Arm>& own) noexcept {
+  using Scalar = typename Arm::Scalar;
+  TerminalTrigonometry<Arm, First> trig;
+  [&]<std::size_t... I>(std::index_sequence<I...>) {
+    (
+        [&] {
+          const SinCos<Scalar>& b = own.joint[I];
+          if constexpr (structural::kContinuesRun<Arm, First>[I] && !(I == 1 && Arm::kFirstAngleIsFree)) {
+            const SinCos<Scalar>& a = trig.joint[I - 1];
+            trig.joint[I] = {a.sin * b.cos + a.cos * b.sin, a.cos * b.cos - a.sin * b.sin};
+          } else {
+            trig.joint[I] = b;
+          }
+        }(),
+        ...);
+  }
+  (std::make_index_sequence<static_cast<std::size_t>(Arm::kNumJoints)>{});
+  return trig;
+}
+
 /// The friction entries of the rows: Coulomb and viscous column of each row's own joint.
 template <typename Arm, typename Layout>
 inline void friction_rows(const typename Arm::Vector& qd, typename Arm::Scalar sign_width,
@@ -465,18 +488,26 @@ inline void friction_rows(const typename Arm::Vector& qd, typename Arm::Scalar s
   }
 }
 
+/// Two accelerations where they are, for terminal_rows without a copy.
+template <typename Vector>
+struct AccelerationPair {
+  const Vector& measured;
+  const Vector& instrument;
+  constexpr const Vector& operator[](std::size_t c) const noexcept { return c == 0 ? measured : instrument; }
+};
+
 /// Rows First..n-1 for one or two accelerations at the same q and qd: the measured one, and the one the
 /// instruments are made of. What depends on velocities alone is computed once.
 ///
 /// @tparam C     1 or 2
-/// @param qdd    C accelerations, n each [rad/s²]
+/// @param qdd    C accelerations, n each [rad/s²]: an array, or an AccelerationPair
 /// @param rows   C results. Entries a row does not reach are not written: start from zeros.
 /// Cost, Kawasaki and Nishimura's arm, k = 5, C = 2: bench/operation_count prints it.
-template <typename Arm, int First, std::size_t C>
+template <typename Arm, int First, std::size_t C,
+          typename Accelerations = std::array<typename Arm::Vector, C>>
 requires(Arm::kIsStatic && (C == 1 || C == 2)) inline void terminal_rows(
     const TerminalTrigonometry<Arm, First>& trig, const typename Arm::Vector& q,
-    const typename Arm::Vector& qd, const std::array<typename Arm::Vector, C>& qdd,
-    typename Arm::Scalar sign_width,
+    const typename Arm::Vector& qd, const Accelerations& qdd, typename Arm::Scalar sign_width,
     std::array<TerminalRows<typename Arm::Scalar, TerminalLayout<Arm, First>>, C>& rows) noexcept {
   using Layout = TerminalLayout<Arm, First>;
   structural::pass_links<Arm, First, C>(trig, q, qd, qdd,

@@ -166,14 +166,14 @@ class TerminalLinkEstimator {
   ///         nothing changed; kNotConfigured
   Status update(const Vector& q, const Vector& qd, const Vector& qdd, const Vector& instrument,
                 const Vector& tau, Record& record) noexcept {
-    if (configured_ && !(all_usable(q) && all_usable(qdd) && all_usable(instrument))) {
-      record = Record{};
-      record.source = source_;
-      return Status::kNonFiniteInput;
-    }
-    terminal_rows<Arm, First, 2>(terminal_trigonometry<Arm, First>(q), q, qd, {qdd, instrument},
-                                 config_.sign_width, rows_);
-    return update_rows(rows_[0], rows_[1], qd, tau, record);
+    return update_motion([&] { return terminal_trigonometry<Arm, First>(q); }, q, qd, qdd, instrument, tau,
+                         record);
+  }
+  /// The same with sines and cosines of q that a controller has computed already.
+  Status update(const JointTrigonometry<Arm>& trig, const Vector& q, const Vector& qd, const Vector& qdd,
+                const Vector& instrument, const Vector& tau, Record& record) noexcept {
+    return update_motion([&] { return terminal_trigonometry<Arm, First>(trig); }, q, qd, qdd, instrument, tau,
+                         record);
   }
 
   /// Takes rows that were computed elsewhere, for instance with the forward pass of the controller.
@@ -185,7 +185,8 @@ class TerminalLinkEstimator {
     if (!configured_) {
       return Status::kNotConfigured;
     }
-    if (!usable(rows, instruments, tau) || !all_usable(qd)) {
+    std::array<Scalar, kRows> largest;
+    if (!all_usable(qd) || !usable(rows, instruments, tau, largest)) {
       return Status::kNonFiniteInput;
     }
     if (config_.standstill_speed > Scalar(0) && stands_still(qd)) {
@@ -195,9 +196,8 @@ class TerminalLinkEstimator {
       if (config_.forgetting_factor < Scalar(1)) {
         grow_gain();
       }
-      for (int r = 0; r < kRows; ++r) {
-        take_row(r, rows, instruments, tau[First + r], record);
-      }
+      for_rows<Layout>(
+          [&](auto row) { take_row(row, rows, instruments, largest, tau[First + row()], record); });
     }
     work(record);
     record.source = source_;
@@ -254,6 +254,19 @@ class TerminalLinkEstimator {
   static constexpr bool kIsFactored = Form == EstimatorForm::kFactored;
   struct Nothing {};
 
+  template <typename Trigonometry>
+  Status update_motion(Trigonometry trigonometry, const Vector& q, const Vector& qd, const Vector& qdd,
+                       const Vector& instrument, const Vector& tau, Record& record) noexcept {
+    if (configured_ && !(all_usable(q) && all_usable(qdd) && all_usable(instrument))) {
+      record = Record{};
+      record.source = source_;
+      return Status::kNonFiniteInput;
+    }
+    terminal_rows<Arm, First, 2>(trigonometry(), q, qd, AccelerationPair<Vector>{qdd, instrument},
+                                 config_.sign_width, rows_);
+    return update_rows(rows_[0], rows_[1], qd, tau, record);
+  }
+
   static std::array<Scalar, kRows> filled(Scalar value) {
     std::array<Scalar, kRows> all{};
     for (Scalar& entry : all) {
@@ -291,16 +304,20 @@ class TerminalLinkEstimator {
   }
 
   // Torques of rows before k are not looked at.
-  static bool usable(const Rows& rows, const Rows& instruments, const Vector& tau) noexcept {
+  // largest: entry of each row and its instrument, in magnitude; what far_too_large() wants to know as well
+  static bool usable(const Rows& rows, const Rows& instruments, const Vector& tau,
+                     std::array<Scalar, kRows>& largest) noexcept {
     bool ok = true;
-    for (int r = 0; r < kRows; ++r) {
-      const std::size_t i = static_cast<std::size_t>(r);
-      for_support<Layout>(r, [&](int column) {
-        const std::size_t c = static_cast<std::size_t>(column);
-        ok = ok && is_usable(rows[i][c]) && is_usable(instruments[i][c]);
+    for_rows<Layout>([&](auto row) {
+      constexpr std::size_t kRow = row();
+      LargestMagnitude<Scalar> found;
+      for_support<Layout>(row, [&](std::size_t column) {
+        found.look(rows[kRow][column]);
+        found.look(instruments[kRow][column]);
       });
-      ok = ok && is_usable(tau[First + r]);
-    }
+      largest[kRow] = found.largest();
+      ok = ok && is_usable(largest[kRow]) && is_usable(tau[First + row()]);
+    });
     return ok;
   }
 
@@ -331,64 +348,63 @@ class TerminalLinkEstimator {
     }
   }
 
-  void take_row(int r, const Rows& rows, const Rows& instruments, const Scalar& y, Record& record) noexcept {
-    const std::size_t i = static_cast<std::size_t>(r);
+  template <int R>
+  void take_row(RowNumber<R> row, const Rows& rows, const Rows& instruments,
+                const std::array<Scalar, kRows>& largest, const Scalar& y, Record& record) noexcept {
+    constexpr std::size_t i = R;
     const Row& w = rows[i];
     if (config_.gate > Scalar(0)) {
       Scalar innovation = y;
-      for_support<Layout>(r, [&](int column) {
-        innovation -= w[static_cast<std::size_t>(column)] * estimate_[static_cast<std::size_t>(column)];
-      });
+      for_support<Layout>(row, [&](std::size_t column) { innovation -= w[column] * estimate_[column]; });
       record.innovation[i] = innovation;
-      if (far_too_large(r, w, instruments[i], y) ||
-          (source_ != EstimateSource::kPrior && refused(i, innovation))) {
+      if (far_too_large(i, largest[i], y) || (source_ != EstimateSource::kPrior && refused(i, innovation))) {
         return;
       }
     }
     record.row_used[i] = true;
     const Scalar weight = config_.row_weight[i] * gain_;
     if (needs_least_squares()) {
-      add_least_squares(r, w, y, weight);
+      add_least_squares(row, w, y, weight);
     }
-    if (config_.use_instruments) {
-      add_instrumental(r, weighted(r, instruments[i], weight), w, y);
-    } else if (kIsFactored && running_) {
-      add_instrumental(r, weighted(r, w, weight), w, y);
+    if (config_.use_instruments || (kIsFactored && running_)) {
+      const Row& z = config_.use_instruments ? instruments[i] : w;
+      if (weight == Scalar(1)) {  // unweighted rows cost nothing
+        add_instrumental(row, z, w, y);
+      } else {
+        add_instrumental(row, weighted(row, z, weight), w, y);
+      }
     }
   }
 
-  // The row itself where the weight is 1, so that unweighted rows cost nothing.
-  static Row weighted(int r, const Row& row, const Scalar& weight) noexcept {
-    Row z = row;
-    if (!(weight == Scalar(1))) {
-      for_support<Layout>(r, [&](int column) {
-        const std::size_t c = static_cast<std::size_t>(column);
-        z[c] = z[c] * weight;
-      });
-    }
+  template <int R>
+  static Row weighted(RowNumber<R> row, const Row& unweighted, const Scalar& weight) noexcept {
+    Row z = unweighted;
+    for_support<Layout>(row, [&](std::size_t column) { z[column] = z[column] * weight; });
     return z;
   }
 
-  void add_least_squares(int r, const Row& w, const Scalar& y, const Scalar& weight) noexcept {
+  template <int R>
+  void add_least_squares(RowNumber<R> row, const Row& w, const Scalar& y, const Scalar& weight) noexcept {
     if (weight == Scalar(1)) {
-      least_squares_.add_symmetric(r, w, y);
+      least_squares_.add_symmetric(row, w, y);
       return;
     }
     using std::sqrt;
     const Scalar root = sqrt(weight);
-    least_squares_.add_symmetric(r, weighted(r, w, root), y * root);
+    least_squares_.add_symmetric(row, weighted(row, w, root), y * root);
   }
 
-  void add_instrumental(int r, const Row& z, const Row& w, const Scalar& y) noexcept {
+  template <int R>
+  void add_instrumental(RowNumber<R> row, const Row& z, const Row& w, const Scalar& y) noexcept {
     if constexpr (kIsFactored) {
       if (running_) {
-        if (factored_.add(r, z, w, y) != Status::kOk) {
+        if (factored_.add(R, z, w, y) != Status::kOk) {
           collect_afresh();
         }
         return;
       }
     }
-    instrumental_.add(r, z, w, y);
+    instrumental_.add(row, z, w, y);
   }
 
   // New sums around the estimate in hand, which stays what it is until they are good.
@@ -413,17 +429,9 @@ class TerminalLinkEstimator {
 
   // Compares the largest entry of regressor and instrument, and the torque, with those of late. A start with wild
   // numbers is dropped as soon as it shows.
-  bool far_too_large(int r, const Row& w, const Row& z, const Scalar& y) noexcept {
+  bool far_too_large(std::size_t i, const Scalar& largest, const Scalar& y) noexcept {
     using std::abs;
     using Verdict = typename MagnitudeGate<Scalar>::Verdict;
-    Scalar largest(0);
-    for_support<Layout>(r, [&](int column) {
-      const std::size_t c = static_cast<std::size_t>(column);
-      const Scalar of_w = abs(w[c]), of_z = abs(z[c]);
-      largest = of_w > largest ? of_w : largest;
-      largest = of_z > largest ? of_z : largest;
-    });
-    const std::size_t i = static_cast<std::size_t>(r);
     const Verdict row = row_gate_[i].look(largest, far_);
     const Verdict torque = row == Verdict::kRefuse ? row : torque_gate_[i].look(abs(y), far_);
     if ((row == Verdict::kAcceptAfresh || torque == Verdict::kAcceptAfresh) &&
