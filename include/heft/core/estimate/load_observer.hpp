@@ -269,9 +269,9 @@ class LoadObserver {
     if (const Status status = payload_settings(config, priors, settings); status != Status::kOk) {
       return status;
     }
-    Front front;
-    if (front.motion.configure(config.filter_hz) != Status::kOk ||
-        front.torque.configure(config.filter_hz) != Status::kOk) {
+    Recent recent;
+    if (recent.motion.configure(config.filter_hz) != Status::kOk ||
+        recent.torque.configure(config.filter_hz) != Status::kOk) {
       return Status::kOutOfRange;
     }
     const Scalar omega = static_cast<Scalar>(6.283185307179586) * config.filter_hz;
@@ -293,7 +293,7 @@ class LoadObserver {
     settle_time_ = static_cast<Scalar>(kSettled) / omega_;
     farthest_ = priors.farthest;
     noise_.start(settings.noise_std, config.noise_known, config.update_rate, omega_, kBeforeLearning);
-    front_ = front;
+    static_cast<Recent&>(front_) = recent;
     front_.drive = drive;
     batch_ = Batch{};
     fade_.start(config.transition_time);

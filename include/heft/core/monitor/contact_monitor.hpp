@@ -227,9 +227,9 @@ class ContactMonitor {
     record.contact = state_.contact;
     record.judged = !settling;
     record.event = ContactEvent::kNone;
-    record.load.fill(Scalar(0));
+    record.load = {};
     const Scalar largest = compare(record);
-    record.above.fill(false);
+    record.above = {};
     if (settling) {
       record.joint = -1;
       record.direction = 0;

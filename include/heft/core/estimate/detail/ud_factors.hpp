@@ -91,7 +91,7 @@ class UdFactors {
   /// @param ceiling  variances, p: an entry of D does not fall below kSmallestShare of its own
   /// @return gain P wᵀ / (w P wᵀ + noise)
   Row reduce(const Row& f, const Row& g, const Scalar& noise, const Row& ceiling) noexcept {
-    Row b{};
+    Row b = g;
     Scalar alpha = noise;
     Scalar inverse = Scalar(1) / alpha;
     for (std::size_t j = 0; j < kSize; ++j) {
@@ -103,7 +103,6 @@ class UdFactors {
       // A variance of nothing could never grow again.
       const Scalar floor = ceiling[j] * static_cast<Scalar>(kSmallestShare);
       d_[j] = d_[j] > floor ? d_[j] : floor;
-      b[j] = g[j];
       const Scalar lambda = -f[j] * previous_inverse;
       for (std::size_t i = 0; i < j; ++i) {
         const Scalar u = u_[i][j];
