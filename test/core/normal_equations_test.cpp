@@ -78,6 +78,17 @@ TEST(NormalEquations, AccumulateTheBatchMatrixWithoutItsStructuralZeros) {
   }
 }
 
+TEST(NormalEquations, TakeTheRowsOfASampleTogetherAsOneByOne) {
+  const Problem problem(400);
+  NormalEquations<double, Layout> one_by_one, together;
+  one_by_one.reset({}, {});
+  together.reset({}, {});
+  problem.add_to(one_by_one);
+  for (const auto& s : problem.samples) together.add(s.z, s.w, s.y);
+  EXPECT_EQ(one_by_one.matrix(), together.matrix()) << "to the last bit: the sums have the same order";
+  EXPECT_EQ(one_by_one.right_side(), together.right_side());
+}
+
 TEST(StagedSolver, SolvesTheInstrumentalSystemInSmallPieces) {
   const Problem problem(600);
   NormalEquations<double, Layout> equations;

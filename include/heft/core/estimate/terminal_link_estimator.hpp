@@ -196,8 +196,8 @@ class TerminalLinkEstimator {
       if (config_.forgetting_factor < Scalar(1)) {
         grow_gain();
       }
-      for_rows<Layout>(
-          [&](auto row) { take_row(row, rows, instruments, largest, tau[First + row()], record); });
+      for_rows<Layout>([&](auto row) { judge(row, rows, largest, tau[First + row()], record); });
+      take(rows, instruments, tau, record);
     }
     work(record);
     record.source = source_;
@@ -349,25 +349,49 @@ class TerminalLinkEstimator {
   }
 
   template <int R>
-  void take_row(RowNumber<R> row, const Rows& rows, const Rows& instruments,
-                const std::array<Scalar, kRows>& largest, const Scalar& y, Record& record) noexcept {
+  void judge(RowNumber<R> row, const Rows& rows, const std::array<Scalar, kRows>& largest, const Scalar& y,
+             Record& record) noexcept {
     constexpr std::size_t i = R;
-    const Row& w = rows[i];
     if (config_.gate > Scalar(0)) {
       Scalar innovation = y;
-      for_support<Layout>(row, [&](std::size_t column) { innovation -= w[column] * estimate_[column]; });
+      for_support<Layout>(row,
+                          [&](std::size_t column) { innovation -= rows[i][column] * estimate_[column]; });
       record.innovation[i] = innovation;
       if (far_too_large(i, largest[i], y) || (source_ != EstimateSource::kPrior && refused(i, innovation))) {
         return;
       }
     }
     record.row_used[i] = true;
-    const Scalar weight = config_.row_weight[i] * gain_;
-    if (needs_least_squares()) {
-      add_least_squares(row, w, y, weight);
+  }
+
+  // Rows that were judged fit for use.
+  void take(const Rows& rows, const Rows& instruments, const Vector& tau, const Record& record) noexcept {
+    std::array<Scalar, kRows> weight, y;
+    bool together = config_.use_instruments && !(kIsFactored && running_);
+    for (std::size_t i = 0; i < y.size(); ++i) {
+      weight[i] = config_.row_weight[i] * gain_;
+      y[i] = tau[First + static_cast<int>(i)];
+      together = together && record.row_used[i] && weight[i] == Scalar(1);
     }
+    for_rows<Layout>([&](auto row) {
+      constexpr std::size_t i = row();
+      if (record.row_used[i] && needs_least_squares()) {
+        add_least_squares(row, rows[i], y[i], weight[i]);
+      }
+      if (record.row_used[i] && !together) {
+        take_row(row, rows[i], instruments[i], y[i], weight[i]);
+      }
+    });
+    if (together) {
+      instrumental_.add(instruments, rows, y);
+    }
+  }
+
+  template <int R>
+  void take_row(RowNumber<R> row, const Row& w, const Row& instrument, const Scalar& y,
+                const Scalar& weight) noexcept {
     if (config_.use_instruments || (kIsFactored && running_)) {
-      const Row& z = config_.use_instruments ? instruments[i] : w;
+      const Row& z = config_.use_instruments ? instrument : w;
       if (weight == Scalar(1)) {  // unweighted rows cost nothing
         add_instrumental(row, z, w, y);
       } else {
