@@ -117,7 +117,7 @@ TEST(OperationCount, AnAdaptiveController) {
   EXPECT_LE(cycle.at("mean").at("mul").get<double>(), 4500);
 }
 
-// Beside the terminal link's 511: what it costs to follow friction, or the whole arm.
+// Beside the terminal link's 509: what it costs to follow friction, or the whole arm.
 TEST(OperationCount, EstimatorsOfFrictionAndOfTheArm) {
   for (const auto& [name, most] : {std::pair{"directional_least_squares", 6000.0},
                                    {"arm_estimating_controller", 35000.0},

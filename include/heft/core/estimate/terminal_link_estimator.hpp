@@ -364,32 +364,34 @@ class TerminalLinkEstimator {
     record.row_used[i] = true;
   }
 
-  // Rows that were judged fit for use.
+  // Rows that were judged fit for use; mostly all of them are, and of weight 1.
   void take(const Rows& rows, const Rows& instruments, const Vector& tau, const Record& record) noexcept {
-    std::array<Scalar, kRows> weight, y;
-    bool together = config_.use_instruments && !(kIsFactored && running_);
+    std::array<Scalar, kRows> y;
+    bool together = config_.use_instruments && !(kIsFactored && running_) && gain_ == Scalar(1);
     for (std::size_t i = 0; i < y.size(); ++i) {
-      weight[i] = config_.row_weight[i] * gain_;
       y[i] = tau[First + static_cast<int>(i)];
-      together = together && record.row_used[i] && weight[i] == Scalar(1);
+      together = together && record.row_used[i] && config_.row_weight[i] == Scalar(1);
     }
-    for_rows<Layout>([&](auto row) {
-      constexpr std::size_t i = row();
-      if (record.row_used[i] && needs_least_squares()) {
-        add_least_squares(row, rows[i], y[i], weight[i]);
-      }
-      if (record.row_used[i] && !together) {
-        take_row(row, rows[i], instruments[i], y[i], weight[i]);
-      }
-    });
-    if (together) {
-      instrumental_.add(instruments, rows, y);
+    if (!together) {
+      for_rows<Layout>([&](auto row) {
+        if (record.row_used[row()]) {
+          take_row(row, rows[row()], instruments[row()], y[row()]);
+        }
+      });
+      return;
     }
+    if (needs_least_squares()) {
+      for_rows<Layout>([&](auto row) { least_squares_.add_symmetric(row, rows[row()], y[row()]); });
+    }
+    instrumental_.add(instruments, rows, y);
   }
 
   template <int R>
-  void take_row(RowNumber<R> row, const Row& w, const Row& instrument, const Scalar& y,
-                const Scalar& weight) noexcept {
+  void take_row(RowNumber<R> row, const Row& w, const Row& instrument, const Scalar& y) noexcept {
+    const Scalar weight = config_.row_weight[static_cast<std::size_t>(R)] * gain_;
+    if (needs_least_squares()) {
+      add_least_squares(row, w, y, weight);
+    }
     if (config_.use_instruments || (kIsFactored && running_)) {
       const Row& z = config_.use_instruments ? instrument : w;
       if (weight == Scalar(1)) {  // unweighted rows cost nothing
