@@ -70,11 +70,7 @@ class Multistep final : public Integrator {
   }
 
   void add_counts(SolverCounts& counts) const override {
-    counts.restarts += past_.restarts;
-    counts.steps += past_.steps;
-    counts.evaluations += past_.evaluations;
-    counts.failed_steps += past_.failed_steps;
-    counts.event_evaluations += past_.event_evaluations;
+    counts += past_;
     count(counts);
   }
 

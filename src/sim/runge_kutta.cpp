@@ -120,13 +120,7 @@ class RungeKutta final : public Integrator {
 
   const double* acceleration() const override { return slopes_[0].data() + n_; }
 
-  void add_counts(SolverCounts& counts) const override {
-    counts.steps += counts_.steps;
-    counts.evaluations += counts_.evaluations;
-    counts.failed_steps += counts_.failed_steps;
-    counts.event_evaluations += counts_.event_evaluations;
-    counts.restarts += counts_.restarts;
-  }
+  void add_counts(SolverCounts& counts) const override { counts += counts_; }
 
  private:
   static constexpr double kFirstStep = 1e-3, kLongestStep = 1.0;  // [s]

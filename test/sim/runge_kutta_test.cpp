@@ -9,7 +9,7 @@
 
 #include "heft/sim/simulator.hpp"
 #include "sim/extra_column.hpp"
-#include "support/arms.hpp"
+#include "support/tracking_arm.hpp"
 
 namespace heft::sim {
 namespace {
@@ -72,22 +72,12 @@ void with_slow_samples(SimulationSettings& s) {
 }
 
 SimulationSettings closed_loop(const ClosedLoop& c) {
-  SimulationSettings s;
-  s.robot = test::six_joint_arm();
-  s.duration = c.duration;
   FourierMotion motion;
   motion.q0 = VectorXd::LinSpaced(6, -1.0, 1.0);
   motion.amplitude = VectorXd::Constant(6, 0.35);
   motion.frequency_hz = VectorXd::LinSpaced(6, 0.4, 0.8);
   motion.phase = VectorXd::LinSpaced(6, 0.0, 5.0);
-  s.initial_position = motion.q0;
-  s.reference = ramp_in(make_fourier(motion), motion.q0, 1.0);
-  s.loads = friction_of(s.robot);
-  s.torque_limit = effort_limits_of(s.robot);
-  VectorXd kp(6), kd(6);
-  kp << 3000, 3000, 2000, 300, 300, 300;
-  kd << 150, 150, 100, 15, 15, 15;
-  s.controller = std::make_shared<PdController>(kp, kd, std::make_shared<ForwardDynamics>(s.robot));
+  SimulationSettings s = test::tracking_arm(motion, c.duration);
   c.change(s);
   return s;
 }

@@ -13,6 +13,7 @@
 #include "heft/model/dynamics.hpp"
 #include "sim/extra_column.hpp"
 #include "support/arms.hpp"
+#include "support/tracking_arm.hpp"
 
 namespace heft::sim {
 namespace {
@@ -72,22 +73,7 @@ FourierMotion exciting_motion() {
   return motion;
 }
 
-/// Six joints tracking a motion with position-velocity feedback and gravity torque at 1 kHz, with friction.
-SimulationSettings closed_loop(double duration) {
-  SimulationSettings s;
-  s.robot = test::six_joint_arm();
-  s.duration = duration;
-  const FourierMotion motion = exciting_motion();
-  s.initial_position = motion.q0;
-  s.reference = ramp_in(make_fourier(motion), motion.q0, 1.0);
-  s.loads = friction_of(s.robot);
-  s.torque_limit = effort_limits_of(s.robot);
-  VectorXd kp(6), kd(6);
-  kp << 3000, 3000, 2000, 300, 300, 300;
-  kd << 150, 150, 100, 15, 15, 15;
-  s.controller = std::make_shared<PdController>(kp, kd, std::make_shared<ForwardDynamics>(s.robot));
-  return s;
-}
+SimulationSettings closed_loop(double duration) { return test::tracking_arm(exciting_motion(), duration); }
 
 double relative_drift(const VectorXd& energy, const VectorXd& kinetic) {
   return (energy.array() - energy[0]).abs().maxCoeff() / kinetic.maxCoeff();

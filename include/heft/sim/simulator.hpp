@@ -106,6 +106,15 @@ struct SolverCounts {
   long failed_steps{0};
   long event_evaluations{0};
   long restarts{0};
+
+  SolverCounts& operator+=(const SolverCounts& other) {
+    steps += other.steps;
+    evaluations += other.evaluations;
+    failed_steps += other.failed_steps;
+    event_evaluations += other.event_evaluations;
+    restarts += other.restarts;
+    return *this;
+  }
 };
 
 /// A simulation's settings. Everything but robot, duration and initial position has a working default.
