@@ -11,6 +11,7 @@
 
 #include "heft/host/error.hpp"
 #include "left_out.hpp"
+#include "load.hpp"
 
 namespace heft::exchange {
 namespace {
@@ -19,13 +20,9 @@ using model::Robot;
 using model::RobotJoint;
 
 double scale_of(const std::string& joint, const char* what, double own, double of_controller) {
-  if (!(own >= 0.0) || !std::isfinite(own)) {
-    throw ModelError(fmt::format("joint \"{}\": found {} friction {:.4g}; expected a finite number, not below zero; fit with "
-                                 "--method physical",
-                                 joint, what, own));
-  }
+  refuse_negative(joint, what, own);
   if (!(of_controller > 0.0) || !std::isfinite(of_controller)) {
-    throw ModelError(fmt::format("joint \"{}\": found {} friction {:.4g} in the controller's model; expected what the "
+    throw ModelError(fmt::format("joint \"{}\": found {} {:.4g} in the controller's model; expected what the "
                                  "controller compensates for, above zero; fit a model to its target torque or current",
                                  joint, what, of_controller));
   }
@@ -60,9 +57,9 @@ FrictionScales friction_scales(const Robot& robot, const Robot& controller) {
                                    j + 1, other.name, own.name));
     }
     scales.viscous.push_back(
-        scale_of(own.name, "viscous", own.actuation.viscous_friction, other.actuation.viscous_friction));
+        scale_of(own.name, "viscous friction", own.actuation.viscous_friction, other.actuation.viscous_friction));
     scales.coulomb.push_back(
-        scale_of(own.name, "Coulomb", own.actuation.coulomb_friction, other.actuation.coulomb_friction));
+        scale_of(own.name, "Coulomb friction", own.actuation.coulomb_friction, other.actuation.coulomb_friction));
   }
   const auto all = [&](double scale) {
     const auto is = [scale](double value) { return value == scale; };

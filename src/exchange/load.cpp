@@ -64,4 +64,11 @@ void refuse_impossible(const Load& load, const std::string& where) {
   }
 }
 
+void refuse_negative(const std::string& joint, const char* what, double value) {
+  if (value >= 0.0 && std::isfinite(value)) return;
+  throw ModelError(fmt::format(
+      "joint \"{}\": found {} {:.4g}; expected a finite number, not below zero; fit with --method physical", joint, what,
+      value));
+}
+
 }  // namespace heft::exchange

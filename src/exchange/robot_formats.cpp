@@ -45,22 +45,15 @@ std::optional<Load> body_of(const RobotJoint& joint) {
   return load_of(joint.link, fmt::format("link \"{}\"", joint.link_name));
 }
 
-void refuse(const RobotJoint& joint, const char* what, double value) {
-  if (value >= 0.0 && std::isfinite(value)) return;
-  throw ModelError(fmt::format(
-      "joint \"{}\": found {} {:.4g}; expected a finite number, not below zero; fit with --method physical",
-      joint.name, what, value));
-}
-
 /// What every form checks before a word is written.
 void refuse_unfit(const Robot& robot) {
   if (robot.joints.empty()) throw ModelError("found a robot without joints; expected one at least");
   for (int j = 0; j < robot.num_joints(); ++j) {
     const RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
     body_of(joint);
-    refuse(joint, "Coulomb friction", joint.actuation.coulomb_friction);
-    refuse(joint, "viscous friction", joint.actuation.viscous_friction);
-    refuse(joint, "rotor inertia", rotor_inertia_of(robot, j));
+    refuse_negative(joint.name, "Coulomb friction", joint.actuation.coulomb_friction);
+    refuse_negative(joint.name, "viscous friction", joint.actuation.viscous_friction);
+    refuse_negative(joint.name, "rotor inertia", rotor_inertia_of(robot, j));
   }
 }
 
