@@ -302,7 +302,8 @@ std::vector<LogColumn> in_heft_words(const std::vector<std::string>& headers, co
       columns.back().factor = 1e-3;
     }
   }
-  // What keeps its name must not have one that another was given.
+  // What keeps its name must not have one that another was given, nor one that only heft gives.
+  taken.emplace(kNanosecondsPart, headers.size());
   for (std::size_t c = 0; c < headers.size(); ++c) {
     const auto other = taken.find(columns[c].name);
     if (other != taken.end() && other->second != c) columns[c].name = fmt::format("{} (unused)", headers[c]);

@@ -248,6 +248,15 @@ TEST(TextDialects, StampsSince1970TellTheirUnitBySize) {
   EXPECT_NEAR(read_text("timestamp,q_0\n1700000000123,1\n1700000000133,1\n").time[0], 1700000000.123, 1e-6);
 }
 
+TEST(TextDialects, NanosecondsAreTakenForTimeOnlyBesideTheirSeconds) {
+  // The name that heft gives the second part of a time, as somebody else's column.
+  const std::string rows = "0,7,0.1,1\n1,8,0.2,2\n2,9,0.3,3\n";
+  const Log log = read_text("time,time+ns,q1,tau1\n" + rows);
+  EXPECT_EQ(log.time, Eigen::Vector3d(0, 1, 2));
+  EXPECT_THAT(refusal("at,time+ns,q1,tau1\n" + rows), HasSubstr("time"));
+  EXPECT_THAT(refusal("at,header.stamp.nanosec,q1,tau1\n" + rows), HasSubstr("time"));
+}
+
 TEST(TextDialects, BadTextIsRefusedWithOneMessage) {
   EXPECT_EQ(
       refusal("time,q1 [furlong]\n0,1\n1,1\n"),
