@@ -1,7 +1,5 @@
 #include "heft/model/acceleration.hpp"
 
-#include <Eigen/Cholesky>
-
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/model/sized.hpp"
 
@@ -29,12 +27,9 @@ struct SizedSolver final : Base {
     MassMatrix<double, N> mass;
     mass_matrix(arm, trig, position, mass);
     mass += drives;
-    const Eigen::LLT<Eigen::Ref<MassMatrix<double, N>>> factor(mass);  // in place
-    if (factor.info() != Eigen::Success) return false;
-    Vector bias;
+    Vector bias, result;
     bias_torque(arm, trig, position, velocity, bias);
-    Vector result = torque - bias;
-    factor.solveInPlace(result);
+    if (forward_dynamics<double, N>(mass, bias, Vector::Zero(), torque, result) != Status::kOk) return false;
     qdd = result;
     return true;
   }
