@@ -7,6 +7,7 @@
 
 #include "heft/collision/collision.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/rotation.hpp"
 
 namespace heft::collision {
 namespace {
@@ -65,7 +66,7 @@ Solid solid_of(const Capsule& capsule) {
   const Vector3d d = capsule.b - capsule.a;
   solid.position = 0.5 * (capsule.a + capsule.b);
   if (d.norm() > 0.0) {
-    solid.rotation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), d).toRotationMatrix();
+    solid.rotation = rotation_from_z(d);
     solid.geometry = std::make_shared<fcl::Capsuled>(capsule.radius, d.norm());
   } else {
     solid.geometry = std::make_shared<fcl::Sphered>(capsule.radius);

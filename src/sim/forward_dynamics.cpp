@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 
 #include "heft/host/error.hpp"
+#include "heft/host/rotation.hpp"
 
 namespace heft::sim {
 namespace {
@@ -309,7 +310,7 @@ ForwardDynamics::ForwardDynamics(const model::Robot& robot) : impl_(std::make_un
     }
     Matrix3d turn = Matrix3d::Identity();
     if ((axis - Vector3d::UnitZ()).norm() > 0.0) {
-      turn = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+      turn = rotation_from_z(axis);
     }
     LinkConstants link;
     link.prismatic = joint.joint.type == JointType::kPrismatic;
