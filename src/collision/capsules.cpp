@@ -6,9 +6,10 @@
 #include <set>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 
 #include "heft/collision/collision.hpp"
+#include "heft/host/decompositions.hpp"
 
 namespace heft::collision {
 namespace {
@@ -52,9 +53,8 @@ Capsule capsule_of(const LinkShape& shape) {
     Matrix3Xd directions = R;
     if (shape.kind == LinkShape::Kind::kMesh) {
       const Matrix3Xd about = points.colwise() - points.rowwise().mean();
-      const Eigen::SelfAdjointEigenSolver<Matrix3d> principal(Matrix3d(about * about.transpose()));
       directions.conservativeResize(3, 6);
-      directions.rightCols(3) = principal.eigenvectors();
+      directions.rightCols(3) = eigensystem_of(about * about.transpose()).vectors;
     }
     capsule = capsule_around(points, directions);
   }
@@ -82,7 +82,7 @@ double estimated_radius(const InertialParameters<double>& p, double length) {
     Matrix3d inertia;
     inertia << p[kIxx], p[kIxy], p[kIxz], p[kIxy], p[kIyy], p[kIyz], p[kIxz], p[kIyz], p[kIzz];
     inertia -= p[kMass] * (c.squaredNorm() * Matrix3d::Identity() - c * c.transpose());
-    const double least = Eigen::SelfAdjointEigenSolver<Matrix3d>(inertia).eigenvalues()[0];
+    const double least = eigenvalues_of(inertia)[0];
     // I = m r²/2 about the axis of a long cylinder
     if (least > 0.0) radius = std::sqrt(2.0 * least / p[kMass]);
   }

@@ -4,9 +4,10 @@
 #include <limits>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 
 #include "heft/core/physical_body.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::exchange {
@@ -54,8 +55,7 @@ void refuse_impossible(const Load& load, const std::string& where) {
   // flange is let pass.
   const double shifted = load.mass * load.com.squaredNorm();
   const double rounding = 1e-12 * (load.inertia.cwiseAbs().maxCoeff() + shifted);
-  const Eigen::Vector3d moments =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(load.inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  const Eigen::Vector3d moments = eigenvalues_of(load.inertia);
   if (moments[0] < -rounding || moments[0] + moments[1] < moments[2] - rounding) {
     throw ModelError(
         fmt::format("{}: found principal moments of inertia {:.4g}, {:.4g}, {:.4g} kg·m² about the centre of "

@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Cholesky>
+#include "heft/host/decompositions.hpp"
 
 namespace heft::plausibility {
 namespace {
@@ -117,7 +117,7 @@ double JointMoments::free_residual(int torque, bool friction) const {
   const VectorXd right = scale.cwiseProduct(moments_(used, tau(torque)));
   const MatrixXd plain = gram;
   gram.diagonal().array() += kRidge * static_cast<double>(p);
-  const VectorXd x = gram.ldlt().solve(right);
+  const VectorXd x = solve_symmetric(gram, right);
   const double left = moments_(tau(torque), tau(torque)) - 2.0 * right.dot(x) + x.dot(plain * x);
   return std::sqrt(std::max(left, 0.0) / rows_);
 }
@@ -135,16 +135,18 @@ double JointMoments::dissipation(int torque) const {
   const VectorXd right = scale.cwiseProduct(moments_(used, tau(torque)));
   MatrixXd steadied = gram;
   steadied.diagonal().array() += kRidge * static_cast<double>(p);
-  const Eigen::LDLT<MatrixXd> solver(steadied);
-  const VectorXd x = solver.solve(right);
-  const double left = moments_(tau(torque), tau(torque)) - 2.0 * right.dot(x) + x.dot(gram * x);
   // Mean of f_c |q̇| + f_v q̇².
   VectorXd power = VectorXd::Zero(p);
   for (Index k = 0; k < p; ++k) {
     const Index column = used[static_cast<std::size_t>(k)];
     if (column == sign || column == speed) power[k] = scale[k] * moments_(column, speed) / rows_;
   }
-  const double variance = std::max(left, 0.0) / effective_ * power.dot(solver.solve(power));
+  MatrixXd sides(p, 2);
+  sides << right, power;
+  const MatrixXd solved = solve_symmetric(steadied, sides);
+  const VectorXd x = solved.col(0);
+  const double left = moments_(tau(torque), tau(torque)) - 2.0 * right.dot(x) + x.dot(gram * x);
+  const double variance = std::max(left, 0.0) / effective_ * power.dot(solved.col(1));
   return variance > 0.0 ? power.dot(x) / std::sqrt(variance) : 0.0;
 }
 
@@ -168,11 +170,13 @@ double JointMoments::misfit(int torque, double sign, double noise, double offset
       weight * (moments_(y, y) - 2.0 * sign * moments_(expected, y) + moments_(expected, expected));
 
   // Friction and rotor inertia are not negative: the best of the subsets of the three in which none is.
-  const Eigen::LLT<MatrixXd> corner(H.topLeftCorner(base, base));
-  const MatrixXd coupling = corner.solve(H.topRightCorner(base, 3));
+  MatrixXd sides(base, 4);
+  sides << H.topRightCorner(base, 3), g.head(base);
+  const MatrixXd solved = solve_symmetric(H.topLeftCorner(base, base), sides);
+  const MatrixXd coupling = solved.leftCols(3);
   const Eigen::Matrix3d schur = H.bottomRightCorner(3, 3) - H.bottomLeftCorner(3, base) * coupling;
   const Eigen::Vector3d rest = g.tail(3) - coupling.transpose() * g.head(base);
-  const double without = squares - g.head(base).dot(corner.solve(g.head(base)));
+  const double without = squares - g.head(base).dot(solved.col(3));
   double best = without;
   for (int subset = 1; moving_ && subset < 8; ++subset) {
     std::vector<int> in;
@@ -180,7 +184,7 @@ double JointMoments::misfit(int torque, double sign, double noise, double offset
       if ((subset >> k & 1) != 0) in.push_back(k);
     }
     const VectorXd right = rest(in);
-    const VectorXd x = MatrixXd(schur(in, in)).ldlt().solve(right);
+    const VectorXd x = solve_symmetric(schur(in, in), right);
     if (x.minCoeff() >= 0.0) best = std::min(best, without - right.dot(x));
   }
   return effective_ * std::log1p(std::max(best, 0.0) / effective_);
@@ -201,9 +205,11 @@ std::pair<double, double> JointMoments::slope(int torque, double noise, double o
   const double weight = effective_ / (rows_ * noise * noise);
   MatrixXd H = weight * (scale.asDiagonal() * moments_.topLeftCorner(p, p) * scale.asDiagonal());
   H.diagonal() += prior;
-  const Eigen::LDLT<MatrixXd> solver(H);
-  const VectorXd x = solver.solve(weight * scale.cwiseProduct(moments_.col(tau(torque)).head(p)));
-  const double variance = solver.solve(VectorXd::Unit(p, expected))[expected];
+  MatrixXd sides(p, 2);
+  sides << weight * scale.cwiseProduct(moments_.col(tau(torque)).head(p)), VectorXd::Unit(p, expected);
+  const MatrixXd solved = solve_symmetric(H, sides);
+  const VectorXd x = solved.col(0);
+  const double variance = solved(expected, 1);
   return {x[expected] * scale[expected], std::sqrt(std::max(variance, 0.0)) * scale[expected]};
 }
 

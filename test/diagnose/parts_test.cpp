@@ -6,10 +6,11 @@
 #include <random>
 
 #include <gtest/gtest.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "deflection.hpp"
 #include "heft/data/motion_stream.hpp"
+#include "heft/host/decompositions.hpp"
 #include "motion_table.hpp"
 #include "problem.hpp"
 #include "products.hpp"
@@ -187,7 +188,7 @@ TEST(Problem, CandidateIsFittedTogetherWithTheBase) {
   // Ordinary least squares over all three columns.
   MatrixXd A(4000, 3);
   A << data.rows, data.column;
-  const VectorXd x = (A.transpose() * A).ldlt().solve(A.transpose() * data.tau.col(0));
+  const VectorXd x = least_squares(A, data.tau.col(0));
   EXPECT_NEAR(trial.coefficients[0], x[2], 1e-6);
   EXPECT_NEAR(trial.std[0], std::sqrt(2.0 / 4000.0), 0.008);
   EXPECT_GT(trial.cv_gain, 500.0);
@@ -209,9 +210,9 @@ TEST(Problem, LeftOutErrorIsThatOfFitsWithoutTheFold) {
       A.bottomRows(b.count) << data.rows.middleRows(b.begin, b.count), data.column.segment(b.begin, b.count);
       y.tail(b.count) = data.tau.col(0).segment(b.begin, b.count);
     }
-    const VectorXd with = (A.transpose() * A).ldlt().solve(A.transpose() * y);
+    const VectorXd with = least_squares(A, y);
     const MatrixXd A0 = A.leftCols(2);
-    const VectorXd without = (A0.transpose() * A0).ldlt().solve(A0.transpose() * y);
+    const VectorXd without = least_squares(A0, y);
     for (const Block& b : data.table.blocks) {
       if (b.fold != fold) continue;
       MatrixXd X(b.count, 3);

@@ -8,10 +8,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "drifting_log.hpp"
 #include "heft/core/estimate/recursive_least_squares.hpp"
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/moving_horizon.hpp"
 #include "heft/model/dynamics.hpp"
@@ -49,7 +50,7 @@ bool is_possible(const HorizonEstimate& estimate) {
         -p[kIxy], half - p[kIyy], -p[kIyz], p[kMcy],   //
         -p[kIxz], -p[kIyz], half - p[kIzz], p[kMcz],   //
         p[kMcx], p[kMcy], p[kMcz], p[kMass];
-    if (!(Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>(P).eigenvalues()[0] > 0.0)) return false;
+    if (!(eigenvalues_of(P)[0] > 0.0)) return false;
     if (!(joint.actuation.coulomb_friction >= 0.0) || !(joint.actuation.viscous_friction >= 0.0))
       return false;
   }
@@ -94,9 +95,10 @@ TEST(Widened, IsTheInformationAfterARandomWalk) {
   VectorXd walk(5);
   walk << 0.3, 0.0, 0.01, 0.0, 2.0;
   const regression::TriangularFactor wider = widened(factor, walk);
-  const MatrixXd covariance = (W.transpose() * W).inverse() + MatrixXd(walk.cwiseAbs2().asDiagonal());
-  EXPECT_LT((wider.information() - covariance.inverse()).cwiseAbs().maxCoeff(), 1e-10);
-  const VectorXd least = W.colPivHouseholderQr().solve(y);
+  const MatrixXd one = MatrixXd::Identity(5, 5);
+  const MatrixXd covariance = solve_square(W.transpose() * W, one) + MatrixXd(walk.cwiseAbs2().asDiagonal());
+  EXPECT_LT((wider.information() - solve_square(covariance, one)).cwiseAbs().maxCoeff(), 1e-10);
+  const VectorXd least = least_squares(W, y);
   EXPECT_LT(wider.gradient(least).cwiseAbs().maxCoeff(), 1e-10);
 }
 

@@ -4,8 +4,10 @@
 #include <random>
 
 #include <gtest/gtest.h>
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 
+#include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/physical_links.hpp"
 #include "identify/physical.hpp"
@@ -179,7 +181,7 @@ double barrier_optimum(const Data& data, VectorXd x, double last_weight) {
       // Directions without any effect run off to large bodies; a far ball holds them.
       hessian.diagonal().array() += 1e-9;
       gradient += 1e-9 * x;
-      const VectorXd step = -hessian.ldlt().solve(gradient);
+      const VectorXd step = -solve_symmetric(hessian, gradient);
       const double decrement = -gradient.dot(step);
       if (!(decrement > 1e-6 * weight)) break;
       double length = 1.0;
@@ -229,13 +231,13 @@ TEST(PhysicalFit, IsLeastSquaresWhereThatIsPhysical) {
   const PhysicalFit fit =
       fit_physical(data.columns, data.base, data.factor, other_prior(columns, 6), vanishing_prior());
   ASSERT_TRUE(fit.converged) << fit.summary;
-  const VectorXd free = data.W.colPivHouseholderQr().solve(data.y);
+  const VectorXd free = least_squares(data.W, data.y);
   const double least = (data.W * free - data.y).squaredNorm();
   EXPECT_NEAR(fit.unconstrained_squared_error, least, 1e-8 * least);
   EXPECT_LT(fit.squared_error, least * (1 + 1e-6)) << fit.summary;
   EXPECT_NEAR(fit.squared_error, (data.W * fit.beta - data.y).squaredNorm(), 1e-9 * least);
   // In standard deviations of the estimate.
-  const MatrixXd covariance = 0.09 * (data.W.transpose() * data.W).inverse();
+  const MatrixXd covariance = 0.09 * pseudo_inverse(data.W.transpose() * data.W);
   const VectorXd off = (fit.beta - free).cwiseQuotient(covariance.diagonal().cwiseSqrt());
   EXPECT_LT(off.cwiseAbs().maxCoeff(), 0.05);
 }
@@ -270,7 +272,7 @@ TEST(PhysicalFit, OfAPendulumIsTheBestOfAllActiveSets) {
       for (unsigned k = 0; k < 3; ++k) {
         if ((set >> k) & 1U) W.col(limited[k]).setZero();
       }
-      const VectorXd beta = W.completeOrthogonalDecomposition().solve(data.y);
+      const VectorXd beta = pseudo_inverse(W) * data.y;
       bool allowed = true;
       for (const int i : limited) allowed = allowed && beta[i] >= -1e-12;
       if (allowed) best = std::min(best, (W * beta - data.y).squaredNorm());

@@ -5,8 +5,9 @@
 #include <random>
 #include <tuple>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
+#include "heft/host/decompositions.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
 #include "ur5_stiffness_setup.hpp"
@@ -44,8 +45,7 @@ std::pair<double, double> shape_of_distance(const model::Kinematics& kinematics,
       curvature(i, j) = (at(i, h, j, h) - at(i, h, j, -h) - at(i, -h, j, h) + at(i, -h, j, -h)) / (4 * h * h);
     }
   }
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(0.5 * (curvature + curvature.transpose()));
-  return {slope.cwiseAbs().maxCoeff(), eigen.eigenvalues().maxCoeff()};
+  return {slope.cwiseAbs().maxCoeff(), eigenvalues_of(0.5 * (curvature + curvature.transpose())).maxCoeff()};
 }
 
 /// (71), (77), (81) on an arm of two joints, against the closed forms: largest relative error.

@@ -5,8 +5,9 @@
 #include <random>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
+#include "heft/host/decompositions.hpp"
 #include "heft/host/numbers.hpp"
 #include "heft/host/parallel.hpp"
 #include "heft/statistics/distributions.hpp"
@@ -156,8 +157,7 @@ std::vector<SinglePose> single_poses(const model::Kinematics& kinematics, const 
                    simulation.tracker_rotation, length)) {
     // x = A⁻¹ δd: with one pose both methods are the same.
     const MatrixXd A = stiffness::compliance_rows(pose.J, pose.wrench, pose.rows);
-    const Eigen::PartialPivLU<MatrixXd> lu(A);
-    const MatrixXd inverse = lu.inverse() * pose.sigmas.asDiagonal();
+    const MatrixXd inverse = solve_square(A, pose.sigmas.asDiagonal());
     std::vector<double> relative;
     for (Index j = 0; j < 6; ++j) relative.push_back(inverse.row(j).norm() / truth[j]);
     std::sort(relative.begin(), relative.end());
@@ -205,7 +205,7 @@ std::vector<Plan> plans_of(const model::Kinematics& kinematics, const Simulation
         3);
     for (const int count : choice.counts) {
       const stiffness::PoseChoice chosen = stiffness::choose_poses(candidates, count, kLeast);
-      const MatrixXd covariance = chosen.information.ldlt().solve(MatrixXd::Identity(p, p));
+      const MatrixXd covariance = solve_symmetric(chosen.information, MatrixXd::Identity(p, p));
       Plan plan;
       plan.instrument = choice.name;
       plan.poses = count;
