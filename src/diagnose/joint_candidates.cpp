@@ -206,9 +206,9 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
 
 /// Finds the best shape of one effect on one joint.
 template <typename Effect>
-class Search {
+class ShapeSearch {
  public:
-  Search(const Workbench& bench, int joint, FrictionForm form)
+  ShapeSearch(const Workbench& bench, int joint, FrictionForm form)
       : bench_(bench),
         joint_(joint),
         form_(form),
@@ -414,7 +414,7 @@ std::vector<JointSearch> joint_searches(const Workbench& bench, int joint, int o
         }
         const auto search = [&](bool whole) {
           searches.emplace_back([&bench, joint, form = FrictionForm{whole, displacement}] {
-            return Search<Effect>(bench, joint, form).run();
+            return ShapeSearch<Effect>(bench, joint, form).run();
           });
         };
         search(ReplacesCoulomb<Effect>);

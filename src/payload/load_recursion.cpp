@@ -7,11 +7,11 @@ namespace heft::payload {
 namespace {
 
 template <int N>
-class SizedRecursion final : public Recursion {
+class SizedLoadRecursion final : public Recursion {
   using Estimator = PayloadEstimator<double, N, N>;
 
  public:
-  SizedRecursion(const model::Dynamics& dynamics, double cutoff, double sample_rate)
+  SizedLoadRecursion(const model::Dynamics& dynamics, double cutoff, double sample_rate)
       : signals_(dynamics, cutoff, sample_rate) {}
 
   Status configure(const RecursionSettings& settings) override {
@@ -70,7 +70,7 @@ std::unique_ptr<Recursion> make_recursion(const model::Dynamics& dynamics, doubl
                                           double sample_rate) {
   return model::with_joint_count(
       dynamics.num_joints(), dynamics.robot().name, [&](auto joints) -> std::unique_ptr<Recursion> {
-        return std::make_unique<SizedRecursion<decltype(joints)::value>>(dynamics, cutoff, sample_rate);
+        return std::make_unique<SizedLoadRecursion<decltype(joints)::value>>(dynamics, cutoff, sample_rate);
       });
 }
 

@@ -175,7 +175,7 @@ void run(const ExciteOptions& options) {
 }
 
 /// What is below the table of options.
-constexpr const char* kFooter =
+constexpr const char* kExciteFooter =
     "A finite Fourier series per joint, at rest at both ends, inside all limits: joints, torque with the "
     "payload,\n"
     "speed of the tool and of every link origin, distance of the links (capsules around the collision "
@@ -362,7 +362,7 @@ Action set_up_excite(CommandLine line) {
     options->speed_given = line.count("--tool-speed") > 0;
     refuse_options_of_the_other_purpose(*options, line);
   });
-  line.footer(kFooter);
+  line.footer(kExciteFooter);
   return [options] { run(*options); };
 }
 

@@ -22,7 +22,7 @@
 namespace heft::tools {
 namespace {
 
-struct PayloadOptions {
+struct PayloadCommandOptions {
   RobotOptions robot;
   LogOptions log;
   ResultOptions result;
@@ -38,7 +38,7 @@ struct PayloadOptions {
 };
 
 /// The logs without load to fit to, then those that check the model and those with the load.
-data::LogSet open(const PayloadOptions& options, const model::Robot& robot) {
+data::LogSet open(const PayloadCommandOptions& options, const model::Robot& robot) {
   std::vector<std::string> judge = options.zeros;
   judge.insert(judge.end(), options.log.logs.begin(), options.log.logs.end());
   data::LogFiles files = files_of(options.log, robot, judge);
@@ -62,7 +62,7 @@ class Steps {
 };
 
 /// How to estimate, with what is known against the torque of the logs.
-payload::Options settings(const PayloadOptions& options, const model::Robot& robot,
+payload::Options settings(const PayloadCommandOptions& options, const model::Robot& robot,
                           const data::LogSet& logs) {
   payload::Options how;
   how.first_joint = options.rows;
@@ -75,7 +75,7 @@ payload::Options settings(const PayloadOptions& options, const model::Robot& rob
 }
 
 /// Rows from standard input as they arrive.
-void run_live(const PayloadOptions& options) {
+void run_live(const PayloadCommandOptions& options) {
   const model::Robot robot = load_robot(options.robot);
   const data::LogSet logs = open(options, robot);
   const payload::Options how = settings(options, robot, logs);
@@ -99,7 +99,7 @@ void run_live(const PayloadOptions& options) {
 }
 
 /// The load for a robot's controller or a model file.
-void write_load(const PayloadOptions& options, const Console& console, const payload::Payload& load,
+void write_load(const PayloadCommandOptions& options, const Console& console, const payload::Payload& load,
                 const model::Robot& robot) {
   const exchange::LoadOptions how{options.transition_time, robot.tip_link};
   const std::string text = exchange::to_text(exchange::load_of(load.body(), load.log), options.format, how);
@@ -111,7 +111,7 @@ void write_load(const PayloadOptions& options, const Console& console, const pay
   if (!host::is_standard_output(options.load_file)) console.print("Written: {}\n", options.load_file);
 }
 
-void run(const PayloadOptions& options) {
+void run(const PayloadCommandOptions& options) {
   const Console console{options.output, options.result.json, options.load_file};
   const model::Robot robot = load_robot(options.robot);
   const data::LogSet logs = open(options, robot);
@@ -137,7 +137,7 @@ void run(const PayloadOptions& options) {
 }  // namespace
 
 Action set_up_payload(CommandLine line) {
-  auto options = std::make_shared<PayloadOptions>();
+  auto options = std::make_shared<PayloadCommandOptions>();
   add_stream_argument(line, options->stream);
   add_robot_options(line, options->robot);
   add_log_options(line, options->log);

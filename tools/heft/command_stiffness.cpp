@@ -129,7 +129,7 @@ void refuse_options_that_do_not_go_together(const StiffnessCommandOptions& optio
 }
 
 /// What is below the table of options.
-constexpr const char* kFooter =
+constexpr const char* kStiffnessFooter =
     "M.csv has one row a reading, SI units: q1..qN; the load fx fy fz [N] mx my mz [N·m about the tip];\n"
     "what moved: dx dy dz [m], rx ry rz [rad], or d [m] along ux uy uz (a wire, a dial gauge); an empty\n"
     "field was not measured. Also: pose (name; same name, same pose), frame (base or tool: axes of load "
@@ -159,7 +159,7 @@ Action set_up_stiffness(CommandLine line) {
     refuse_options_that_do_not_go_together(*options);
     take_joints_of_map(*options);
   });
-  line.footer(kFooter);
+  line.footer(kStiffnessFooter);
   return [options] {
     if (!options->measurements.empty()) return stiffness_from_deflections(*options);
     if (!options->log.logs.empty()) return stiffness_from_motion(*options);

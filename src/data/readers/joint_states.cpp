@@ -18,7 +18,7 @@ namespace heft::data {
 namespace {
 
 /// More joints than any robot has: what states more is damaged.
-constexpr std::uint32_t kMostJoints = 10000;
+constexpr std::uint32_t kMostNames = 10000;
 
 constexpr std::int64_t kNanoseconds = 1'000'000'000;
 
@@ -101,14 +101,14 @@ JointStateView view_of(std::string_view data) {
   fields.text();  // the frame
   view.num_names = fields.number<std::uint32_t>();
   const std::size_t begin = fields.used();
-  if (view.num_names > kMostJoints) fields.problem = "more than 10000 joints";
+  if (view.num_names > kMostNames) fields.problem = "more than 10000 joints";
   for (std::uint32_t i = 0; i < view.num_names && fields.problem.empty(); ++i) fields.text();
   view.names = fields.since(begin);
   for (JointArray& array : view.arrays) array = fields.doubles();
   view.swapped = fields.swapped;
   view.problem = fields.problem;
   for (const JointArray& array : view.arrays) {
-    if (array.count > kMostJoints && view.problem.empty()) view.problem = "more than 10000 joints";
+    if (array.count > kMostNames && view.problem.empty()) view.problem = "more than 10000 joints";
   }
   return view;
 }
@@ -408,7 +408,7 @@ bool JointStateReader::match_names(const JointStateView& view) {
     }
   }
   for (const std::string& name : names) {
-    if (others_.size() < kMostJoints && std::find(joints_.begin(), joints_.end(), name) == joints_.end() &&
+    if (others_.size() < kMostNames && std::find(joints_.begin(), joints_.end(), name) == joints_.end() &&
         std::find(others_.begin(), others_.end(), name) == others_.end()) {
       others_.push_back(name);
     }
