@@ -182,9 +182,9 @@ std::string live_words(const Payload& result) {
                                  page::number(first->load.mass.half_width(), 2), first->time);
   const auto later =
       std::count_if(result.live.begin(), result.live.end(), [](const payload::LiveEvent& event) {
-        using Kind = payload::LiveEvent::Kind;
-        return event.kind == Kind::kAttached || event.kind == Kind::kDetached ||
-               event.kind == Kind::kReplaced;
+        using LoadEvent = payload::LiveEvent::Kind;
+        return event.kind == LoadEvent::kAttached || event.kind == LoadEvent::kDetached ||
+               event.kind == LoadEvent::kReplaced;
       });
   return text + (later == 0   ? "."
                  : later == 1 ? ", then 1 change."

@@ -29,11 +29,11 @@ using Times = std::function<double(double even, double jitter)>;
 
 Recording record(const Times& taken_at, const Times& stamped_at, double amplitude = 0.8) {
   constexpr double kStep = 2e-5;
-  constexpr Index kRows = 6000;
+  constexpr Index kSamples = 6000;
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-0.2 * kPeriod, 0.2 * kPeriod);
   std::vector<double> taken, stamps;
-  for (Index k = 0; k < kRows; ++k) {
+  for (Index k = 0; k < kSamples; ++k) {
     const double even = kPeriod * static_cast<double>(k), jitter = uniform(random);
     if (k % 100 == 37) continue;
     taken.push_back(taken_at(even, jitter));
