@@ -18,7 +18,7 @@
 namespace heft {
 namespace {
 
-using nlohmann::json;
+using Json = nlohmann::json;
 using test::Outcome;
 using ::testing::ElementsAre;
 
@@ -28,11 +28,11 @@ constexpr double kLeastGain = 0.4;
 
 /// Sums of sines in every joint, within the SCARA's limits: joints creep through their reversals
 /// and are quick between them.
-json fourier_motion(std::uint64_t seed, int harmonics) {
+Json fourier_motion(std::uint64_t seed, int harmonics) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> phase(0.0, 2.0 * std::numbers::pi), share(0.6, 1.0);
   const std::vector<double> reach = {0.8, 0.8, 0.04, 1.2};  // [rad, m]
-  json amplitude = json::array(), frequency = json::array(), phases = json::array();
+  Json amplitude = Json::array(), frequency = Json::array(), phases = Json::array();
   for (std::size_t j = 0; j < kJoints; ++j) {
     std::vector<double> a, f, p;
     for (int k = 1; k <= harmonics; ++k) {
@@ -64,7 +64,7 @@ class ClosedLoop : public ::testing::Test {
 
   std::string path(const std::string& name) const { return folder_.path(name); }
 
-  json scenario(const json& effect, std::uint64_t seed, double duration, int harmonics) const {
+  Json scenario(const Json& effect, std::uint64_t seed, double duration, int harmonics) const {
     return {{"robot", "arm.urdf"},
             {"duration", duration},
             {"sample_rate", 1000},
@@ -77,7 +77,7 @@ class ClosedLoop : public ::testing::Test {
             {"effects", {effect}}};
   }
 
-  void simulate(const std::string& name, json scenario) const {
+  void simulate(const std::string& name, Json scenario) const {
     scenario["controller"] = {
         {"kind", "pd_gravity"}, {"kp", {3000, 1500, 20000, 50}}, {"kd", {150, 80, 900, 2}}};
     folder_.write(name + ".json", scenario.dump());
@@ -85,21 +85,21 @@ class ClosedLoop : public ::testing::Test {
   }
 
   /// RMS error of computed torque along a motion that neither log holds, when it believes a model [rad, m].
-  std::vector<double> tracking_error(const json& effect, const std::string& model) const {
-    json motion = scenario(effect, 3, 10.0, 3);
+  std::vector<double> tracking_error(const Json& effect, const std::string& model) const {
+    Json motion = scenario(effect, 3, 10.0, 3);
     // Half of it leaves a limit cycle on the falling branch of Stribeck friction, whatever is fed forward.
     motion["controller"] = {{"kind", "track"}, {"bandwidth_hz", 6}};
     folder_.write("motion.json", motion.dump());
     const Outcome tracked = succeed(
         {"track", "--scenario", path("motion.json"), "--model", path(model), "--from", "1.5", "--json", "-"});
     if (tracked.exit_code != 0) return std::vector<double>(kJoints, std::nan(""));
-    const json controller = json::parse(tracked.out).at("controllers").at(2);
+    const Json controller = Json::parse(tracked.out).at("controllers").at(2);
     EXPECT_EQ(controller.at("controller"), "computed torque, nominal");
     return controller.at("rms_error");
   }
 
   /// Logs, fit without the effect, diagnosis, and tracking with either model.
-  void close(const json& effect) const {
+  void close(const Json& effect) const {
     simulate("train", scenario(effect, 1, 24.0, 4));
     simulate("validate", scenario(effect, 2, 16.0, 4));
     const std::vector<std::string> logs = {"--urdf",          "scara",      "--log",
@@ -112,14 +112,14 @@ class ClosedLoop : public ::testing::Test {
     succeed(diagnose);
     if (HasFailure()) return;
 
-    const json found = json::parse(host::read_file(path("d.json"), "result"));
-    std::vector<json> named;
-    for (const json& one : found.at("effects")) named.push_back({one.at("kind"), one.at("joint")});
-    EXPECT_THAT(named, ElementsAre(json{effect.at("kind"), effect.at("joint")})) << found.at("verdict");
+    const Json found = Json::parse(host::read_file(path("d.json"), "result"));
+    std::vector<Json> named;
+    for (const Json& one : found.at("effects")) named.push_back({one.at("kind"), one.at("joint")});
+    EXPECT_THAT(named, ElementsAre(Json{effect.at("kind"), effect.at("joint")})) << found.at("verdict");
 
     // A fit that bends bodies and friction to an effect may track worse than the effect alone explains. What
     // feeding forward buys shows against the diagnosed model without its effects.
-    json without = json::parse(host::read_file(path("after.json"), "model"));
+    Json without = Json::parse(host::read_file(path("after.json"), "model"));
     without.erase("effects");
     folder_.write("without.json", without.dump());
 

@@ -18,6 +18,7 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/sim/simulator.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/json_file.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -27,14 +28,11 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using test::json_of;
 using test::Outcome;
 using test::run_heft;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-nlohmann::json json_of(const std::string& path) {
-  return nlohmann::json::parse(host::read_file(path, "result"));
-}
 
 VectorXd vector_of(const nlohmann::json& json) {
   const auto values = json.get<std::vector<double>>();
@@ -48,7 +46,7 @@ MatrixXd matrix_of(const nlohmann::json& json) {
 }
 
 /// Two links of 2 and 1 kg, turning about y in the x-z plane: quick to design for.
-constexpr const char* kArm = R"(<?xml version="1.0"?>
+constexpr const char* kExcitedArm = R"(<?xml version="1.0"?>
 <robot name="two_links">
   <link name="base"/>
   <link name="upper"><inertial><origin xyz="0.25 0 0"/><mass value="2"/>
@@ -65,7 +63,7 @@ constexpr const char* kArm = R"(<?xml version="1.0"?>
 class Excite : public ::testing::Test {
  protected:
   Outcome run(std::vector<std::string> more = {}, const std::string& limits = "") {
-    folder_.write("arm.urdf", kArm);
+    folder_.write("arm.urdf", kExcitedArm);
     std::vector<std::string> arguments{"excite",
                                        "--urdf",
                                        folder_.path("arm.urdf"),
@@ -285,7 +283,7 @@ TEST_F(Excite, RefusesWorkWithoutEndAtOnce) {
 
 TEST_F(Excite, RefusesOptionsThatDoNotGoTogether) {
   EXPECT_EQ(run({"--speeds", "3"}).exit_code, 2);
-  folder_.write("arm.urdf", kArm);
+  folder_.write("arm.urdf", kExcitedArm);
   const Outcome mixed = run_heft({"excite", "--urdf", folder_.path("arm.urdf"), "--for", "friction",
                                   "--harmonics", "3", "-o", folder_.path("out.csv")});
   EXPECT_EQ(mixed.exit_code, 2);
@@ -327,7 +325,7 @@ TEST_F(Excite, LeadsFromAPoseAndBackAndItsFilesSayTheSame) {
 }
 
 TEST_F(Excite, StrokesForFrictionAreListed) {
-  folder_.write("arm.urdf", kArm);
+  folder_.write("arm.urdf", kExcitedArm);
   const Outcome done = run_heft({"excite", "--urdf", folder_.path("arm.urdf"), "--for", "friction",
                                  "--speeds", "2", "--stroke", "1", "-o", folder_.path("out.csv"), "--json",
                                  folder_.path("out.json"), "--report", folder_.path("out.html")});

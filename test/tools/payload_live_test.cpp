@@ -19,13 +19,13 @@
 namespace heft {
 namespace {
 
-using nlohmann::json;
+using Json = nlohmann::json;
 using test::lines_of;
 using test::Outcome;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-constexpr double kMass = 1.2;
+constexpr double kLiveMass = 1.2;
 
 /// A SCARA without load and with one, and its model.
 class PayloadStream : public ::testing::Test {
@@ -34,7 +34,7 @@ class PayloadStream : public ::testing::Test {
     folder_ = new test::TemporaryFolder;
     const model::Robot robot = urdf::load_urdf(urdf::resolve_robot("scara"));
     const model::Robot loaded =
-        test::carrying(robot, test::body(kMass, {0.02, 0, 0.03}, {0.002, 0, 0.002, 0, 0, 0.002}));
+        test::carrying(robot, test::body(kLiveMass, {0.02, 0, 0.03}, {0.002, 0, 0.002, 0, 0, 0.002}));
     test::SyntheticSettings settings;
     settings.noise = 0.01;
     settings.amplitude = 0.3;
@@ -65,11 +65,11 @@ TEST_F(PayloadStream, GivesTheLoadOfTheLogInLinesOfJson) {
   ASSERT_EQ(live.exit_code, 0) << live.err;
   const std::vector<std::string> lines = lines_of(live.out);
   ASSERT_GE(lines.size(), 2U) << live.out;
-  const json first = json::parse(lines.front()), last = json::parse(lines.back()),
-             whole = json::parse(read("whole.json"));
+  const Json first = Json::parse(lines.front()), last = Json::parse(lines.back()),
+             whole = Json::parse(read("whole.json"));
   EXPECT_EQ(first.at("event"), "known");
   EXPECT_LT(first.at("time").get<double>(), 15.0);
-  EXPECT_NEAR(first.at("mass").at("value").get<double>(), kMass, 0.15 * kMass);
+  EXPECT_NEAR(first.at("mass").at("value").get<double>(), kLiveMass, 0.15 * kLiveMass);
   EXPECT_EQ(last.at("event"), "end_of_stream");
   EXPECT_TRUE(last.at("mass").at("identifiable").get<bool>());
   const double mass = last.at("mass").at("value").get<double>(),
@@ -85,7 +85,7 @@ TEST_F(PayloadStream, GivesTheLoadOfTheLogInLinesOfJson) {
 
 TEST_F(PayloadStream, SaysTheLoadWithTheRowThatShowsItWhileTheRecorderRuns) {
   const Outcome whole = piped(std::string(kStream) + " --json -", read("carrying.csv"));
-  const double time = json::parse(lines_of(whole.out).front()).at("time").get<double>();
+  const double time = Json::parse(lines_of(whole.out).front()).at("time").get<double>();
   test::Recorder recorder(kStream, folder_->path(""));
   ASSERT_TRUE(recorder.running());
   const std::vector<std::string> rows = lines_of(read("carrying.csv"));
@@ -108,7 +108,7 @@ TEST_F(PayloadStream, OutlivesRowsThatCannotBeUsedAndNamesThem) {
   EXPECT_EQ(live.exit_code, 0) << live.err;
   for (const char* where : {"-:401: ", "-:402: column 'time'", "-:403: column 'time'"})
     EXPECT_THAT(live.err, HasSubstr(where));
-  const json a = json::parse(lines_of(clean.out).back()), b = json::parse(lines_of(live.out).back());
+  const Json a = Json::parse(lines_of(clean.out).back()), b = Json::parse(lines_of(live.out).back());
   EXPECT_EQ(b.at("mass"), a.at("mass"));
   EXPECT_EQ(b.at("refused").get<int>(), a.at("refused").get<int>() + 3);
 }
@@ -156,11 +156,11 @@ TEST(PayloadStreamOfUr10e, FindsTheKnownLoadWhileItIsPipedIn) {
     ASSERT_EQ(live.exit_code, 0) << live.err;
     const std::vector<std::string> lines = lines_of(live.out);
     for (const std::string& line : lines) {
-      const json event = json::parse(line);
+      const Json event = Json::parse(line);
       EXPECT_NEAR(event.at("mass").at("value").get<double>(), 2.805, 0.15 * 2.805) << line;
     }
-    EXPECT_LT(json::parse(lines.front()).at("time").get<double>(), k == 1 ? 10.0 : 11.0);
-    const json mass = json::parse(lines.back()).at("mass");
+    EXPECT_LT(Json::parse(lines.front()).at("time").get<double>(), k == 1 ? 10.0 : 11.0);
+    const Json mass = Json::parse(lines.back()).at("mass");
     EXPECT_NEAR(mass.at("value").get<double>(), 2.805, 0.03 * 2.805) << "k = " << k;
     EXPECT_NEAR(mass.at("value").get<double>(), 2.805, mass.at("half_width_95").get<double>()) << "k = " << k;
   }

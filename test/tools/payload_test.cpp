@@ -35,7 +35,7 @@ Outcome run_payload(std::vector<std::string> arguments) {
 }
 
 /// Two links turning about y in the upright plane.
-constexpr const char* kArm = R"(<?xml version="1.0"?>
+constexpr const char* kPayloadArm = R"(<?xml version="1.0"?>
 <robot name="two_links">
   <link name="base"/>
   <link name="upper"><inertial><origin xyz="0.25 0 0"/><mass value="2"/>
@@ -53,7 +53,7 @@ constexpr double kMass = 0.8;
 class PayloadCommand : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_.write("arm.urdf", kArm);
+    folder_.write("arm.urdf", kPayloadArm);
     const model::Robot robot = urdf::load_urdf(path("arm.urdf"));
     settings_.noise = 0.01;
     data::write_log(path("empty.csv"), test::synthetic_log(robot, settings_));

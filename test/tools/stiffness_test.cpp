@@ -17,6 +17,7 @@
 #include "heft/model/model_file.hpp"
 #include "heft/stiffness/cartesian_stiffness.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/json_file.hpp"
 #include "support/measured_data.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
@@ -27,13 +28,10 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
+using test::json_of;
 using test::Outcome;
 using test::run_heft;
 using ::testing::HasSubstr;
-
-nlohmann::json json_of(const std::string& path) {
-  return nlohmann::json::parse(host::read_file(path, "result"));
-}
 
 const VectorXd& true_stiffness() {
   static const VectorXd k = (VectorXd(6) << 12e3, 9e3, 8e3, 4e3, 3.5e3, 5e3).finished();

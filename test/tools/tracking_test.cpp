@@ -11,19 +11,17 @@
 #include "heft/host/file.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/json_file.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft {
 namespace {
 
+using test::json_of;
 using test::Outcome;
 using test::run_heft;
 using ::testing::HasSubstr;
-
-nlohmann::json json_of(const std::string& path) {
-  return nlohmann::json::parse(host::read_file(path, "result"));
-}
 
 TEST(Demo, FindsTheLoadWithinItsInterval) {
   const test::TemporaryFolder folder;

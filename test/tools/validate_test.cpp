@@ -17,12 +17,14 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/model/model_file.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/json_file.hpp"
 #include "support/run_heft.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace heft {
 namespace {
 
+using test::json_of;
 using test::Outcome;
 using test::run_heft;
 using ::testing::AllOf;
@@ -30,12 +32,8 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
 
-nlohmann::json json_of(const std::string& path) {
-  return nlohmann::json::parse(host::read_file(path, "result"));
-}
-
 /// All numbers of a CSV file behind its header.
-std::vector<double> numbers_of(const std::string& path) {
+std::vector<double> numbers_below_header(const std::string& path) {
   std::string text = host::read_file(path, "result");
   std::replace(text.begin(), text.end(), ',', ' ');
   std::istringstream stream(text.substr(text.find('\n')));
@@ -155,7 +153,7 @@ TEST(Validate, OtherCommandsTakeTheModelAsTheRobotToo) {
   without.insert(without.end(), ceiling.begin(), ceiling.end());
   ASSERT_EQ(run_heft(with).exit_code, 0);
   ASSERT_EQ(run_heft(without).exit_code, 0);
-  const std::vector<double> c = numbers_of(folder.path("c.csv")), d = numbers_of(folder.path("d.csv"));
+  const std::vector<double> c = numbers_below_header(folder.path("c.csv")), d = numbers_below_header(folder.path("d.csv"));
   ASSERT_EQ(c.size(), d.size());
   ASSERT_GT(c.size(), 10000U);
   double largest = 0.0, difference = 0.0;
@@ -188,7 +186,7 @@ TEST(Validate, DynamicsGoesByTheDisplacementThatAnEffectNames) {
                         folder.path("tau.csv")})
                   .exit_code,
               0);
-    return numbers_of(folder.path("tau.csv"));
+    return numbers_below_header(folder.path("tau.csv"));
   };
   const std::vector<double> velocity = predicted_by(Displacement::kVelocity),
                             position = predicted_by(Displacement::kPosition);
