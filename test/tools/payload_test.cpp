@@ -48,7 +48,7 @@ constexpr const char* kPayloadArm = R"(<?xml version="1.0"?>
     <limit lower="-3" upper="3" effort="100" velocity="10"/><dynamics friction="0.5" damping="0.25"/></joint>
 </robot>
 )";
-constexpr double kMass = 0.8;
+constexpr double kGrippedMass = 0.8;
 
 class PayloadCommand : public ::testing::Test {
  protected:
@@ -60,7 +60,7 @@ class PayloadCommand : public ::testing::Test {
     settings_.noise_seed = settings_.motion_seed = 2;
     data::write_log(path("empty2.csv"), test::synthetic_log(robot, settings_));
     settings_.noise_seed = settings_.motion_seed = 3;
-    const auto load = test::body(kMass, {0.3, 0, 0.05}, {0.001, 0, 0.002, 0, 0, 0.001});
+    const auto load = test::body(kGrippedMass, {0.3, 0, 0.05}, {0.001, 0, 0.002, 0, 0, 0.001});
     log_ = test::synthetic_log(test::carrying(robot, load), settings_);
     data::write_log(path("carrying.csv"), log_);
     settings_.amplitude = 1e-4;
@@ -112,7 +112,7 @@ TEST_F(PayloadCommand, WeighsTheLoadFromABaselineLogAlone) {
   EXPECT_EQ(result.at("torque_scale").at("value").size(), 2U);
   EXPECT_TRUE(result.at("mass").at("identifiable").get<bool>());
   const double mass = result.at("mass").at("value"), half = result.at("mass").at("half_width_95");
-  EXPECT_NEAR(mass, kMass, 2 * half);
+  EXPECT_NEAR(mass, kGrippedMass, 2 * half);
   EXPECT_LT(half, 0.1);
   EXPECT_GT(result.at("mass").at("std").get<double>(), 0.0);
   EXPECT_NEAR(result.at("com").at("value").at(0).get<double>(), 0.3, 0.03);
@@ -155,7 +155,7 @@ TEST_F(PayloadCommand, TheModelItWritesServesNextTime) {
       run({"--model", path("bare.json"), "--log", path("carrying.csv"), "--json", path("c.json")});
   ASSERT_EQ(third.exit_code, 0) << third.err;
   EXPECT_THAT(third.out, HasSubstr("no covariance"));
-  EXPECT_NEAR(json("c.json").at("mass").at("value").get<double>(), kMass, 0.05);
+  EXPECT_NEAR(json("c.json").at("mass").at("value").get<double>(), kGrippedMass, 0.05);
 }
 
 TEST_F(PayloadCommand, SaysSoWhenThereIsNoLoad) {
@@ -183,7 +183,7 @@ TEST_F(PayloadCommand, SeveralLogsGiveAList) {
   ASSERT_EQ(done.exit_code, 0) << done.err;
   const nlohmann::json list = nlohmann::json::parse(done.out);
   ASSERT_EQ(list.size(), 2U);
-  EXPECT_NEAR(list[0].at("mass").at("value").get<double>(), kMass, 0.05);
+  EXPECT_NEAR(list[0].at("mass").at("value").get<double>(), kGrippedMass, 0.05);
   EXPECT_NEAR(list[1].at("mass").at("value").get<double>(), 0, 0.05);
 }
 
@@ -195,7 +195,7 @@ TEST_F(PayloadCommand, CurrentsServeAsTorque) {
   const Outcome done = run({"--baseline", path("empty.csv"), "--log", path("current.csv"),
                             "--torque-constant", "0.5", "--json", path("out.json")});
   ASSERT_EQ(done.exit_code, 0) << done.err;
-  EXPECT_NEAR(json("out.json").at("mass").at("value").get<double>(), kMass, 0.05);
+  EXPECT_NEAR(json("out.json").at("mass").at("value").get<double>(), kGrippedMass, 0.05);
   const Outcome without = run({"--baseline", path("empty.csv"), "--log", path("current.csv")});
   EXPECT_EQ(without.exit_code, 3);
   EXPECT_THAT(without.err, AllOf(HasSubstr("current.csv:1"), HasSubstr("'tau1' is missing"),
