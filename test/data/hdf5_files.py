@@ -44,6 +44,18 @@ FILTERS = {
 }
 VERSIONS = {"earliest": ("earliest", "v108"), "v108": ("v108", "v108"), "v110": ("v110", "v110"), "v112": ("v112", "v112"),
             "latest": "latest"}
+
+
+def is_known(version):
+    """Older HDF5 does not write the layouts of newer ones."""
+    try:
+        h5py.File("probe", "w", libver=version, driver="core", backing_store=False).close()
+        return True
+    except (KeyError, ValueError):
+        return False
+
+
+VERSIONS = {name: version for name, version in VERSIONS.items() if is_known(version)}
 TYPES = {"double": np.float64, "single": np.float32, "big endian": ">f8"}
 
 
