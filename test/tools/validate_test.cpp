@@ -248,7 +248,7 @@ TEST(Validate, RefusesLogsThatTheModelWasFittedTo) {
 }
 
 // Every command that reads a log sees a slip of units.
-TEST(Dynamics, RefusesDegrees) {
+TEST(EveryCommandThatReadsALog, RefusesDegrees) {
   const test::TemporaryFolder folder;
   data::Log log = log_of(ur10e());
   for (Eigen::MatrixXd* channel : {&log.q, &log.qd, &log.qdd}) *channel *= 57.29577951308232;
