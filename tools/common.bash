@@ -16,7 +16,7 @@ heft_jobs() {
 }
 
 # heft_configure BUILD_FOLDER CMAKE_ARGUMENTS...   Keeps the generator of a build folder that exists. Up to 24
-# files are compiled at once, half the work of one by one: what they share is parsed and instantiated once; 2.2 GB at most.
+# files are compiled at once, a third less work and more: what they share is parsed and instantiated once; 2.2 GB at most.
 heft_configure() {
   local build=$1
   shift
