@@ -6,11 +6,11 @@ heft_root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 say() { printf 'heft: %s\n' "$*" >&2; }
 fail() { printf 'heft: %s\n' "$*" >&2; exit 1; }
 
-# One compile job a core, but no more than memory can feed (about 1.5 GB for the largest files).
+# One compile job a core, but no more than memory can feed (about 2.2 GB for the largest files).
 heft_jobs() {
   local jobs memory
   jobs=$(nproc 2>/dev/null || echo 2)
-  memory=$(awk '/^MemAvailable:/ {print int($2 / 1500000)}' /proc/meminfo 2>/dev/null || echo "$jobs")
+  memory=$(awk '/^MemAvailable:/ {print int($2 / 2200000)}' /proc/meminfo 2>/dev/null || echo "$jobs")
   if [ "${memory:-0}" -ge 1 ] && [ "$memory" -lt "$jobs" ]; then jobs=$memory; fi
   echo "$jobs"
 }

@@ -153,7 +153,8 @@ TEST(Validate, OtherCommandsTakeTheModelAsTheRobotToo) {
   without.insert(without.end(), ceiling.begin(), ceiling.end());
   ASSERT_EQ(run_heft(with).exit_code, 0);
   ASSERT_EQ(run_heft(without).exit_code, 0);
-  const std::vector<double> c = numbers_below_header(folder.path("c.csv")), d = numbers_below_header(folder.path("d.csv"));
+  const std::vector<double> c = numbers_below_header(folder.path("c.csv")),
+                            d = numbers_below_header(folder.path("d.csv"));
   ASSERT_EQ(c.size(), d.size());
   ASSERT_GT(c.size(), 10000U);
   double largest = 0.0, difference = 0.0;
