@@ -132,9 +132,9 @@ struct JointErrors {
   std::vector<double> raw, in_band;
 };
 
-enum Column { kUrdf, kPlain, kIdentify, kIdentifyAll, kDiagnose, kRefitted, kCeiling, kColumns };
+enum Column { kUrdf, kPlain, kIdentify, kIdentifyAll, kDiagnose, kNoRefit, kCeiling, kColumns };
 constexpr const char* kNames[kColumns] = {"URDF",     "plain",   "identify", "identify all",
-                                          "diagnose", "--refit", "ceiling"};
+                                          "diagnose", "--no-refit", "ceiling"};
 
 struct JudgedRun {
   std::string name;
@@ -145,7 +145,7 @@ struct JudgedRun {
 struct Outcome {
   const Arm* arm{nullptr};
   std::vector<JudgedRun> runs;
-  std::string effects;
+  std::string effects, refitted;
   double seconds_identify{0.0}, seconds_diagnose{0.0};
 };
 
@@ -168,7 +168,7 @@ identify::Identification identified(const model::Robot& robot, const data::LogSe
   return identify::identify(robot, logs, options);
 }
 
-/// What is left of the errors of diagnose's model if any function of the motion may be added.
+/// What is left of the errors of diagnose's model, fitted to the training logs, if any function of the motion may be added.
 void fill_ceiling(const diagnose::Diagnosis& diagnosis, const std::vector<data::Log>& seen,
                   const std::vector<data::Log>& judged, data::TorqueAt torque_at, Outcome& outcome) {
   for (std::size_t r = 0; r < judged.size(); ++r) {
@@ -182,8 +182,8 @@ void fill_ceiling(const diagnose::Diagnosis& diagnosis, const std::vector<data::
                           in_band = share(ceiling.with_any_function.rmse_in_band, ceiling.model.rmse_in_band);
     for (std::size_t j = 0; j < run.joints.size(); ++j) {
       JointErrors& errors = run.joints[j];
-      errors.raw[kCeiling] = errors.raw[kDiagnose] * raw[static_cast<Eigen::Index>(j)];
-      errors.in_band[kCeiling] = errors.in_band[kDiagnose] * in_band[static_cast<Eigen::Index>(j)];
+      errors.raw[kCeiling] = errors.raw[kNoRefit] * raw[static_cast<Eigen::Index>(j)];
+      errors.in_band[kCeiling] = errors.in_band[kNoRefit] * in_band[static_cast<Eigen::Index>(j)];
     }
   }
 }
@@ -208,11 +208,16 @@ Outcome outcome_of(const Arm& arm, const fs::path& data) {
   const identify::Identification of_all =
       identified(robot, data::log_set(specs, both, judged, arm.torque_at), false);
   start = std::chrono::steady_clock::now();
-  diagnose::Diagnosis diagnosis = diagnose::diagnose(robot, set, {.refit = true});
+  diagnose::Diagnosis diagnosis = diagnose::diagnose(robot, set);
   outcome.seconds_diagnose = seconds_since(start);
   for (const diagnose::Finding& f : diagnosis.findings)
     outcome.effects += fmt::format("{}{} {}{}", outcome.effects.empty() ? "" : ", ", f.effect.id(),
                                    f.joint + 1, f.left_out.empty() ? "" : " (not written)");
+
+  outcome.refitted = diagnosis.refitted
+                         ? fmt::format("fitted again, {:.0f} % of the way, {:.3f} of the errors on left-out stretches",
+                                       100.0 * diagnosis.refitted->part, diagnosis.refitted->ratio)
+                         : "not fitted again";
 
   const data::LogSet judges = data::log_set(specs, {}, judged, arm.torque_at);
   const auto fill = [&](Column column, const model::Robot& model, const model::FitRecord* record) {
@@ -239,10 +244,9 @@ Outcome outcome_of(const Arm& arm, const fs::path& data) {
   fill_fit(kPlain, plain);
   fill_fit(kIdentify, fit);
   fill_fit(kIdentifyAll, of_all);
-  const std::optional<model::Robot> refitted = std::exchange(diagnosis.refitted, std::nullopt);
   const model::ModelFile file = diagnosis.model_file();
-  fill(kDiagnose, diagnosis.after, &*file.fit);
-  fill(kRefitted, refitted.value_or(diagnosis.after), &*file.fit);
+  fill(kDiagnose, diagnosis.written(), &*file.fit);
+  fill(kNoRefit, diagnosis.after, &*file.fit);
   fill_ceiling(diagnosis, both, judged, arm.torque_at, outcome);
   return outcome;
 }
@@ -277,10 +281,10 @@ int count_worse(const Outcome& outcome, Column above, Column below, bool in_band
 void print(const Outcome& outcome) {
   const Arm& arm = *outcome.arm;
   fmt::print(
-      "\n{}{}, torque at the {}\n  trained on {}; validated on {}; judged on {}\n  identify {:.1f} s, diagnose {:.1f} s; found: {}\n",
+      "\n{}{}, torque at the {}\n  trained on {}; validated on {}; judged on {}\n  identify {:.1f} s, diagnose {:.1f} s; found: {}; {}\n",
       arm.folder, arm.is_new ? " (new)" : "", to_string(arm.torque_at), in_words(arm.train),
       in_words(arm.validate), in_words(arm.judged), outcome.seconds_identify, outcome.seconds_diagnose,
-      outcome.effects.empty() ? "nothing" : outcome.effects);
+      outcome.effects.empty() ? "nothing" : outcome.effects, outcome.refitted);
   for (const bool in_band : {true, false}) {
     std::vector<std::string> headers{"run", "joint"};
     headers.insert(headers.end(), std::begin(kNames), std::end(kNames));
@@ -308,7 +312,7 @@ void print_means(const std::vector<Outcome>& outcomes) {
   fmt::print(
       "\nAll arms: geometric means of ratios over the joints of the judged runs; joints over 1 % worse\n");
   page::Table table({"arm", "in band: diagnose / identify", "worse", "of", "diagnose / identify all", "worse",
-                     "--refit / identify", "worse", "ceiling / identify", "as logged: diagnose / identify",
+                     "--no-refit / identify", "worse", "ceiling / identify", "as logged: diagnose / identify",
                      "worse", "identify [s]", "diagnose [s]"});
   const auto add_mean = [&](const std::string& name, const std::vector<const Outcome*>& of) {
     const auto mean = [&](Column above, Column below, bool in_band) {
@@ -317,19 +321,19 @@ void print_means(const std::vector<Outcome>& outcomes) {
         sum += std::log(mean_ratio(*o, above, below, in_band)) / static_cast<double>(of.size());
       return fmt::format("{:.3f}", std::exp(sum));
     };
-    int joints = 0, in_band = 0, all = 0, refitted = 0, raw = 0;
+    int joints = 0, in_band = 0, all = 0, once = 0, raw = 0;
     double identify = 0.0, diagnose = 0.0;
     for (const Outcome* o : of) {
       in_band += count_worse(*o, kDiagnose, kIdentify, true, &joints);
       all += count_worse(*o, kDiagnose, kIdentifyAll, true);
-      refitted += count_worse(*o, kRefitted, kIdentify, true);
+      once += count_worse(*o, kNoRefit, kIdentify, true);
       raw += count_worse(*o, kDiagnose, kIdentify, false);
       identify += o->seconds_identify;
       diagnose += o->seconds_diagnose;
     }
     table.add_row({name, mean(kDiagnose, kIdentify, true), fmt::format("{}", in_band),
                    fmt::format("{}", joints), mean(kDiagnose, kIdentifyAll, true), fmt::format("{}", all),
-                   mean(kRefitted, kIdentify, true), fmt::format("{}", refitted),
+                   mean(kNoRefit, kIdentify, true), fmt::format("{}", once),
                    mean(kCeiling, kIdentify, true), mean(kDiagnose, kIdentify, false), fmt::format("{}", raw),
                    fmt::format("{:.1f}", identify), fmt::format("{:.1f}", diagnose)});
   };

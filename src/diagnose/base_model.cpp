@@ -1,6 +1,7 @@
 #include "base_model.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/decompositions.hpp"
@@ -114,16 +115,52 @@ model::Robot BaseModel::robot(const VectorXd& beta) const {
   return robot;
 }
 
+namespace {
+
+/// Logs as identify reads them.
+class Streams {
+ public:
+  explicit Streams(const std::vector<data::Log>& logs) {
+    for (const data::Log& log : logs) streams_.emplace_back(log);
+    for (const data::MotionStream& stream : streams_) list_.push_back(&stream);
+  }
+  const std::vector<const data::MotionStream*>& list() const { return list_; }
+
+ private:
+  std::vector<data::MotionStream> streams_;
+  std::vector<const data::MotionStream*> list_;
+};
+
+}  // namespace
+
 VectorXd BaseModel::identified(const std::vector<data::Log>& logs) const {
-  std::vector<data::MotionStream> streams;
-  std::vector<const data::MotionStream*> list;
-  for (const data::Log& log : logs) streams.emplace_back(log);
-  for (const data::MotionStream& stream : streams) list.push_back(&stream);
+  return identified(regression::compressed(columns_, base_, Streams(logs).list(), {}));
+}
+
+VectorXd BaseModel::identified(regression::BlockFactors rows) const {
   const VectorXd prior = base_.regrouping * columns_.values(columns_.robot());
-  regression::WeightedFit fit{
-      regression::compressed(columns_, base_, list, {}), VectorXd::Ones(num_joints()), {}};
+  regression::WeightedFit fit{std::move(rows), VectorXd::Ones(num_joints()), {}};
   regression::weigh_joints(prior, regression::kRidgeFromCondition, true, fit);
   return fit.solution.beta;
+}
+
+regression::BlockFactors BaseModel::rows_in_parts(const std::vector<data::Log>& logs, int parts,
+                                                  const std::function<int(int log, double time)>& part) const {
+  constexpr double kLength = 1.0;  // [s]; all rows of a part get one time, so that it is one block
+  regression::BlockFactors factors(num_joints(), columns(), kLength, parts);
+  regression::for_each_observation(
+      columns_, base_.kept, Streams(logs).list(), {}, [&](const regression::ObservationRows& rows) {
+        for (Index first = 0; first < rows.time.size();) {
+          const int of = part(rows.log, rows.time[first]);
+          Index end = first + 1;
+          while (end < rows.time.size() && part(rows.log, rows.time[end]) == of) ++end;
+          const Index count = end - first;
+          factors.add(of, rows.joint, VectorXd::Zero(count), rows.W.middleRows(first, count),
+                      rows.tau.segment(first, count));
+          first = end;
+        }
+      });
+  return factors;
 }
 
 VectorXd BaseModel::prior() const {

@@ -2,6 +2,7 @@
 /// Rigid bodies and simple friction: what a diagnosis starts from, and what the model that it writes always has.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "heft/model/robot.hpp"
 #include "heft/regression/base_parameters.hpp"
 #include "heft/regression/regression_columns.hpp"
+#include "heft/regression/triangular_factor.hpp"
 #include "motion_table.hpp"
 
 namespace heft::diagnose {
@@ -79,6 +81,12 @@ class BaseModel {
   }
   /// The fit of identify to logs, b: its rows, weights and regularisation.
   Eigen::VectorXd identified(const std::vector<data::Log>& logs) const;
+  /// The same of rows, b.
+  Eigen::VectorXd identified(regression::BlockFactors rows) const;
+  /// The rows of that fit in parts, of which any may be left out.
+  /// @param part  number of the part that a log's row at a time [s, of the log] belongs to, 0 to `parts` - 1
+  regression::BlockFactors rows_in_parts(const std::vector<data::Log>& logs, int parts,
+                                         const std::function<int(int log, double time)>& part) const;
   /// Base parameters of the given robot, b; friction 0.
   Eigen::VectorXd prior() const;
   /// What ten parameters of a link add to the base parameters, b × 10.

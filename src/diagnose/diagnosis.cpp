@@ -1,6 +1,7 @@
 #include "heft/diagnose/diagnose.hpp"
 
 #include <optional>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -146,6 +147,11 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.backward();
   reject_overfitted(search, judged_before);
   const WrittenModel written(search, identified);
+  if (written.is_judged_on_a_repetition()) {
+    result.notes.emplace_back(
+        "the validation logs repeat the motion of the training logs: what the model does in other motion they cannot say, so "
+        "its masses remain those that heft identify finds; give a log of another motion with --validate");
+  }
   result.findings = findings_of(search, written);
 
   result.given = robot;
@@ -158,27 +164,22 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
                    written.engine().predicted());
   scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, judged_before);
 
+  const JudgedMotion& trained = written.is_ordinary() ? ordinary_train : *start.train_as_filed;
   if (options.refit) {
-    const auto again = refit(written, *identified.base, train_logs.as_logged(), validation_logs.as_logged(),
-                             reading_of(result));
-    if (again) {
-      result.refitted = again->robot;
-      result.notes.push_back(fmt::format(
-          "the model written is fitted to the validation logs as well, {:.0f} % of the way; errors on stretches of these "
-          "that such a fit has not seen: {:.3f} of those above",
-          100.0 * again->part, again->ratio));
-    } else {
-      result.notes.emplace_back(
-          "--refit changed nothing: a fit to the validation logs as well does not lower the errors by 2 % on stretches of "
-          "these that it leaves out");
+    Refit again = refit(written, *identified.base, train_logs.as_logged(), trained, validation_logs.as_logged(),
+                        reading_of(result));
+    result.refitted = std::move(again.refitted);
+    if (result.refitted) {
+      result.refitted->parameters =
+          with_values_of(result.refitted->robot, result.after, *identified.base, result.parameters);
     }
+    result.notes.push_back(std::move(again.note));
   }
 
   search.check_joints();
   result.not_explained = search.wrong_joints();
   result.unexplained = unexplained_of(search, written.engine());
-  put_ceilings(written.is_ordinary() ? ordinary_train : *start.train_as_filed, written.judged(), train,
-               result);
+  put_ceilings(trained, written.judged(), train, result);
   result.refusals = search.refusals(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();

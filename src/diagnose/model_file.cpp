@@ -8,13 +8,12 @@
 namespace heft::diagnose {
 
 model::ModelFile Diagnosis::model_file() const {
-  model::ModelFile file = model::make_model(refitted ? *refitted : after);
-  // Intervals are those of the fit to the training logs.
-  model::FitRecord fit = refitted ? model::FitRecord{} : parameters;
+  model::ModelFile file = model::make_model(written());
+  model::FitRecord fit = refitted ? refitted->parameters : parameters;
   fit.method = "diagnose";
   fit.torque_at = joint_sensor ? "joint" : "motor";
   fit.condition_number = std::numeric_limits<double>::quiet_NaN();
-  fit.physically_consistent = model::is_physically_consistent(refitted ? *refitted : after);
+  fit.physically_consistent = model::is_physically_consistent(written());
   validate::put_training(train_after, fit);
   fit.samples = train_after.samples;
   if (!ordinary_motion) {

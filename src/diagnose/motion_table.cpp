@@ -61,6 +61,39 @@ void MotionTable::take_motion(const MotionTable& other, int joint) {
   turn_seconds[joint] = other.turn_seconds[joint];
 }
 
+double part_repeated(const MotionTable& motion, const MotionTable& of) {
+  constexpr double kNear = 0.1;         // rms over the joints, in parts of the scatter
+  constexpr double kMoves = 0.1;        // of the scatter of the velocities: slower is no motion
+  constexpr double kRate = 100.0;       // [Hz] of the rows compared with
+  constexpr Index kMostCompared = 400;  // rows
+  const auto state = [&](const MotionTable& table, Index step) {
+    const Eigen::ArithmeticSequence rows = Eigen::seqN(0, (table.rows() + step - 1) / step, step);
+    const Index n = table.num_joints;
+    MatrixXd x(rows.size(), 2 * n);
+    x << table.q(rows, Eigen::all), table.qd(rows, Eigen::all);
+    for (Index j = 0; j < n; ++j) {
+      const double at = of.q.col(j).mean();
+      x.col(j).array() -= at;
+      const auto part = [&](double scatter) { return scatter > 0.0 ? 1.0 / scatter : 0.0; };
+      const double m = std::sqrt(static_cast<double>(of.rows()));
+      x.col(j) *= part((of.q.col(j).array() - at).matrix().norm() / m);
+      x.col(n + j) *= part(of.qd.col(j).norm() / m);
+    }
+    return x;
+  };
+  const MatrixXd known = state(of, std::max<Index>(1, std::lround(of.sample_rate / kRate))).transpose();
+  const MatrixXd seen = state(motion, std::max<Index>(1, motion.rows() / kMostCompared));
+  const double dimensions = static_cast<double>(seen.cols());
+  Index moves = 0, near = 0;
+  for (Index i = 0; i < seen.rows(); ++i) {
+    if (seen.row(i).tail(motion.num_joints).squaredNorm() < kMoves * kMoves * motion.num_joints) continue;
+    ++moves;
+    const double least = (known.colwise() - seen.row(i).transpose()).colwise().squaredNorm().minCoeff();
+    if (least < kNear * kNear * dimensions) ++near;
+  }
+  return moves > 0 ? static_cast<double>(near) / static_cast<double>(moves) : 0.0;
+}
+
 VectorXd encoder_steps(const data::Log& log) {
   VectorXd steps = VectorXd::Zero(log.q.cols());
   for (Index j = 0; j < log.q.cols(); ++j) {

@@ -62,6 +62,11 @@ struct TableOptions {
   long most_rows{40000};  ///< beyond it neighbouring samples are averaged
 };
 
+/// Part of the rows in which an arm moves, 0 to 1, that come as near to a row of another table as the same motion made
+/// again does. Positions and velocities count in parts of their scatter; a motion that is another one is at none of its rows
+/// near in all joints at once.
+double part_repeated(const MotionTable& motion, const MotionTable& of);
+
 /// Columns of a signal on a table's rows as they were `delay` seconds earlier, by straight lines between rows; the
 /// first rows of each log, which have nothing earlier, take its first one.
 /// @param signal  m × columns

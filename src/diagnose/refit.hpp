@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "written_model.hpp"
@@ -10,20 +11,22 @@
 namespace heft::diagnose {
 
 struct Refit {
-  /// The written model with its effects as they are, and its base between what it was and a fit to all logs.
-  model::Robot robot;
-  double part;  ///< how far it goes towards that fit, 0 to 1
-  /// Geometric mean of the errors of such models on stretches of the validation logs that they were not fitted to, against
-  /// those of the written model [1].
-  double ratio;
+  std::optional<Refitted> refitted;  ///< its parameters are not set
+  std::string note;                  ///< for the user: how far, or why not
 };
 
 /// Fits rigid bodies, rotor inertia, Coulomb, viscous and offset to the training and validation logs together, as identify
 /// does, beside the effects of the written model, and goes towards that fit as far as fits to all logs but a stretch of the
 /// validation logs lower the errors on that stretch, and as far as these stretches agree. Nothing where the errors on them
-/// do not fall by 2 %.
-std::optional<Refit> refit(const WrittenModel& written, const BaseModel& base,
-                           const std::vector<data::Log>& train, const std::vector<data::Log>& validate,
-                           const Reading& reading);
+/// do not fall by 2 % and by more than their standard error, or where the training logs lose as much as these gain: then the
+/// logs contradict each other.
+/// @param trained  the training logs, read as the written model reads them
+Refit refit(const WrittenModel& written, const BaseModel& base, const std::vector<data::Log>& train,
+            const JudgedMotion& trained, const std::vector<data::Log>& validate, const Reading& reading);
+
+/// Parameters of a fit with the values of a robot that was fitted again, intervals and covariance as they were.
+/// @param once  the robot that they are of
+model::FitRecord with_values_of(const model::Robot& again, const model::Robot& once, const BaseModel& base,
+                                model::FitRecord parameters);
 
 }  // namespace heft::diagnose

@@ -24,6 +24,8 @@ constexpr std::array kWeights{kHeld, 0.1, 0.01, 0.0};
 constexpr double kMuchBetter = 0.98;
 /// The same of one that derives motion with the cut-off of the search [1]: slower motion may want another one.
 constexpr double kMuchBetterOwn = 0.97;
+/// Part of the moving rows of the validation logs that repeat the training motion [1] from which on all of it does.
+constexpr double kRepetition = 0.9;
 /// A joint is worse in one kind of motion above this part of identify's error [1], as a kind has fewer rows than a log, and
 /// if what is added there is more than this part of the squared error of the whole log: less needs no cure. It is forgiven
 /// where the error of the whole log falls below the last of these parts: what is gained is more than what is lost.
@@ -55,11 +57,12 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
     : search_(search),
       identified_(identified),
       fit_(Engine(identified.base, search.start().train->shared_table(), search.start().pairs).base_fit()) {
+  repeated_ = part_repeated(search.start().judged->table(), search.start().train->table()) > kRepetition;
   limit_ = logs(true).errors_by_kind(logs(true).predicted(identified.robot), search.start().band);
   const std::vector<bool> all(search.engine().accepted.size(), true);
-  std::array<std::shared_ptr<const Engine>, kWeights.size()> engines;
+  std::vector<Version> versions(repeated_ ? 1 : 2 * kWeights.size());
+  std::vector<std::shared_ptr<const Engine>> engines((versions.size() + 1) / 2);
   host::for_each_parallel(engines.size(), [&](std::size_t w) { engines[w] = built(all, kWeights[w]); });
-  std::vector<Version> versions(2 * kWeights.size());
   const auto find = [&](std::size_t v) {
     const std::size_t w = v / 2;
     versions[v] = {kWeights[w], v % 2 == 0, all, engines[w], {}, 0, 1.0, {}};

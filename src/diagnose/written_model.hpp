@@ -30,6 +30,8 @@ struct Identified {
 ///   one; or they are drawn to identify's; or all of it is fitted again together with the effects;
 /// - its motion derived as for a model that does not say how, so that a joint without an effect is predicted as by
 ///   identify's model to the last digit; or with the cut-off of the search.
+/// Where the validation logs repeat the motion of the training logs they cannot say what a version does in another one: it is
+/// the simplest.
 /// In each, a joint that is worse than with identify's model loses the effect that costs it most, until none is.
 class WrittenModel {
  public:
@@ -42,6 +44,8 @@ class WrittenModel {
   SeenWithin<double> seen(int joint) const;
   /// Whether its motion is derived as for a model that does not say how.
   bool is_ordinary() const { return chosen_.ordinary; }
+  /// Whether the validation logs repeat the motion of the training logs.
+  bool is_judged_on_a_repetition() const { return repeated_; }
   /// The validation logs as it reads them.
   const JudgedMotion& judged() const { return logs(chosen_.ordinary); }
   /// Whether it has an effect of the search.
@@ -82,6 +86,7 @@ class WrittenModel {
   Identified identified_;
   std::shared_ptr<const BaseFit> fit_;  ///< what every version starts from
   std::vector<Eigen::VectorXd> limit_;  ///< errors of identify's model
+  bool repeated_;
   Version chosen_;
   model::Robot robot_;    ///< of the chosen version
   Eigen::MatrixXd load_;  ///< its rigid-body torque along the validation logs, m × n

@@ -184,6 +184,9 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
                                    diagnosis.validate_each_after[k]));
     json["validate_logs"].push_back(std::move(entry));
   }
+  json["refit"] = nullptr;
+  if (const auto& refitted = diagnosis.refitted)
+    json["refit"] = {{"part", refitted->part}, {"error_ratio", refitted->ratio}};
   json["errors_that_rise"] = errors_that_rise(diagnosis);
   json["candidates_tried"] = diagnosis.candidates;
   json["train_seconds"] = diagnosis.seconds;

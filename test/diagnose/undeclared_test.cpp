@@ -263,48 +263,113 @@ TEST(Range, OfAWrittenEffectIsThatOfTheLogsAndBeyondItTheTorqueIsHeld) {
 
 // Fitted once more to all logs --------------------------------------------------------------------------------
 
+data::Log part_of_log(const data::Log& log, double from, double to) {
+  const double begin = log.time[0], length = log.time[log.time.size() - 1] - begin;
+  return data::part_of(log, begin + from * length, begin + to * length);
+}
+
+bool has_note(const Diagnosis& d, const char* text) {
+  return std::any_of(d.notes.begin(), d.notes.end(),
+                     [&](const std::string& note) { return note.find(text) != std::string::npos; });
+}
+
+/// A training log of 3 s, which a validation log of 12 s knows more than.
+struct ShortTraining {
+  UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
+  data::Log train = part_of_log(c.train, 0.0, 0.1), validate = part_of_log(c.validate, 0.0, 0.6);
+
+  Diagnosis diagnosis(bool refit = true) const {
+    DiagnoseOptions options;
+    options.refit = refit;
+    return diagnose(c.robot, {train}, {validate}, options);
+  }
+};
+
 TEST(Refit, LowersTheErrorOnALogThatNeitherFitHasSeen) {
-  const UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
-  const auto part = [](const data::Log& log, double from, double to) {
-    const double begin = log.time[0], length = log.time[log.time.size() - 1] - begin;
-    return data::part_of(log, begin + from * length, begin + to * length);
-  };
-  const data::Log train = part(c.train, 0.0, 0.1), validate = part(c.validate, 0.0, 0.6);  // 3 and 12 s
-  DiagnoseOptions options;
-  EXPECT_FALSE(diagnose(c.robot, {train}, {validate}, options).refitted.has_value());
-  options.refit = true;
-  const Diagnosis d = diagnose(c.robot, {train}, {validate}, options);
+  const ShortTraining logs;
+  EXPECT_FALSE(logs.diagnosis(false).refitted.has_value());
+  const Diagnosis d = logs.diagnosis();
   ASSERT_TRUE(d.refitted.has_value());
-  EXPECT_EQ(d.refitted->effects.size(), d.after.effects.size());
-  const JudgedMotion judged(c.robot, {part(c.validate, 0.6, 1.01)}, reading_of(d));
-  const Eigen::VectorXd again = judged.rms_error(judged.predicted(*d.refitted)),
+  EXPECT_EQ(d.refitted->robot.effects.size(), d.after.effects.size());
+  const JudgedMotion judged(logs.c.robot, {part_of_log(logs.c.validate, 0.6, 1.01)}, reading_of(d));
+  const Eigen::VectorXd again = judged.rms_error(judged.predicted(d.refitted->robot)),
                         once = judged.rms_error(judged.predicted(d.after));
   EXPECT_LT((again.array() / once.array()).log().mean(), 0.0);
   // Where the training log says nearly as much there is nothing to gain.
-  EXPECT_FALSE(diagnose(c.robot, {part(c.train, 0.0, 0.2)}, {validate}, options).refitted.has_value());
+  EXPECT_FALSE(diagnose(logs.c.robot, {part_of_log(logs.c.train, 0.0, 0.2)}, {logs.validate}).refitted.has_value());
+}
+
+TEST(Refit, WritesTheValuesOfItsModelWithTheIntervalsOfTheTrainingLogs) {
+  const Diagnosis d = ShortTraining().diagnosis();
+  ASSERT_TRUE(d.refitted.has_value());
+  const model::ModelFile file = d.model_file();
+  ASSERT_TRUE(file.fit.has_value());
+  ASSERT_EQ(file.fit->base_parameters.size(), d.parameters.base_parameters.size());
+  int changed = 0;
+  for (std::size_t k = 0; k < d.parameters.base_parameters.size(); ++k) {
+    const model::BaseParameterRecord &again = file.fit->base_parameters[k], &once = d.parameters.base_parameters[k];
+    EXPECT_EQ(again.half_width, once.half_width) << again.name;
+    changed += again.value != once.value ? 1 : 0;
+    for (std::size_t j = 0; j < d.refitted->robot.joints.size(); ++j) {
+      if (again.name != "Fv" + std::to_string(j + 1)) continue;
+      EXPECT_NEAR(again.value, d.refitted->robot.joints[j].actuation.viscous_friction, 1e-9) << again.name;
+    }
+  }
+  EXPECT_GT(changed, 0);
+  EXPECT_EQ(file.provenance.logs.size(), 2U);  // those to judge on are logs of the fit now
 }
 
 TEST(Refit, IsNotMadeWhereStretchesOfTheLogsContradictEachOther) {
-  const UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
-  const auto part = [](const data::Log& log, double from, double to) {
-    const double begin = log.time[0], length = log.time[log.time.size() - 1] - begin;
-    return data::part_of(log, begin + from * length, begin + to * length);
-  };
-  const data::Log train = part(c.train, 0.0, 0.1);
-  data::Log validate = part(c.validate, 0.0, 0.6);
-  DiagnoseOptions options;
-  options.refit = true;
-  ASSERT_TRUE(diagnose(c.robot, {train}, {validate}, options).refitted.has_value());
+  ShortTraining logs;
+  ASSERT_TRUE(logs.diagnosis().refitted.has_value());
   // An offset that changes its sign from quarter to quarter: what three of them say of it is wrong in the fourth.
-  const Eigen::Index rows = validate.time.size();
-  const Eigen::RowVectorXd offset = 0.5 * validate.tau.cwiseAbs().colwise().mean();
+  const Eigen::Index rows = logs.validate.time.size();
+  const Eigen::RowVectorXd offset = 0.5 * logs.validate.tau.cwiseAbs().colwise().mean();
   for (Eigen::Index i = 0; i < rows; ++i)
-    validate.tau.row(i) += (4 * i / rows % 2 == 0 ? 1.0 : -1.0) * offset;
-  const Diagnosis d = diagnose(c.robot, {train}, {validate}, options);
+    logs.validate.tau.row(i) += (4 * i / rows % 2 == 0 ? 1.0 : -1.0) * offset;
+  const Diagnosis d = logs.diagnosis();
   EXPECT_FALSE(d.refitted.has_value());
-  EXPECT_TRUE(std::any_of(d.notes.begin(), d.notes.end(), [](const std::string& note) {
-    return note.find("--refit changed nothing") != std::string::npos;
-  }));
+  EXPECT_TRUE(has_note(d, "fitted to the training logs alone"));
+}
+
+TEST(Refit, IsNotMadeWhereTheValidationLogsContradictTheTrainingLogs) {
+  ShortTraining logs;
+  ASSERT_TRUE(logs.diagnosis().refitted.has_value());
+  // The same torque more all the time, as of something that the arm carries: every stretch agrees with the others.
+  const Eigen::RowVectorXd load = 0.5 * logs.validate.tau.cwiseAbs().colwise().mean();
+  logs.validate.tau.rowwise() += load;
+  const Diagnosis d = logs.diagnosis();
+  EXPECT_FALSE(d.refitted.has_value());
+  EXPECT_TRUE(has_note(d, "contradict"));
+}
+
+// Validation logs that repeat the training motion ---------------------------------------------------------------
+
+TEST(Repetition, IsSeenInTheSameMotionMadeAgainAndNotInAnother) {
+  const UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
+  const auto table_of = [&](const data::Log& log) {
+    return JudgedMotion(c.robot, {log}, {.cutoff = 0.0, .ordinary = true}).shared_table();
+  };
+  data::Log again = c.train;
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> noise(-1.0, 1.0);
+  for (Eigen::Index i = 0; i < again.q.size(); ++i) again.q.data()[i] += 1e-4 * noise(random);
+  EXPECT_GT(part_repeated(*table_of(again), *table_of(c.train)), 0.99);
+  EXPECT_LT(part_repeated(*table_of(c.validate), *table_of(c.train)), 0.1);
+}
+
+TEST(Repetition, LeavesTheMassesToIdentifyAndSaysSo) {
+  const UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
+  data::Log again = c.train;
+  again.path = "again.csv";
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> noise(-1.0, 1.0);
+  for (Eigen::Index i = 0; i < again.tau.size(); ++i) again.tau.data()[i] += 0.05 * noise(random);
+  for (Eigen::Index i = 0; i < again.q.size(); ++i) again.q.data()[i] += 1e-6 * noise(random);
+  const Diagnosis d = diagnose(c.robot, {c.train}, {again});
+  EXPECT_TRUE(has_note(d, "repeat the motion"));
+  EXPECT_TRUE(d.ordinary_motion);
+  EXPECT_FALSE(has_note(diagnose(c.robot, {c.train}, {c.validate}), "repeat the motion"));
 }
 
 // What could be explained ----------------------------------------------------------------------------------

@@ -29,7 +29,8 @@ struct DiagnoseOptions {
   std::vector<std::string> couplings;
   double cutoff{0.0};
   std::string model;
-  bool refit{false};
+  bool no_refit{false};
+  bool refit{false};  // the default now
   bool trace{false};
 };
 
@@ -57,7 +58,7 @@ std::string command_line(const DiagnoseOptions& options) {
   if (options.log.band > 0.0) add("--band", fmt::format("{}", options.log.band));
   for (const std::string& coupling : options.couplings) add("--coupling", coupling);
   if (options.cutoff > 0.0) add("--cutoff", fmt::format("{}", options.cutoff));
-  if (options.refit) line += " --refit";
+  if (options.no_refit) line += " --no-refit";
   return line;
 }
 
@@ -71,7 +72,7 @@ void run(const DiagnoseOptions& options) {
 
   asked.band = options.log.band;
   asked.cutoff = options.cutoff;
-  asked.refit = options.refit;
+  asked.refit = !options.no_refit;
   if (options.trace) asked.trace = [](const std::string& line) { print_to(stderr, line + "\n"); };
   diagnose::Diagnosis diagnosis;
   {
@@ -110,9 +111,10 @@ Action set_up_diagnose(CommandLine line) {
   line.get_option("--band").description(
       "low-pass of the errors in band [Hz] (default: chosen from the motion); that of the positions is no "
       "lower");
-  line.add_flag(
-      "--refit", options->refit,
-      "fit the model written once more, to the validation logs as well, when the effects are decided");
+  line.add_flag("--no-refit", options->no_refit,
+                "write the model that the figures are of; otherwise it is fitted once more, to the validation logs as well, when "
+                "the effects are decided and where that lowers the errors");
+  line.add_flag("--refit", options->refit, "the default, accepted for older scripts");
   line.add_flag("--trace", options->trace, "log each step of the search to standard error");
   add_output_option(line, options->model, "model file with the effects found", false);
   add_result_options(line, options->result);

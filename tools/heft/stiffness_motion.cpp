@@ -42,6 +42,7 @@ void from_motor_side(const StiffnessCommandOptions& options, const model::Robot&
     Progress progress("looking for elastic joints");
     diagnose::DiagnoseOptions asked;
     asked.band = options.log.band;
+    asked.refit = false;  // stiffnesses are those of the training logs
     asked.progress = [&](const std::string& what, double done) { progress.update(done, what); };
     answer.diagnosis = diagnose::diagnose(robot, opened, asked);
   }

@@ -174,9 +174,9 @@ struct DiagnoseOptions {
   /// Pairs of joints that may share a motor, with the ratio of each. Those of the robot's own couplings are tried as well;
   /// where there are none at all, joints 5 and 6.
   std::vector<GearCoupling<double>> couplings{};
-  /// Fit the written model once more to all logs, those to judge on as well, when the effects are decided; it is then
-  /// a model that these logs cannot judge.
-  bool refit{false};
+  /// Fit the written model once more to all logs, those to judge on as well, when the effects are decided and where
+  /// that lowers the errors; it is then a model that these logs cannot judge any more.
+  bool refit{true};
   std::function<void(const std::string& what, double done)> progress{};  ///< done within 0..1; may be empty
   std::function<void(const std::string& line)>
       trace{};  ///< gets what the search sees, for the curious; may be empty
@@ -188,6 +188,17 @@ inline constexpr double kRelevantStructure = 0.03;
 
 /// An error of this many times that of the identified model is worse [1]: what lies below is the scatter from log to log.
 inline constexpr double kWorse = 1.01;
+
+/// The diagnosed model with its effects as they are, and its base between what it was and a fit to all logs.
+struct Refitted {
+  model::Robot robot;
+  double part{0.0};  ///< how far it goes towards that fit, 0 to 1
+  /// Geometric mean of the errors of such models on stretches of the validation logs that they were not fitted to, against
+  /// those of the diagnosed model [1].
+  double ratio{1.0};
+  /// As Diagnosis::parameters, values of this robot; the intervals are those of the training logs alone, which know less.
+  model::FitRecord parameters;
+};
 
 /// Result of a diagnosis.
 struct Diagnosis {
@@ -220,10 +231,9 @@ struct Diagnosis {
   /// `after` is judged, and its model file read, with the motion derived as for a model that does not say how; false:
   /// with this cut-off and this sign width.
   bool ordinary_motion{false};
-  /// `after` with its base between what it was and a fit to all logs, as far as that lowers the errors on stretches of the
-  /// validation logs that it was not fitted to, if that was asked for: what the model file holds. All errors here are of
-  /// `after`.
-  std::optional<model::Robot> refitted;
+  /// What the model file holds where a fit to all logs lowers the errors on stretches of the validation logs that it has
+  /// not seen, unless it was not asked for. All errors here are of `after`.
+  std::optional<Refitted> refitted;
   /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
   model::FitRecord parameters;
   std::vector<Ceiling> ceilings;    ///< one a joint
@@ -235,7 +245,9 @@ struct Diagnosis {
   host::Judgement judgement() const;
   /// Whether that is not bad.
   bool usable() const { return judgement().usable(); }
-  /// The model with its effects and how its logs were read, so that others predict with it as it was judged here.
+  /// The model that is written: `refitted` where there is one, else `after`.
+  const model::Robot& written() const { return refitted ? refitted->robot : after; }
+  /// That with its effects and how its logs were read, so that others predict with it as it was judged here.
   model::ModelFile model_file() const;
 };
 

@@ -88,7 +88,7 @@ Answer diagnose_logs(const Arm& arm, const Logs& train, const Logs& judge, doubl
   answer.model_file = [found] { return report::model_file(*found); };
   answer.judgement = found->judgement();
   answer.notes = with(logs, found->notes);
-  answer.robot = found->after;
+  answer.robot = found->written();
   return answer;
 }
 

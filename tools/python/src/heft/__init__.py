@@ -115,9 +115,12 @@ def validate(robot, logs, *, torque_at=None, band=0.0, torque_constant=None, acc
     return _heft.validate(_robot(robot), _logs(logs), torque_at, band, _numbers(torque_constant), accept_torque, progress)
 
 
-def diagnose(robot, logs, *, validate=None, split=0.7, torque_at="motor", band=0.0, cutoff=0.0, refit=False,
+def diagnose(robot, logs, *, validate=None, split=0.7, torque_at="motor", band=0.0, cutoff=0.0, refit=True,
              torque_constant=None, accept_torque=False, progress=None):
-    """Finds the effects that a model of rigid bodies and friction lacks, adds them, judges both on other logs."""
+    """Finds the effects that a model of rigid bodies and friction lacks, adds them, judges both on other logs.
+
+    The model written is then fitted to all logs, those judged on too, where that lowers the errors (`refit`).
+    """
     return _heft.diagnose(_robot(robot), _logs(logs), _logs(validate), split, torque_at, band, cutoff, refit,
                           _numbers(torque_constant), accept_torque, progress)
 
