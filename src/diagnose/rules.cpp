@@ -22,9 +22,9 @@ int parameters_of(const Candidate& c) {
 /// Whether an effect of the whole arm takes away most of the error of the joint where it shows most, as a wrist
 /// coupling or a tilted base does; events would only follow the error of a joint that nothing explains.
 bool explains_joints(const Candidate& c) {
-  constexpr double kMostOfIt = 0.5;
+  constexpr double kMostOfTheError = 0.5;
   return !c.effect.is<Contact>() && !c.effect.is<PayloadChange>() && c.trial.joint_before.size() > 0 &&
-         fall(c.trial).maxCoeff() > kMostOfIt;
+         fall(c.trial).maxCoeff() > kMostOfTheError;
 }
 
 /// What speaks against some effects alone; empty: nothing.

@@ -25,7 +25,7 @@ std::pair<Vector3d, Vector3d> horizontal_directions(const model::Robot& robot) {
   return {first, first.cross(down)};
 }
 
-std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {
+std::vector<Candidate> propose_tilt(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(BaseTilt{});
   c.columns = tilt_columns(bench);
   c.trial = judge(bench, c);
@@ -33,7 +33,7 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
 }
 
 /// @param c  horizontal part of gravity; the vertical part keeps the length
-void apply(const Candidate&, const VectorXd& c, model::Robot& robot) {
+void apply_tilt(const Candidate&, const VectorXd& c, model::Robot& robot) {
   const Vector3d g(robot.gravity.data());
   const auto [first, second] = horizontal_directions(robot);
   Vector3d tilted = g + c[0] * first + c[1] * second;
@@ -41,7 +41,7 @@ void apply(const Candidate&, const VectorXd& c, model::Robot& robot) {
   robot.gravity = {tilted.x(), tilted.y(), tilted.z()};
 }
 
-void describe(const Candidate&, const VectorXd& c, const model::Robot& robot, Finding& finding) {
+void describe_tilt(const Candidate&, const VectorXd& c, const model::Robot& robot, Finding& finding) {
   const double g = Vector3d(robot.gravity.data()).norm();
   finding.parameters = {{"tilt_deg", std::atan2(std::hypot(c[0], c[1]), g) * 180.0 / std::numbers::pi},
                         {"azimuth_deg", std::atan2(c[1], c[0]) * 180.0 / std::numbers::pi}};
@@ -69,6 +69,6 @@ Columns tilt_columns(const Workbench& bench) {
   return columns;
 }
 
-ArmSearch search_of(BaseTilt) { return {propose, apply, describe}; }
+ArmSearch search_of(BaseTilt) { return {propose_tilt, apply_tilt, describe_tilt}; }
 
 }  // namespace heft::diagnose

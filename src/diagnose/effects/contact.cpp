@@ -33,7 +33,7 @@ constexpr int kMostTouches = 6;
 /// this many times their largest statistic, not by chance, and with this share by one force.
 constexpr double kAboveFreeRuns = 2.0, kUnlikely = 1e-3, kOneForceBesideFreeRuns = 0.45;
 constexpr int kMostTouchesBesideFreeRuns = 20;
-constexpr double kBin = 0.02, kShortest = 0.26, kLongest = 1.2, kMargin = 0.1;  // [s]
+constexpr double kBin = 0.02, kShortestTouch = 0.26, kLongestTouch = 1.2, kMargin = 0.1;  // [s]
 
 /// Rows of a bin that count for a joint. A joint at rest holds with whatever part of its friction it stopped with:
 /// that is no touch.
@@ -194,7 +194,7 @@ void sort_events(Candidate& contact) {
   contact.event_runs = sorted(contact.event_runs);
 }
 
-std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {
+std::vector<Candidate> propose_contact(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(Contact{});
   const MotionTable& table = *bench.table;
   const MatrixXd residual = bench.problem->residual();
@@ -231,9 +231,9 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
   return {std::move(c)};
 }
 
-void apply(const Candidate&, const VectorXd&, model::Robot&) {}
+void apply_contact(const Candidate&, const VectorXd&, model::Robot&) {}
 
-void describe(const Candidate& effect, const VectorXd&, const model::Robot&, Finding& finding) {
+void describe_contact(const Candidate& effect, const VectorXd&, const model::Robot&, Finding& finding) {
   finding.events = effect.events;
   finding.forces = effect.forces;
 }
@@ -245,8 +245,8 @@ Touch best_touch(const ForceSums& sums, const std::vector<std::pair<Index, Index
   constexpr std::size_t kFewest = 20;
   Touch best;
   double scale = 0.0, independent = 0.0, tried = 0.0;
-  for (auto count = static_cast<Index>(kShortest / sums.seconds);
-       count <= static_cast<Index>(kLongest / sums.seconds); count += 2) {
+  for (auto count = static_cast<Index>(kShortestTouch / sums.seconds);
+       count <= static_cast<Index>(kLongestTouch / sums.seconds); count += 2) {
     std::vector<double> gains;
     for (Index first = 0; first + count <= sums.bins(); ++first) {
       const bool free = std::all_of(taken.begin(), taken.end(), [&](const auto& span) {
@@ -293,6 +293,6 @@ void add_touches(const Candidate& more, Candidate& contact) {
   sort_events(contact);
 }
 
-ArmSearch search_of(Contact) { return {propose, apply, describe}; }
+ArmSearch search_of(Contact) { return {propose_contact, apply_contact, describe_contact}; }
 
 }  // namespace heft::diagnose

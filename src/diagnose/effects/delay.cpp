@@ -35,7 +35,7 @@ bool smooth_part_is_late(const Workbench& bench, double delay) {
   return trial.valid && trial.cv_t > 0.0 && trial.coefficients[0] >= kLeastShare;
 }
 
-std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {
+std::vector<Candidate> propose_delay(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(Delay{});
   const MatrixXd predicted = bench.base->torque(*bench.rows, bench.problem->theta());
   double best = 0.0, best_gain = 0.0;
@@ -67,16 +67,16 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
   return {std::move(c)};
 }
 
-void apply(const Candidate& effect, const VectorXd&, model::Robot& robot) {
+void apply_delay(const Candidate& effect, const VectorXd&, model::Robot& robot) {
   robot.torque_delay += effect.shape;
 }
 
-void describe(const Candidate& effect, const VectorXd&, const model::Robot&, Finding& finding) {
+void describe_delay(const Candidate& effect, const VectorXd&, const model::Robot&, Finding& finding) {
   finding.parameters = {{"delay", effect.shape}};
 }
 
 }  // namespace
 
-ArmSearch search_of(Delay) { return {propose, apply, describe}; }
+ArmSearch search_of(Delay) { return {propose_delay, apply_delay, describe_delay}; }
 
 }  // namespace heft::diagnose

@@ -135,7 +135,7 @@ class SpringSearch {
   double mean_;
 };
 
-std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>& joints) {
+std::vector<Candidate> propose_spring(const Workbench& bench, const std::vector<bool>& joints) {
   const std::vector<MatrixXd> inertia = inertia_of(bench);
   std::vector<Candidate> found;
   for (int j = 0; j < bench.table->num_joints; ++j) {
@@ -146,17 +146,17 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>& 
 }
 
 /// @param c  motor inertia, or none
-void apply(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
+void apply_spring(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
   robot.elasticities.push_back({effect.joint, effect.shape, effect.second, c.size() > 0 ? c[0] : 0.0});
 }
 
-void describe(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {
+void describe_spring(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {
   finding.parameters = {
       {"stiffness", effect.shape}, {"damping", effect.second}, {"motor_inertia", c.size() > 0 ? c[0] : 0.0}};
 }
 
 }  // namespace
 
-ArmSearch search_of(ElasticJoint) { return {propose, apply, describe}; }
+ArmSearch search_of(ElasticJoint) { return {propose_spring, apply_spring, describe_spring}; }
 
 }  // namespace heft::diagnose

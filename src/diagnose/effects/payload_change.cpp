@@ -88,7 +88,7 @@ Index best_row(const Workbench& bench, const Columns& all, int& tried) {
   return best;
 }
 
-std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {
+std::vector<Candidate> propose_payload_change(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(PayloadChange{});
   const MotionTable& table = *bench.table;
   const auto refused = [&c](const char* why) {
@@ -109,14 +109,15 @@ std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&)
 }
 
 /// The last link as it is at the end of training.
-void apply(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
+void apply_payload_change(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
   auto& link = robot.joints.back().link;
   for (std::size_t k = 0; k < effect.entries.size(); ++k) {
     link[static_cast<std::size_t>(effect.entries[k])] += c[static_cast<Index>(k)];
   }
 }
 
-void describe(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {
+void describe_payload_change(const Candidate& effect, const VectorXd& c, const model::Robot&,
+                             Finding& finding) {
   double mass = 0.0;
   std::array<double, 3> moment{};
   for (std::size_t k = 0; k < effect.entries.size(); ++k) {
@@ -134,6 +135,8 @@ void describe(const Candidate& effect, const VectorXd& c, const model::Robot&, F
 
 }  // namespace
 
-ArmSearch search_of(PayloadChange) { return {propose, apply, describe}; }
+ArmSearch search_of(PayloadChange) {
+  return {propose_payload_change, apply_payload_change, describe_payload_change};
+}
 
 }  // namespace heft::diagnose

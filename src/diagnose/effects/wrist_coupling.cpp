@@ -49,18 +49,18 @@ Candidate candidate(const Workbench& bench, const GearCoupling<double>& pair) {
   return c;
 }
 
-std::vector<Candidate> propose(const Workbench& bench, const std::vector<bool>&) {
+std::vector<Candidate> propose_coupling(const Workbench& bench, const std::vector<bool>&) {
   std::vector<Candidate> found;
   for (const GearCoupling<double>& pair : bench.pairs) found.push_back(candidate(bench, pair));
   return found;
 }
 
-void apply(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
+void apply_coupling(const Candidate& effect, const VectorXd& c, model::Robot& robot) {
   robot.couplings.push_back(
       {effect.pair.driving, effect.pair.driven, effect.pair.ratio, c.size() > 2 ? c[2] : 0.0, c[0], c[1]});
 }
 
-void describe(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {
+void describe_coupling(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {
   finding.parameters = {{"Fc", c[0]}, {"Fv", c[1]}};
   if (c.size() > 2) finding.parameters.emplace_back("Ia", c[2]);
   finding.driven_joint = effect.pair.driven;
@@ -68,6 +68,6 @@ void describe(const Candidate& effect, const VectorXd& c, const model::Robot&, F
 
 }  // namespace
 
-ArmSearch search_of(WristCoupling) { return {propose, apply, describe}; }
+ArmSearch search_of(WristCoupling) { return {propose_coupling, apply_coupling, describe_coupling}; }
 
 }  // namespace heft::diagnose
