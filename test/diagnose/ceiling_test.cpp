@@ -18,7 +18,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kRate = 100.0;  // [Hz]
+constexpr double kTableRate = 100.0;  // [Hz]
 constexpr Index kRows = 3000;
 
 /// Both joints on sums of sines whose phases come from the seed.
@@ -27,11 +27,11 @@ MotionTable motion(unsigned seed) {
   std::uniform_real_distribution<double> phase(0.0, 2.0 * std::numbers::pi);
   MotionTable table;
   table.num_joints = 2;
-  table.sample_rate = kRate;
+  table.sample_rate = kTableRate;
   table.runs = {"log"};
-  table.run_seconds = {kRows / kRate};
+  table.run_seconds = {kRows / kTableRate};
   table.run_begin = {0, kRows};
-  table.time = VectorXd::LinSpaced(kRows, 0.0, (kRows - 1) / kRate);
+  table.time = VectorXd::LinSpaced(kRows, 0.0, (kRows - 1) / kTableRate);
   for (MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction, &table.standing})
     m->setZero(kRows, 2);
   table.keep = MatrixXd::Ones(kRows, 2);

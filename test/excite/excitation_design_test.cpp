@@ -39,7 +39,7 @@ model::Robot coupled_arm() {
   return robot;
 }
 
-ExcitationOptions quick() {
+ExcitationOptions quick_design() {
   ExcitationOptions options;
   options.duration = 10.0;
   options.starts = 2;
@@ -94,7 +94,7 @@ std::string refusal(const model::Robot& robot, const MotionLimits& limits, const
 // Differences of step 1e-5 leave about 1e-9 of rounding and less of truncation.
 TEST(ExcitationGradient, AgreesWithDifferencesForBothCosts) {
   for (const ExcitationCost cost : {ExcitationCost::kDOptimal, ExcitationCost::kCondition}) {
-    ExcitationOptions options = quick();
+    ExcitationOptions options = quick_design();
     options.cost = cost;
     const model::Robot robot = ur10e();
     EXPECT_LT(gradient_error(ExcitationDesign(robot, limits_of(robot), options), 0.0), 1e-6);
@@ -108,12 +108,12 @@ TEST(ExcitationGradient, AgreesWithDifferencesThroughTheBarrierOfEveryLimit) {
   limits.torque *= 0.8;
   limits.box =
       std::array<Eigen::Vector3d, 2>{Eigen::Vector3d(-1.5, -1.5, -0.5), Eigen::Vector3d(1.5, 1.5, 2.0)};
-  EXPECT_LT(gradient_error(ExcitationDesign(robot, limits, quick()), 0.1), 1e-6);
+  EXPECT_LT(gradient_error(ExcitationDesign(robot, limits, quick_design()), 0.1), 1e-6);
 }
 
 TEST(ExcitationGradient, AgreesWithDifferencesForEveryKindOfColumn) {
   const model::Robot robot = coupled_arm();
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.structure = {true, true, true, true, robot.couplings};
   options.harmonics = 6;
   EXPECT_LT(gradient_error(ExcitationDesign(robot, limits_of(robot), options), 0.1), 1e-6);
@@ -126,7 +126,7 @@ TEST(ExcitationGradient, AgreesWithDifferencesOnAPrismaticAxisAndAFixedStart) {
     joint.upper = joint.joint.type == JointType::kPrismatic ? 0.15 : 2.5;
     joint.velocity_limit = 2.0;
   }
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.start = Eigen::Vector4d(0.3, -0.4, 0.07, 0.1);
   options.duration = 9.0;  // two and a quarter periods
   options.period = 4.0;
@@ -137,7 +137,7 @@ TEST(ExcitationGradient, AgreesWithDifferencesOnAPrismaticAxisAndAFixedStart) {
 TEST(ExcitationTrajectory, StartsAndEndsAtRestWhateverTheDuration) {
   const model::Robot robot = ur10e();
   for (const double duration : {10.0, 20.0, 27.3}) {
-    ExcitationOptions options = quick();
+    ExcitationOptions options = quick_design();
     options.period = 10.0;
     options.duration = duration;
     const ExcitationDesign design(robot, limits_of(robot), options);
@@ -162,7 +162,7 @@ TEST(ExcitationTrajectory, StartsAndEndsAtRestWhateverTheDuration) {
 
 TEST(ExcitationTrajectory, EncodingComesBack) {
   const model::Robot robot = ur10e();
-  const ExcitationDesign design(robot, limits_of(robot), quick());
+  const ExcitationDesign design(robot, limits_of(robot), quick_design());
   const ExcitationTrajectory motion = design.random_motion(7), back = design.decode(design.encode(motion));
   EXPECT_LT((motion.sine - back.sine).norm() + (motion.cosine - back.cosine).norm(), 1e-12);
   EXPECT_LT((motion.start - back.start).norm(), 1e-12);
@@ -171,7 +171,7 @@ TEST(ExcitationTrajectory, EncodingComesBack) {
 TEST(Excitation, RandomMotionsKeepTheLimitsBetweenSamplesToo) {
   const model::Robot robot = ur10e();
   const MotionLimits limits = limits_of(robot);
-  const ExcitationDesign design(robot, limits, quick());
+  const ExcitationDesign design(robot, limits, quick_design());
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const ExcitationTrajectory motion = design.random_motion(seed);
     EXPECT_TRUE(design.use_of(motion).inside) << seed;
@@ -187,7 +187,7 @@ TEST(Excitation, RandomMotionsKeepTheLimitsBetweenSamplesToo) {
 
 TEST(Excitation, ConditionNumberIsThatOfTheStackedRegressor) {
   const model::Robot robot = ur10e();
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.sample_rate = 20.0;
   const ExcitationDesign design(robot, limits_of(robot), options);
   const ExcitationTrajectory motion = design.random_motion(11);
@@ -227,7 +227,7 @@ TEST(Excitation, ExpectedStandardDeviationsAreThoseOfRepeatedFits) {
   limits.upper.setConstant(2.0);
   limits.velocity.setConstant(2.0);
   limits.torque.setConstant(60.0);
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.sample_rate = 50.0;
   options.torque_noise = Eigen::Vector2d(0.5, 0.2);
   const ExcitationDesign design(robot, limits, options);
@@ -257,7 +257,7 @@ TEST(Excitation, ExpectedStandardDeviationsAreThoseOfRepeatedFits) {
 TEST(Excitation, SearchImprovesOnEveryRandomMotionAndKeepsTheLimits) {
   const model::Robot robot = ur10e();
   const MotionLimits limits = limits_of(robot);
-  const ExcitationDesign design(robot, limits, quick());
+  const ExcitationDesign design(robot, limits, quick_design());
   const Excitation best = design.optimize();
   EXPECT_TRUE(design.use_of(best.trajectory).inside) << design.use_of(best.trajectory).worst;
   EXPECT_GT(best.scale, 0.95);
@@ -270,7 +270,7 @@ TEST(Excitation, SearchImprovesOnEveryRandomMotionAndKeepsTheLimits) {
 
 TEST(Excitation, ResultDoesNotDependOnThreads) {
   const model::Robot robot = ur10e();
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.iterations = 20;
   options.starts = 3;
   options.finalists = 2;
@@ -286,7 +286,7 @@ TEST(Excitation, ResultDoesNotDependOnThreads) {
 
 TEST(Excitation, PayloadDesignHasTheTenOfTheLastLink) {
   const model::Robot robot = ur10e();
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.payload_only = true;
   const ExcitationDesign design(robot, limits_of(robot), options);
   EXPECT_EQ(design.num_parameters(), 10);
@@ -302,7 +302,7 @@ TEST(Excitation, PayloadDesignHasTheTenOfTheLastLink) {
 
 TEST(Excitation, GivenLogsCountAsRowsAlreadyTaken) {
   const model::Robot robot = ur10e();
-  const ExcitationOptions options = quick();
+  const ExcitationOptions options = quick_design();
   // Fast: rows of joints slower than 1 % of their limit are left out of a given log, and must be few.
   const MotionLimits limits = limits_of(robot, {.full_turns = true,
                                                 .tool_speed = std::numeric_limits<double>::infinity(),
@@ -341,7 +341,7 @@ TEST(Excitation, DesignForAGivenLogBringsWhatItLacks) {
   limits.upper.setConstant(2.0);
   limits.velocity.setConstant(2.0);
   limits.torque.setConstant(60.0);
-  ExcitationDesign design(robot, limits, quick());
+  ExcitationDesign design(robot, limits, quick_design());
   const Index rows = 1000;
   MatrixXd q = MatrixXd::Zero(rows, 2), qd = q, qdd = q;
   for (Index i = 0; i < rows; ++i) {
@@ -369,7 +369,7 @@ TEST(Excitation, StaysInsideTheBox) {
   MotionLimits limits = limits_of(robot);
   limits.floor.reset();
   limits.box = std::array<Eigen::Vector3d, 2>{Eigen::Vector3d(-2, -2, 0.1), Eigen::Vector3d(2, 2, 0.9)};
-  const ExcitationDesign design(robot, limits, quick());
+  const ExcitationDesign design(robot, limits, quick_design());
   const LimitUse use = design.use_of(design.optimize().trajectory);
   EXPECT_TRUE(use.inside) << use.worst;
   EXPECT_GT(use.box_distance, limits.clearance);
@@ -379,7 +379,7 @@ TEST(Excitation, StaysInsideTheBox) {
 TEST(Excitation, RefusesLimitsThatCannotBeKept) {
   const model::Robot robot = ur10e();
   const MotionLimits good = limits_of(robot);
-  const ExcitationOptions options = quick();
+  const ExcitationOptions options = quick_design();
   MotionLimits bad = good;
   bad.velocity[2] = 0.0;
   EXPECT_THAT(refusal(robot, bad, options), AllOf(HasSubstr("joint 3 (elbow_joint): velocity limit: found 0"),
@@ -425,18 +425,18 @@ TEST(Excitation, RefusesLimitsThatCannotBeKept) {
 
 TEST(Excitation, RefusesWorkWithoutEnd) {
   const model::Robot robot = ur10e();
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.sample_rate = 1e8;
   EXPECT_THAT(refusal(robot, limits_of(robot), options),
               AllOf(HasSubstr("found 1e+09 rows"), HasSubstr("lower rate")));
-  options = quick();
+  options = quick_design();
   options.duration = 1e6;
   EXPECT_THAT(refusal(robot, limits_of(robot), options), HasSubstr("found 1e+08 rows"));
-  options = quick();
+  options = quick_design();
   options.harmonics = 100;
   EXPECT_THAT(refusal(robot, limits_of(robot), options),
               HasSubstr("harmonics: found 100, expected at most 40"));
-  options = quick();
+  options = quick_design();
   options.duration = 10000.1;
   options.period = 1.0;
   EXPECT_THAT(refusal(robot, limits_of(robot), options), HasSubstr("expected a whole number of periods"));
@@ -457,7 +457,7 @@ TEST(Excitation, RangesBeyondOneTurnAreCutToIt) {
 
 TEST(Excitation, RefusesAStartOutsideTheLimits) {
   const model::Robot robot = ur10e();
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.start = VectorXd::Zero(6);
   options.start[4] = 7.0;
   EXPECT_THAT(refusal(robot, limits_of(robot), options),
@@ -469,7 +469,7 @@ TEST(Excitation, RefusesAStartOutsideTheLimits) {
 
 TEST(Excitation, RefusesMotionsWithoutFreedom) {
   const model::Robot robot = ur10e();
-  ExcitationOptions options = quick();
+  ExcitationOptions options = quick_design();
   options.harmonics = 1;
   EXPECT_THAT(refusal(robot, limits_of(robot), options),
               AllOf(HasSubstr("harmonics: found 1"), HasSubstr("leaves no motion")));
@@ -489,7 +489,7 @@ TEST(Excitation, SaysWhatAMotionTooSmallLeavesUndetermined) {
   limits.lower = middle.array() - 1e-4;
   limits.upper = middle.array() + 1e-4;
   try {
-    ExcitationDesign(robot, limits, quick()).optimize();
+    ExcitationDesign(robot, limits, quick_design()).optimize();
     FAIL() << "accepted";
   } catch (const NotIdentifiableError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("undetermined: "), HasSubstr("mcx2"), HasSubstr("--harmonics"),

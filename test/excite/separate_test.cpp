@@ -58,7 +58,7 @@ TEST(Separate, SpringIsFurtherFromAnOffsetTheMoreItDiffersFromInertia) {
   }
 }
 
-model::Robot arm() {
+model::Robot three_joint_arm() {
   model::Robot robot = test::six_joint_arm();
   robot.joints.resize(3);
   robot.tip_link = robot.joints.back().link_name;
@@ -72,10 +72,10 @@ model::Robot arm() {
   return robot;
 }
 
-LimitsFile limits() {
+LimitsFile limits_file() {
   LimitDefaults defaults;
   defaults.without_bodies = true;
-  LimitsFile file{limits_of(arm(), defaults), {}, {}};
+  LimitsFile file{limits_of(three_joint_arm(), defaults), {}, {}};
   file.limits.floor.reset();
   file.limits.acceleration = VectorXd::Constant(3, 40.0);
   return file;
@@ -135,7 +135,7 @@ data::Log first_motion(const Case& of, unsigned seed) {
   settings.fundamental = of.fundamental;
   settings.amplitude = of.amplitude;
   settings.motion_seed = seed;
-  data::Log log = test::synthetic_log(arm(), settings);
+  data::Log log = test::synthetic_log(three_joint_arm(), settings);
   const double factor = of.own_amplitude / of.amplitude;
   const double middle = log.q.col(of.joint).mean();
   log.q.col(of.joint) = (middle + factor * (log.q.col(of.joint).array() - middle)).matrix();
@@ -170,21 +170,21 @@ Outcome outcome(const diagnose::Diagnosis& diagnosis, const Case& of) {
 
 /// First logs, diagnosis, motion, its logs, diagnosis of all: before and after.
 std::pair<Outcome, Outcome> next_experiment(const Case& of, unsigned seed) {
-  model::Robot truth = arm();
+  model::Robot truth = three_joint_arm();
   of.put(truth);
   std::vector<data::Log> train, judge;
   for (const unsigned k : {0U, 1U}) {
     const data::Log motion = first_motion(of, seed + k);
     (k == 0 ? train : judge).push_back(run(truth, motion, seed + k));
   }
-  const diagnose::Diagnosis first = diagnose::diagnose(arm(), train, judge);
+  const diagnose::Diagnosis first = diagnose::diagnose(three_joint_arm(), train, judge);
   const Outcome before = outcome(first, of);
   if (of.assumed.empty() ? before != Outcome::kOpen : before == Outcome::kRight) return {before, before};
   const test::TemporaryFolder folder;
   folder.write("diagnosis.json", report::json(first));
   Questions asked;
   if (of.assumed.empty()) {
-    asked = read_questions(arm(), folder.path("diagnosis.json"));
+    asked = read_questions(three_joint_arm(), folder.path("diagnosis.json"));
   } else {
     asked = one_question({{of.rival, of.joint, {{"Ia", 0.3}}}, {of.truth, of.joint, of.assumed}}, 3, kNoise);
   }
@@ -194,11 +194,11 @@ std::pair<Outcome, Outcome> next_experiment(const Case& of, unsigned seed) {
   options.steps = 20;
   for (const unsigned k : {2U, 3U}) {
     options.seed = seed + k;
-    const SeparatingMotion motion = separate(first.after, limits(), asked, options);
+    const SeparatingMotion motion = separate(first.after, limits_file(), asked, options);
     EXPECT_TRUE(motion.use.inside);
     (k == 2 ? train : judge).push_back(run(truth, motion.log, seed + k));
   }
-  return {before, outcome(diagnose::diagnose(arm(), train, judge), of)};
+  return {before, outcome(diagnose::diagnose(three_joint_arm(), train, judge), of)};
 }
 
 TEST(Separate, DecidesBetweenOffsetAndSpringWhereTheFirstLogDidNot) {
@@ -231,14 +231,14 @@ TEST(Separate, DesignsForAResidualOfUnknownKind) {
   folder.write("diagnosis.json",
                R"({"train": {"rmse_after": [0.4, 0.5, 0.4]}, "effects": [],
                    "unexplained": [{"joint": 3, "what": "x", "evidence": {"rms": 0.5, "noise_rms": 0.3}}]})");
-  const Questions asked = read_questions(arm(), folder.path("diagnosis.json"));
+  const Questions asked = read_questions(three_joint_arm(), folder.path("diagnosis.json"));
   ASSERT_THAT(asked.all, SizeIs(1));
   EXPECT_NEAR(asked.all[0].rivals[0].parameters[0].second, 0.4, 1e-12);
   SeparateOptions options;
   options.motions = 2;
   options.steps = 10;
   options.rehearse = false;
-  const SeparatingMotion motion = separate(arm(), limits(), asked, options);
+  const SeparatingMotion motion = separate(three_joint_arm(), limits_file(), asked, options);
   ASSERT_THAT(motion.pairs, SizeIs(3));
   for (const Separation& pair : motion.pairs)
     EXPECT_GT(pair.distance, motion.median) << pair.first << ' ' << pair.second;
@@ -252,16 +252,16 @@ TEST(Separate, ReadsEffectsWithTheirRivalsAndRefusesWhatLeavesNothingOpen) {
        "rivals": [{"kind": "viscous_nonlinear", "joint": 2, "delta_bic": -10, "parameters": {"c": 1.5, "p": 3}},
                   {"kind": "base_tilt", "joint": null, "parameters": {"tilt_deg": 1}},
                   {"kind": "ripple", "joint": 2}]}]})");
-  const Questions asked = read_questions(arm(), folder.path("open.json"));
+  const Questions asked = read_questions(three_joint_arm(), folder.path("open.json"));
   ASSERT_THAT(asked.all, SizeIs(1));
   ASSERT_THAT(asked.all[0].rivals, SizeIs(2));
   EXPECT_EQ(asked.all[0].rivals[1].kind, "viscous_nonlinear");
   EXPECT_THAT(asked.notes, ElementsAre(HasSubstr("base_tilt"), HasSubstr("no parameters")));
   folder.write("closed.json",
                R"({"train": {"rmse_after": [0.4, 0.5, 0.4]}, "effects": [], "unexplained": []})");
-  EXPECT_THROW(read_questions(arm(), folder.path("closed.json")), NotIdentifiableError);
+  EXPECT_THROW(read_questions(three_joint_arm(), folder.path("closed.json")), NotIdentifiableError);
   folder.write("other.json", R"({"train": {"rmse_after": [0.4]}, "effects": []})");
-  EXPECT_THROW(read_questions(arm(), folder.path("other.json")), ModelError);
+  EXPECT_THROW(read_questions(three_joint_arm(), folder.path("other.json")), ModelError);
 }
 
 }  // namespace

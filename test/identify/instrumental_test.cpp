@@ -192,7 +192,7 @@ TEST(BiasTest, GivesNoVerdictItCannotStandBy) {
 // ------------------------------------------------------------------------------------------------ a small
 // arm
 
-model::Robot small_arm() {
+model::Robot arm_with_rotors() {
   model::Robot robot = test::planar_two_link();
   robot.joints[0].actuation = {0.3, 1.0, 0.8, 0.2};
   robot.joints[1].actuation = {0.1, 0.4, 0.3, -0.1};
@@ -209,7 +209,7 @@ data::Log noisy_log(double position_noise, std::uint32_t seed, double duration =
   settings.noise = 0.02;
   settings.noise_seed = settings.motion_seed = seed;
   settings.with_velocity = false;
-  data::Log log = test::synthetic_log(small_arm(), settings);
+  data::Log log = test::synthetic_log(arm_with_rotors(), settings);
   std::mt19937_64 random(seed);
   log.q += position_noise * normal_matrix(log.q.rows(), log.q.cols(), random);
   return log;
@@ -225,9 +225,9 @@ data::MotionStream stream_of(data::Log log) {
 
 /// Plain weighted least squares, its noise, and instruments on top.
 struct Experiment {
-  regression::RegressionColumns columns{small_arm(), {}};
+  regression::RegressionColumns columns{arm_with_rotors(), {}};
   regression::BaseParameters base{regression::find_base_parameters(columns)};
-  Eigen::VectorXd truth{base.regrouping * columns.values(small_arm())};
+  Eigen::VectorXd truth{base.regrouping * columns.values(arm_with_rotors())};
   regression::ObservationOptions observation{};
 
   struct Result {
@@ -353,7 +353,7 @@ data::Log fast_log() {
   settings.sample_rate = 500.0;
   settings.fundamental = 0.25;
   settings.with_velocity = false;
-  return test::synthetic_log(small_arm(), settings);
+  return test::synthetic_log(arm_with_rotors(), settings);
 }
 
 TEST(SimulatedMotion, FollowsAndObeysTheDynamics) {
@@ -382,7 +382,7 @@ TEST(SimulatedMotion, FollowsAndObeysTheDynamics) {
   EXPECT_LT((qd - chunk.qd).middleRows(50, inner).cwiseAbs().maxCoeff(), 2e-3);
   EXPECT_LT((qdd - chunk.qdd).middleRows(50, inner).norm() / chunk.qdd.norm(), 0.02);
   // The control's torque, from the reference, is the torque that this motion needs by inverse dynamics.
-  const model::Dynamics dynamics(small_arm());
+  const model::Dynamics dynamics(arm_with_rotors());
   const double omega = 2.0 * std::numbers::pi * options.control;
   const Eigen::MatrixXd rd = data::differentiate(chunk.time, log.q);
   const Eigen::MatrixXd rdd = data::differentiate(chunk.time, rd);

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kJoints = 2;
 constexpr int kColumns = 4;
-const Eigen::Vector4d kTruth(1.0, -2.0, 0.5, 3.0);
+const Eigen::Vector4d kSlopes(1.0, -2.0, 0.5, 3.0);
 const Eigen::Vector2d kNoise(0.1, 10.0);
 
 /// Rows of two joints whose noise differs hundredfold, in pieces as a log would give them. Outliers lie to
@@ -36,7 +36,7 @@ std::vector<regression::ObservationRows> make_rows(int samples, double outliers,
       piece.time = Eigen::VectorXd::LinSpaced(kPiece, 0.1 * first, 0.1 * (first + kPiece - 1));
       piece.W = Eigen::MatrixXd::NullaryExpr(kPiece, kColumns, [&] { return normal(random); });
       piece.W.col(3).setOnes();
-      piece.tau = piece.W * kTruth;
+      piece.tau = piece.W * kSlopes;
       for (double& tau : piece.tau) {
         const double unit = uniform(random) < outliers ? outlier_size : 1.0 * normal(random);
         tau += kNoise[joint] * unit;
@@ -91,8 +91,8 @@ TEST(Robust, OutliersDoNotMoveTheEstimateBeyondItsInterval) {
     EXPECT_TRUE(fit.converged) << seed;
     const Eigen::VectorXd half = statistics::interval_factor(fit.factors.num_blocks() - 1) *
                                  jackknife_std(fit.factors, weights_for(fit.noise_std));
-    robust_inside += ((fit.beta - kTruth).array().abs() < 1.3 * half.array()).all() ? 1 : 0;
-    plain_inside += std::abs(start[3] - kTruth[3]) < 1.3 * half[3] ? 1 : 0;
+    robust_inside += ((fit.beta - kSlopes).array().abs() < 1.3 * half.array()).all() ? 1 : 0;
+    plain_inside += std::abs(start[3] - kSlopes[3]) < 1.3 * half[3] ? 1 : 0;
     for (int j = 0; j < kJoints; ++j) {
       EXPECT_NEAR(fit.noise_std[j], kNoise[j], 0.15 * kNoise[j]) << seed;
       EXPECT_NEAR(fit.downweighted_share[j], 0.05 + 0.011, 0.025) << seed;
@@ -109,8 +109,8 @@ TEST(Robust, WithoutOutliersCostsLittle) {
     const std::vector<regression::ObservationRows> pieces = make_rows(500, 0.0, 0.0, seed);
     const Eigen::VectorXd start = solution(plain_factors(pieces).weighted(weights_for(kNoise)));
     const RobustFit fit = fit_robust(pass_over(pieces), start, kNoise);
-    plain_error += (start - kTruth).squaredNorm();
-    robust_error += (fit.beta - kTruth).squaredNorm();
+    plain_error += (start - kSlopes).squaredNorm();
+    robust_error += (fit.beta - kSlopes).squaredNorm();
   }
   EXPECT_LT(robust_error, 1.12 * plain_error);
   EXPECT_GT(robust_error, plain_error);
@@ -121,10 +121,10 @@ TEST(Robust, FactorsHaveTheEstimateAndItsScatter) {
   Eigen::Vector4d squared = Eigen::Vector4d::Zero(), stated = Eigen::Vector4d::Zero();
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const std::vector<regression::ObservationRows> pieces = make_rows(300, 0.05, 50.0, seed);
-    const RobustFit fit = fit_robust(pass_over(pieces), kTruth, kNoise);
+    const RobustFit fit = fit_robust(pass_over(pieces), kSlopes, kNoise);
     const Eigen::VectorXd weights = weights_for(fit.noise_std);
     EXPECT_LT((solution(fit.factors.weighted(weights)) - fit.beta).norm(), 1e-3) << seed;
-    squared += (fit.beta - kTruth).cwiseAbs2();
+    squared += (fit.beta - kSlopes).cwiseAbs2();
     stated += jackknife_std(fit.factors, weights).cwiseAbs2();
   }
   // Scatter over the experiments against what the jackknife says: equal up to the sample of 300 (± 4 %).
@@ -165,19 +165,19 @@ TEST(Robust, ScalesAgreeWithTheMedianOfAllResiduals) {
 TEST(Robust, LeavesADirectionWithoutRowsAtTheStart) {
   std::vector<regression::ObservationRows> pieces = make_rows(500, 0.05, 50.0, 9);
   for (regression::ObservationRows& piece : pieces) {
-    piece.tau -= piece.W.col(1) * kTruth[1];
+    piece.tau -= piece.W.col(1) * kSlopes[1];
     piece.W.col(1).setZero();
   }
   const RobustFit fit = fit_robust(pass_over(pieces), Eigen::Vector4d(0.0, 7.0, 0.0, 0.0), kNoise);
   EXPECT_EQ(fit.beta[1], 7.0);
-  EXPECT_NEAR(fit.beta[3], kTruth[3], 0.05);
+  EXPECT_NEAR(fit.beta[3], kSlopes[3], 0.05);
 }
 
 TEST(Robust, ExactRowsAreNoDivisionByZero) {
   std::vector<regression::ObservationRows> pieces = make_rows(500, 0.0, 0.0, 10);
-  for (regression::ObservationRows& piece : pieces) piece.tau = piece.W * kTruth;
+  for (regression::ObservationRows& piece : pieces) piece.tau = piece.W * kSlopes;
   const RobustFit fit = fit_robust(pass_over(pieces), Eigen::Vector4d::Zero(), kNoise);
-  EXPECT_LT((fit.beta - kTruth).norm(), 1e-9);
+  EXPECT_LT((fit.beta - kSlopes).norm(), 1e-9);
 }
 
 TEST(Robust, RefusesRowsOfOtherSize) {

@@ -41,12 +41,12 @@ std::vector<Lanes> available_lanes() {
   return all;
 }
 
-struct Motion {
+struct States {
   MatrixXd q, qd, qdd;
 };
 
-Motion random_motion(test::Random& random, Index states, Index joints) {
-  Motion m{MatrixXd(states, joints), MatrixXd(states, joints), MatrixXd(states, joints)};
+States random_motion(test::Random& random, Index states, Index joints) {
+  States m{MatrixXd(states, joints), MatrixXd(states, joints), MatrixXd(states, joints)};
   for (Index s = 0; s < states; ++s) {
     for (Index j = 0; j < joints; ++j) {
       m.q(s, j) = test::uniform(random, -3, 3);
@@ -82,7 +82,7 @@ void compare_all(const ArmModel<double, N>& arm, test::Random& random, int& comp
     for (const Index states : {1, 2, 3, 7, 8, 9, 21}) {
       SCOPED_TRACE(std::string(to_string(lanes)) + ", " + std::to_string(N) + " joints, " +
                    std::to_string(states) + " states");
-      const Motion m = random_motion(random, states, N);
+      const States m = random_motion(random, states, N);
       MatrixXd tau(states, N), gravity(states, N), mass(states, N * N), acceleration(states, N);
       std::vector<MatrixXd> regressor(N, MatrixXd(states, 14 * N));
       JointVector<double, N> rotor;
@@ -145,7 +145,7 @@ TEST(BatchDynamics, IsThatOfOneStateAtATimeForAxesOfEveryDirection) {
 TEST(BatchDynamics, GivesTheColumnsAskedForInTheirOrder) {
   test::Random random(33);
   const Robot robot = robot_of(test::random_arm<4>(random, 0.3), "arm");
-  const Motion m = random_motion(random, 37, 4);
+  const States m = random_motion(random, 37, 4);
   const std::vector<std::vector<int>> columns = {{50, 3, 12, 40}, {}, {0, 22, 42, 29, 54}, {39}};
   for (const Lanes lanes : available_lanes()) {
     const BatchDynamics batch(robot, lanes);
@@ -154,14 +154,15 @@ TEST(BatchDynamics, GivesTheColumnsAskedForInTheirOrder) {
     std::vector<MatrixXd> rows(4, MatrixXd::Constant(37, 4, 7.0));
     batch.regressor_rows(m.q, m.qd, m.qdd, columns, rows);
     ASSERT_EQ(rows.size(), 4U);
-    for (std::size_t j = 0; j < 4; ++j) expect_same(rows[j], all[j](Eigen::all, columns[j]), to_string(lanes));
+    for (std::size_t j = 0; j < 4; ++j)
+      expect_same(rows[j], all[j](Eigen::all, columns[j]), to_string(lanes));
   }
 }
 
 TEST(BatchDynamics, TakesRowsOutOfTheMiddleOfALogAndWritesThemThere) {
   test::Random random(34);
   const Robot robot = robot_of(test::random_arm<6>(random, 0.0), "arm");
-  const Motion m = random_motion(random, 60, 6);
+  const States m = random_motion(random, 60, 6);
   for (const Lanes lanes : available_lanes()) {
     const BatchDynamics batch(robot, lanes);
     const MatrixXd whole = batch.inverse_dynamics(m.q, m.qd, m.qdd);
@@ -179,11 +180,11 @@ TEST(BatchDynamics, TakesRowsOutOfTheMiddleOfALogAndWritesThemThere) {
 TEST(BatchDynamics, AnswersNanForOneStateWithoutHarmToItsNeighbours) {
   test::Random random(35);
   const Robot robot = robot_of(test::random_arm<6>(random, 0.0), "arm");
-  Motion m = random_motion(random, 16, 6);
+  States m = random_motion(random, 16, 6);
   for (const Lanes lanes : available_lanes()) {
     const BatchDynamics batch(robot, lanes);
     const MatrixXd good = batch.inverse_dynamics(m.q, m.qd, m.qdd);
-    Motion bad = m;
+    States bad = m;
     bad.q(5, 2) = std::numeric_limits<double>::infinity();
     const MatrixXd tau = batch.inverse_dynamics(bad.q, bad.qd, bad.qdd);
     for (Index s = 0; s < 16; ++s) {
@@ -214,9 +215,11 @@ TEST(BatchDynamics, NamesTheStateWhoseMassMatrixIsNotPositiveDefinite) {
       batch.forward_dynamics(q, rest, rest, qdd);
       ADD_FAILURE() << to_string(lanes) << " accepted it";
     } catch (const ModelError& error) {
-      EXPECT_THAT(error.what(), HasSubstr("robot \"hollow\": the mass matrix at state 13 is not positive definite"));
+      EXPECT_THAT(error.what(),
+                  HasSubstr("robot \"hollow\": the mass matrix at state 13 is not positive definite"));
     }
-    EXPECT_NO_THROW(batch.forward_dynamics(q.topRows(13), rest.topRows(13), rest.topRows(13), qdd.topRows(13)));
+    EXPECT_NO_THROW(
+        batch.forward_dynamics(q.topRows(13), rest.topRows(13), rest.topRows(13), qdd.topRows(13)));
   }
 }
 
@@ -257,7 +260,8 @@ TEST(LaneSymbols, OfNewerInstructionsAreOfTypesThatNoOtherFileHas) {
   ASSERT_TRUE(pipe);
   std::string text;
   std::array<char, 4096> piece{};
-  while (const std::size_t size = fread(piece.data(), 1, piece.size(), pipe.get())) text.append(piece.data(), size);
+  while (const std::size_t size = fread(piece.data(), 1, piece.size(), pipe.get()))
+    text.append(piece.data(), size);
   int looked_at = 0;
   std::size_t at = 0;
   while (at < text.size()) {

@@ -25,7 +25,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using Kind = LiveEvent::Kind;
 
-constexpr double kMass = 0.8;
+constexpr double kCarried = 0.8;
 
 data::Log log_of(const model::Robot& robot, std::uint32_t seed,
                  std::function<const model::Robot&(double)> robot_at = {}, double duration = 30.0) {
@@ -70,7 +70,7 @@ class LiveLoadOf : public ::testing::Test {
 
   const model::Robot arm_ = test::planar_two_link();
   const model::Robot loaded_ =
-      test::carrying(arm_, test::body(kMass, {0.3, 0, 0}, {0, 0, 0.001, 0, 0, 0.001}));
+      test::carrying(arm_, test::body(kCarried, {0.3, 0, 0}, {0, 0, 0.001, 0, 0, 0.001}));
   const model::Robot heavier_ =
       test::carrying(arm_, test::body(2.0, {0.2, 0.05, 0}, {0, 0, 0.002, 0, 0, 0.002}));
   static const UnloadedArm& fitted_once() {
@@ -89,8 +89,8 @@ TEST_F(LiveLoadOf, AStreamIsTheLoadOfItsLogAndKnownBeforeItsEnd) {
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.front().kind, Kind::kKnown);
   EXPECT_LT(events.front().time, 110.0);
-  EXPECT_TRUE(events.front().load.mass.contains(kMass));
-  EXPECT_NEAR(events.front().load.mass.value, kMass, 0.15 * kMass);
+  EXPECT_TRUE(events.front().load.mass.contains(kCarried));
+  EXPECT_NEAR(events.front().load.mass.value, kCarried, 0.15 * kCarried);
   const LiveSummary summary = live.end(7);
   ASSERT_TRUE(summary.load.has_value());
   const Payload weighed = estimate(unloaded_, data::log_set(arm_.joint_specs(), {}, {log}).judge().front());
@@ -99,7 +99,7 @@ TEST_F(LiveLoadOf, AStreamIsTheLoadOfItsLogAndKnownBeforeItsEnd) {
   EXPECT_EQ(report::brief(*weighed.first_stated()), report::brief(events.front())) << "the same code";
   EXPECT_TRUE(whole.mass.contains(summary.load->mass.value));
   EXPECT_TRUE(summary.load->mass.contains(whole.mass.value));
-  EXPECT_TRUE(summary.load->mass.contains(kMass));
+  EXPECT_TRUE(summary.load->mass.contains(kCarried));
   EXPECT_LT(summary.load->mass.half_width(), 0.15);
   EXPECT_NEAR(summary.load->com[0].value, whole.com[0].value, 0.02);
   EXPECT_TRUE(summary.load->com[0].contains(0.3));
@@ -137,13 +137,15 @@ TEST_F(LiveLoadOf, SaysWhatIsAttachedReplacedAndDetached) {
   ASSERT_EQ(summary.changes.size(), 3U);
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_NEAR(summary.changes[c].time, 14.0 + 15.0 * static_cast<double>(c), 0.5) << c;
-  EXPECT_NEAR(summary.changes[0].mass, kMass, 0.15 * kMass);
+  EXPECT_NEAR(summary.changes[0].mass, kCarried, 0.15 * kCarried);
   for (const LiveEvent& event : events) {
-    const double truth = event.kind == Kind::kAttached ? kMass : event.kind == Kind::kReplaced ? 2.0 : kNaN;
+    const double truth = event.kind == Kind::kAttached   ? kCarried
+                         : event.kind == Kind::kReplaced ? 2.0
+                                                         : kNaN;
     if (std::isnan(truth)) continue;
     EXPECT_TRUE(event.load.mass.contains(truth)) << report::brief(event);
   }
-  EXPECT_NEAR(summary.changes[1].mass_before, kMass, 0.3 * kMass);
+  EXPECT_NEAR(summary.changes[1].mass_before, kCarried, 0.3 * kCarried);
   EXPECT_NEAR(summary.changes[1].mass, 2.0, 0.15 * 2.0);
   ASSERT_TRUE(summary.load.has_value());
   EXPECT_TRUE(summary.load->mass.contains(0.0));
@@ -220,7 +222,7 @@ TEST_F(LiveLoadOf, FrictionThatChangedDoesNotPassForLoad) {
   push(live, log_of(warm, 7));
   const LiveSummary summary = live.end();
   ASSERT_TRUE(summary.load.has_value());
-  EXPECT_TRUE(summary.load->mass.contains(kMass)) << report::brief(summary);
+  EXPECT_TRUE(summary.load->mass.contains(kCarried)) << report::brief(summary);
 }
 
 TEST_F(LiveLoadOf, TheTorqueScaleIsTakenOffTheLoad) {
@@ -239,7 +241,7 @@ TEST_F(LiveLoadOf, TheTorqueScaleIsTakenOffTheLoad) {
   push(live, log);
   const double measured = as_measured.end().load.value().mass.value,
                found = live.end().load.value().mass.value;
-  EXPECT_NEAR(found, kMass, 0.02);
+  EXPECT_NEAR(found, kCarried, 0.02);
   EXPECT_GT(measured, 1.05 * found);
 }
 
@@ -277,7 +279,7 @@ TEST_F(LiveLoadOf, AClockThatIsSetBackStartsTheFiltersAnewAndKeepsWhatWasSaid) {
   log = log_of(loaded_, 4);  // from 0 s again
   for (const LiveEvent& event : push(live, log))
     EXPECT_EQ(event.kind, Kind::kCorrected) << report::brief(event);
-  EXPECT_TRUE(live.end().load.value().mass.contains(kMass));
+  EXPECT_TRUE(live.end().load.value().mass.contains(kCarried));
 }
 
 TEST_F(LiveLoadOf, VelocitiesThatAreMissingAreDerived) {
@@ -287,7 +289,7 @@ TEST_F(LiveLoadOf, VelocitiesThatAreMissingAreDerived) {
   push(live, log);
   const LiveSummary summary = live.end();
   ASSERT_TRUE(summary.load.has_value());
-  EXPECT_TRUE(summary.load->mass.contains(kMass)) << report::brief(summary);
+  EXPECT_TRUE(summary.load->mass.contains(kCarried)) << report::brief(summary);
 }
 
 TEST_F(LiveLoadOf, AStreamThatShowsNothingSaysWhatIsMissing) {

@@ -17,7 +17,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-payload::Payload example() {
+payload::Payload payload_example() {
   payload::Payload load;
   load.robot = "ur10e";
   load.log = "carrying.csv";
@@ -41,7 +41,7 @@ payload::Payload example() {
 }
 
 TEST(PayloadReport, JsonHasTheDocumentedFields) {
-  const auto json = nlohmann::json::parse(report::json(example()));
+  const auto json = nlohmann::json::parse(report::json(payload_example()));
   EXPECT_EQ(json.at("mass").at("value"), 2.8);
   EXPECT_EQ(json.at("mass").at("std"), 0.05);
   EXPECT_EQ(json.at("mass").at("identifiable"), true);
@@ -56,21 +56,23 @@ TEST(PayloadReport, JsonHasTheDocumentedFields) {
 }
 
 TEST(PayloadReport, SeveralLoadsAreAList) {
-  EXPECT_EQ(nlohmann::json::parse(report::json(payload::Weighing{{}, {example(), example()}})).size(), 2U);
+  EXPECT_EQ(nlohmann::json::parse(report::json(payload::Weighing{{}, {payload_example(), payload_example()}}))
+                .size(),
+            2U);
 }
 
 TEST(PayloadReport, TextGivesTheIntervalAndWhatIsNotKnown) {
-  EXPECT_THAT(report::full(example()),
+  EXPECT_THAT(report::full(payload_example()),
               AllOf(HasSubstr("2.800 kg ± 0.098 kg (95 %)"), HasSubstr("not identifiable"),
                     HasSubstr("Not converged"), HasSubstr("-50")));
-  payload::Payload nothing = example();
+  payload::Payload nothing = payload_example();
   nothing.run.mass.identifiable = false;
   EXPECT_THAT(report::full(nothing), AllOf(HasSubstr("cannot be determined"), Not(HasSubstr("2.8 kg ±"))));
 }
 
 TEST(PayloadReport, PageShowsMassAndTorqueError) {
   EXPECT_THAT(
-      report::page(payload::Weighing{{}, {example()}}).html(),
+      report::page(payload::Weighing{{}, {payload_example()}}).html(),
       AllOf(HasSubstr("Mass of the load"), HasSubstr("Torque error per joint"), HasSubstr("95 % interval")));
 }
 

@@ -19,7 +19,7 @@ using ::testing::Not;
 using Kind = sim::SimulationEvent::Kind;
 
 /// Two joints for three seconds: the first 3 mrad beside its reference, the second on it.
-sim::Simulation example() {
+sim::Simulation simulated_example() {
   sim::Simulation simulation;
   simulation.robot = "two-joints";
   simulation.source = "/data/pick.json";
@@ -40,7 +40,7 @@ sim::Simulation example() {
 }
 
 TEST(Simulation, KnowsItsErrorsTorquesAndEvents) {
-  const sim::Simulation simulation = example();
+  const sim::Simulation simulation = simulated_example();
   EXPECT_EQ(simulation.duration(), 3.0);
   EXPECT_EQ(simulation.times_stuck(), 2);
   EXPECT_EQ(simulation.payload_events().size(), 2U);
@@ -50,12 +50,12 @@ TEST(Simulation, KnowsItsErrorsTorquesAndEvents) {
 }
 
 TEST(Simulation, SaysWhatHappened) {
-  EXPECT_EQ(report::brief(example()), "3 s simulated, 2 payload events.");
-  EXPECT_THAT(report::full(example()),
+  EXPECT_EQ(report::brief(simulated_example()), "3 s simulated, 2 payload events.");
+  EXPECT_THAT(report::full(simulated_example()),
               AllOf(HasSubstr("two-joints simulated for 3 s: 4 samples, 2 payload events, 2 times a joint "
                               "came to stick\n  grasp at 3.2500 s\n  release at 4.7500 s\n"),
                     HasSubstr("0.003"), HasSubstr("7.00")));
-  const auto json = nlohmann::json::parse(report::json(example()));
+  const auto json = nlohmann::json::parse(report::json(simulated_example()));
   EXPECT_EQ(json.at("scenario"), "/data/pick.json");
   EXPECT_FALSE(json.contains("replay"));
   EXPECT_EQ(json.at("events").size(), 5U);
@@ -63,12 +63,12 @@ TEST(Simulation, SaysWhatHappened) {
   EXPECT_EQ(json.at("events").at(3).at("joint"), 2);
   EXPECT_EQ(json.at("solver").at("steps"), 17);
   EXPECT_NEAR(json.at("rms_tracking_error").at(0).get<double>(), 0.003, 1e-15);
-  EXPECT_THAT(report::page(example()).html(),
+  EXPECT_THAT(report::page(simulated_example()).html(),
               AllOf(HasSubstr("two-joints: simulation"), HasSubstr("pick.json"), Not(HasSubstr("/data/"))));
 }
 
 TEST(Simulation, WithoutAReferenceHasNoTrackingError) {
-  sim::Simulation simulation = example();
+  sim::Simulation simulation = simulated_example();
   simulation.is_replay = true;
   simulation.result.log.qref.resize(0, 0);
   EXPECT_EQ(simulation.tracking_error().size(), 0);

@@ -13,6 +13,7 @@
 #include "heft/host/error.hpp"
 #include "heft/model/dynamics.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "stiffness/planar_arm.hpp"
 
 namespace heft::stiffness {
 namespace {
@@ -20,22 +21,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Links along x, joints about z.
-model::Robot planar_arm(const std::vector<double>& lengths) {
-  std::vector<DenavitHartenberg<double>> table;
-  for (const double length : lengths) table.push_back({length, 0, 0, 1});
-  return model::make_standard_dh_robot("planar", table);
-}
-
 model::Robot ur5() { return urdf::load_urdf(HEFT_URDF_DIR "/ur5.urdf"); }
 
 const VectorXd kUr5Stiffness = (VectorXd(6) << 2.1e4, 1.8e4, 1.6e4, 5.2e3, 4.1e3, 3.3e3).finished();
-
-VectorXd vector(std::initializer_list<double> values) {
-  VectorXd v(static_cast<Eigen::Index>(values.size()));
-  std::copy(values.begin(), values.end(), v.begin());
-  return v;
-}
 
 VectorXd random_vector(Eigen::Index n, double size, std::mt19937_64& random) {
   std::uniform_real_distribution<double> uniform(-size, size);

@@ -15,6 +15,7 @@
 
 #include "heft/host/error.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "stiffness/planar_arm.hpp"
 #include "support/ur5_dh_table.hpp"
 
 namespace heft::stiffness {
@@ -26,18 +27,6 @@ using test::ur5_of_dh_table;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kTurn = 2.0 * std::numbers::pi;
-
-VectorXd vector(std::initializer_list<double> values) {
-  VectorXd v(static_cast<Eigen::Index>(values.size()));
-  std::copy(values.begin(), values.end(), v.begin());
-  return v;
-}
-
-model::Robot planar_arm(const std::vector<double>& lengths) {
-  std::vector<DenavitHartenberg<double>> table;
-  for (const double length : lengths) table.push_back({length, 0, 0, 1});
-  return model::make_standard_dh_robot("planar", table);
-}
 
 TEST(FrobeniusCondition, IsTheDefinitionForSquareWideAndTall) {
   std::mt19937_64 random(81);

@@ -11,6 +11,7 @@
 #include "heft/model/kinematics.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/kdl.hpp"
+#include "urdf/comparison.hpp"
 
 namespace heft::urdf {
 namespace {
@@ -20,15 +21,6 @@ using test::KdlArm;
 constexpr int kStates = 1000;
 /// Relative to the largest entry: two recursions of some hundred operations each in double precision.
 constexpr double kTolerance = 1e-12;
-
-std::vector<std::string> robot_files() {
-  std::vector<std::string> files;
-  for (const auto& entry : std::filesystem::directory_iterator(HEFT_URDF_DIR)) {
-    if (entry.path().extension() == ".urdf") files.push_back(entry.path().string());
-  }
-  std::sort(files.begin(), files.end());
-  return files;
-}
 
 struct State {
   Eigen::VectorXd q, qd, qdd;
@@ -40,10 +32,6 @@ State random_state(int joints, std::mt19937_64& random) {
     return Eigen::VectorXd::NullaryExpr(joints, [&] { return scale * uniform(random); });
   };
   return {vector(3.2), vector(4.0), vector(20.0)};
-}
-
-double relative_error(const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) {
-  return (found - expected).cwiseAbs().maxCoeff() / expected.cwiseAbs().maxCoeff();
 }
 
 class Robots : public testing::TestWithParam<std::string> {};

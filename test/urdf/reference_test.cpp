@@ -9,6 +9,7 @@
 #include "heft/model/dynamics.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "support/measured_data.hpp"
+#include "urdf/comparison.hpp"
 
 namespace heft::urdf {
 namespace {
@@ -24,10 +25,6 @@ class ReferenceVectors : public testing::TestWithParam<Arm> {};
 Eigen::VectorXd vector_of(const nlohmann::json& values) {
   const auto list = values.get<std::vector<double>>();
   return Eigen::Map<const Eigen::VectorXd>(list.data(), static_cast<Eigen::Index>(list.size()));
-}
-
-double relative_error(const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) {
-  return (found - expected).cwiseAbs().maxCoeff() / expected.cwiseAbs().maxCoeff();
 }
 
 TEST_P(ReferenceVectors, AreReproducedFromTheUrdf) {

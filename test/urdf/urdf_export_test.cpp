@@ -17,6 +17,7 @@
 #include "support/kdl.hpp"
 #include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
+#include "urdf/comparison.hpp"
 
 namespace heft::urdf {
 namespace {
@@ -40,7 +41,7 @@ std::string read(const std::string& path) {
   return content.str();
 }
 
-model::Robot load(const std::string& text, bool accept_impossible = false) {
+model::Robot loaded(const std::string& text, bool accept_impossible = false) {
   UrdfOptions options;
   options.accept_impossible_values = accept_impossible;
   return load_urdf_string(text, "arm.urdf", options);
@@ -287,7 +288,7 @@ TEST(UrdfExport, GivesAnInertialTheOriginThatItLacks) {
   std::string tabs = text;
   for (std::size_t at = tabs.find("\\t"); at != std::string::npos; at = tabs.find("\\t"))
     tabs.replace(at, 2, "\t");
-  model::Robot robot = load(tabs);
+  model::Robot robot = loaded(tabs);
   robot.joints[0].link = {1, 0, 0, 0.5, 1.25, 0, 1.25, 0, 0, 1};
   robot.joints[1].link = {2, 0, 0, 0, 1, 0, 1, 0, 0, 1};
   std::string written = exported(tabs, robot);
@@ -395,42 +396,43 @@ constexpr const char* kPlain = R"(<robot name="arm">
 </robot>
 )";
 
-std::string refusal(const model::Robot& robot, const UrdfExportOptions& options = {},
-                    const std::string& text = kPlain) {
+std::string refusal_to_write(const model::Robot& robot, const UrdfExportOptions& options = {},
+                             const std::string& text = kPlain) {
   return message_of<UrdfError>([&] { exported(text, robot, options); });
 }
 
 TEST(UrdfExport, RefusesAMassNotAboveZero) {
-  model::Robot robot = load(kPlain);
+  model::Robot robot = loaded(kPlain);
   robot.joints[1].link[kMass] = -0.31;
   EXPECT_EQ(
-      refusal(robot),
+      refusal_to_write(robot),
       "arm.urdf:5: link \"b\": mass -0.31 kg: expected above zero; not written; fit a physically consistent "
       "model (method physical), or allow impossible values");
   robot.joints[0].link = {0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1};
-  EXPECT_THAT(refusal(robot),
+  EXPECT_THAT(refusal_to_write(robot),
               HasSubstr("link \"a\": mass 0 kg: expected above zero (and 1 more); not written"));
 }
 
 TEST(UrdfExport, RefusesAnImpossibleInertia) {
-  model::Robot robot = load(kPlain);
+  model::Robot robot = loaded(kPlain);
   robot.joints[0].link[kIzz] = 0.5;  // about the centre of mass: 0.02, 0.02, 0.5
-  EXPECT_THAT(refusal(robot), AllOf(HasSubstr("arm.urdf:3: link \"a\": Ixx+Iyy=0.04 < Izz=0.5 kg·m²"),
-                                    HasSubstr("method physical")));
+  EXPECT_THAT(
+      refusal_to_write(robot),
+      AllOf(HasSubstr("arm.urdf:3: link \"a\": Ixx+Iyy=0.04 < Izz=0.5 kg·m²"), HasSubstr("method physical")));
   // Positive about the link's origin, negative about the centre of mass.
   robot.joints[0].link = {2, 0, 0, 2, 1.5, 0, 1.5, 0, 0, 0.5};
-  EXPECT_THAT(refusal(robot), HasSubstr("link \"a\": "));
+  EXPECT_THAT(refusal_to_write(robot), HasSubstr("link \"a\": "));
 }
 
 TEST(UrdfExport, RefusesNegativeFriction) {
-  model::Robot robot = load(kPlain);
+  model::Robot robot = loaded(kPlain);
   robot.joints[1].actuation.viscous_friction = -0.2;
-  EXPECT_THAT(refusal(robot),
+  EXPECT_THAT(refusal_to_write(robot),
               HasSubstr("arm.urdf:8: joint \"jb\": viscous friction -0.2: expected not below zero"));
 }
 
 TEST(UrdfExport, WritesTheImpossibleWhenAskedAndSaysSo) {
-  model::Robot robot = load(kPlain);
+  model::Robot robot = loaded(kPlain);
   robot.joints[0].link[kIzz] = 0.5;
   robot.joints[1].link[kMass] = -0.31;
   robot.joints[1].actuation.viscous_friction = -0.2;
@@ -443,9 +445,9 @@ TEST(UrdfExport, WritesTheImpossibleWhenAskedAndSaysSo) {
               ElementsAre(HasSubstr("link \"a\": Ixx+Iyy"), HasSubstr("mass -0.31 kg"),
                           AllOf(HasSubstr("viscous friction -0.2"), HasSubstr("written as it is"))));
   EXPECT_LT(report.torque_difference, 1e-12);
-  EXPECT_THAT(message_of<UrdfError>([&] { load(text); }),
+  EXPECT_THAT(message_of<UrdfError>([&] { loaded(text); }),
               HasSubstr("damping -0.2; expected finite numbers not below zero"));
-  const model::Robot again = load(text, true);
+  const model::Robot again = loaded(text, true);
   for (std::size_t i = 0; i < 10; ++i) EXPECT_NEAR(again.joints[1].link[i], robot.joints[1].link[i], 1e-14);
   EXPECT_EQ(exported(text, robot, options), text);
   const TemporaryFolder folder;
@@ -458,30 +460,33 @@ TEST(UrdfExport, WritesTheImpossibleWhenAskedAndSaysSo) {
 TEST(UrdfExport, RefusesWhatUrdfCannotExpressEvenWhenAsked) {
   UrdfExportOptions options;
   options.allow_impossible = true;
-  model::Robot robot = load(kPlain);
+  model::Robot robot = loaded(kPlain);
   robot.joints[1].link[kMass] = 0.0;  // its first moment stays
-  EXPECT_THAT(refusal(robot, options), AllOf(HasSubstr("link \"b\": no mass but a first moment of 0.1 kg·m"),
-                                             HasSubstr("URDF cannot express")));
+  EXPECT_THAT(refusal_to_write(robot, options),
+              AllOf(HasSubstr("link \"b\": no mass but a first moment of 0.1 kg·m"),
+                    HasSubstr("URDF cannot express")));
   robot.joints[1].link[kMass] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THAT(refusal(robot, options),
+  EXPECT_THAT(refusal_to_write(robot, options),
               AllOf(HasSubstr("link \"b\""), HasSubstr("[nan, 0, 0, 0.1,"), HasSubstr("expected numbers")));
-  robot = load(kPlain);
+  robot = loaded(kPlain);
   robot.joints[0].actuation.coulomb_friction = std::numeric_limits<double>::infinity();
-  EXPECT_THAT(refusal(robot, options),
+  EXPECT_THAT(refusal_to_write(robot, options),
               HasSubstr("joint \"ja\": Coulomb friction inf; expected a finite number"));
 }
 
 TEST(UrdfExport, RefusesAnotherRobotsFile) {
-  model::Robot robot = load(kPlain);
+  model::Robot robot = loaded(kPlain);
   robot.joints[0].name = "other";
-  EXPECT_THAT(refusal(robot),
+  EXPECT_THAT(refusal_to_write(robot),
               HasSubstr("joint 1 is \"ja\" with link \"a\"; expected \"other\" with link \"a\""));
-  robot = load(kPlain);
+  robot = loaded(kPlain);
   robot.joints[1].joint.position[2] = 0.1;
-  EXPECT_THAT(refusal(robot), HasSubstr("joint \"jb\" has another type, place or axis than in the robot"));
-  robot = load(kPlain);
+  EXPECT_THAT(refusal_to_write(robot),
+              HasSubstr("joint \"jb\" has another type, place or axis than in the robot"));
+  robot = loaded(kPlain);
   robot.joints.pop_back();
-  EXPECT_THAT(refusal(robot), HasSubstr("2 joints move between \"base\" and \"b\"; expected the robot's 1"));
+  EXPECT_THAT(refusal_to_write(robot),
+              HasSubstr("2 joints move between \"base\" and \"b\"; expected the robot's 1"));
 }
 
 // --- files ---
@@ -566,7 +571,7 @@ TEST(UrdfExport, NothingIsWrittenOnAnError) {
 
 TEST(UrdfExport, ParametersThatMassAndCentreCannotHoldAreAnErrorNotAFile) {
   // A grain of mass with a large first moment: the inertia about its far centre of mass swallows the digits.
-  model::Robot robot = load(kPlain);
+  model::Robot robot = loaded(kPlain);
   robot.joints[1].link = {1e-15, 0, 0, 1.0, 0.1, 0, 0.2, 0, 0, 0.1};
   UrdfExportOptions options;
   options.allow_impossible = true;
@@ -575,15 +580,6 @@ TEST(UrdfExport, ParametersThatMassAndCentreCannotHoldAreAnErrorNotAFile) {
 }
 
 // --- every robot there is ---
-
-std::vector<std::string> robot_files() {
-  std::vector<std::string> files;
-  for (const auto& entry : fs::directory_iterator(HEFT_URDF_DIR)) {
-    if (entry.path().extension() == ".urdf") files.push_back(entry.path().string());
-  }
-  std::sort(files.begin(), files.end());
-  return files;
-}
 
 std::vector<std::string> measured_robot_files() {
   std::vector<std::string> files;
