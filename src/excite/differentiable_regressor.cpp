@@ -1,9 +1,10 @@
 #include "differentiable_regressor.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <memory>
 #include <numeric>
+#include <vector>
 
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 #include "heft/core/dynamics/regressor.hpp"
@@ -15,6 +16,7 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 using regression::Column;
 using regression::ColumnKind;
 using regression::RegressionColumns;
@@ -24,15 +26,65 @@ bool is_coupling(const Column& column) {
          column.kind == ColumnKind::kCouplingViscous;
 }
 
-/// For arms of N joints.
+/// Parameters of the links, ten a link.
+VectorXd link_parameters(const model::Robot& robot) {
+  VectorXd links(10 * robot.num_joints());
+  Index at = 0;
+  for (const model::RobotJoint& joint : robot.joints) {
+    for (const double parameter : joint.link) links[at++] = parameter;
+  }
+  return links;
+}
+
+/// What the links are at one instant. All that has to be compiled for each number of joints: the rest sums over samples, whose
+/// number is known at run time.
+class LinkRows {
+ public:
+  virtual ~LinkRows() = default;
+  /// @param q,qd,qdd  n
+  /// @param rows      out, n × 10n, see LinkRegressor
+  /// @param tau       out, n: their torque [N·m, N]
+  virtual void at(const VectorXd& q, const VectorXd& qd, const VectorXd& qdd, MatrixXd& rows,
+                  VectorXd& tau) const = 0;
+};
+
 template <int N>
-class Sized final : public DifferentiableRegressor {
+class SizedLinkRows final : public LinkRows {
+ public:
+  explicit SizedLinkRows(const model::Robot& robot)
+      : arm_(model::to_arm_model<N>(robot)), links_(link_parameters(robot)) {}
+
+  void at(const VectorXd& q, const VectorXd& qd, const VectorXd& qdd, MatrixXd& rows,
+          VectorXd& tau) const override {
+    const JointVector<double, N> position = q, velocity = qd, acceleration = qdd;
+    rows.resize(N, 10 * N);
+    Eigen::Map<LinkRegressor<double, N>, Eigen::Aligned16> Y(rows.data());
+    link_regressor(arm_, joint_trigonometry<DynamicArm<double, N>>(position), position, velocity,
+                   acceleration, Y);
+    tau = Y * links_;
+  }
+
+ private:
+  DynamicArm<double, N> arm_;
+  Eigen::Matrix<double, 10 * N, 1> links_;
+};
+
+std::unique_ptr<LinkRows> make_link_rows(const model::Robot& robot) {
+  const auto make = [&](auto n) -> std::unique_ptr<LinkRows> {
+    return std::make_unique<SizedLinkRows<n>>(robot);
+  };
+  return model::with_joint_count(robot.num_joints(), robot.name, make);
+}
+
+class ChosenColumns final : public DifferentiableRegressor {
  public:
   using Rows = std::vector<MatrixXd>;
 
-  Sized(const RegressionColumns& columns, const std::vector<int>& chosen, const Eigen::VectorXd& sign_width)
-      : arm_(model::to_arm_model<N>(columns.robot())),
+  ChosenColumns(const RegressionColumns& columns, const std::vector<int>& chosen, const VectorXd& sign_width)
+      : n_(columns.num_joints()),
+        link_rows_(make_link_rows(columns.robot())),
         slope_(columns.robot()),
+        links_(link_parameters(columns.robot())),
         fitted_(columns.robot().couplings),
         couplings_(columns.structure().couplings),
         sign_width_(sign_width) {
@@ -46,29 +98,27 @@ class Sized final : public DifferentiableRegressor {
     std::iota(order_.begin(), order_.end(), 0);
     std::stable_sort(order_.begin(), order_.end(), [&](int a, int b) { return last_row(a) < last_row(b); });
     for (const int c : order_) columns_.push_back(columns[chosen[static_cast<std::size_t>(c)]]);
-    for (int i = 0; i < N; ++i) {
+    for (Index i = 0; i < n_; ++i) {
       const auto felt = std::find_if(order_.begin(), order_.end(), [&](int c) { return last_row(c) >= i; });
       first_.push_back(felt - order_.begin());
     }
-    for (std::size_t i = 0; i < static_cast<std::size_t>(N); ++i) {
-      const model::RobotJoint& joint = columns.robot().joints[i];
-      for (std::size_t k = 0; k < 10; ++k) links_[static_cast<Index>(10 * i + k)] = joint.link[k];
-      actuation_[i] = joint.actuation;
-    }
+    for (const model::RobotJoint& joint : columns.robot().joints) actuation_.push_back(joint.actuation);
   }
 
   void evaluate(const MatrixXd& q, const MatrixXd& qd, const MatrixXd& qdd, Rows& rows,
                 MatrixXd& tau) const override {
     const Index m = q.rows(), count = static_cast<Index>(columns_.size());
-    rows.resize(N);
-    for (Index j = 0; j < N; ++j) rows[static_cast<std::size_t>(j)].setZero(m, count - first(j));
-    tau.resize(m, N);
-    LinkRegressor<double, N> links;
+    rows.resize(static_cast<std::size_t>(n_));
+    for (Index j = 0; j < n_; ++j) rows[static_cast<std::size_t>(j)].setZero(m, count - first(j));
+    tau.resize(m, n_);
+    MatrixXd links;
+    VectorXd position, velocity, acceleration, torque;
     for (Index s = 0; s < m; ++s) {
-      const JointVector<double, N> position = q.row(s), velocity = qd.row(s), acceleration = qdd.row(s);
-      link_regressor(arm_, joint_trigonometry<DynamicArm<double, N>>(position), position, velocity,
-                     acceleration, links);
-      tau.row(s) = links * links_;
+      position = q.row(s);
+      velocity = qd.row(s);
+      acceleration = qdd.row(s);
+      link_rows_->at(position, velocity, acceleration, links, torque);
+      tau.row(s) = torque;
       for (std::size_t c = 0; c < columns_.size(); ++c) {
         const Column& column = columns_[c];
         if (column.kind != ColumnKind::kLink) continue;
@@ -90,7 +140,7 @@ class Sized final : public DifferentiableRegressor {
       // Weight of every entry of the links' regressor: h xᵀ for the torque, G where the column is chosen. An odd last
       // instant stands on both sides.
       const Index other = std::min(s + 1, q.rows() - 1);
-      for (Index j = 0; j < N; ++j) {
+      for (Index j = 0; j < n_; ++j) {
         const auto at_j = static_cast<std::size_t>(j);
         at.q[at_j] = Pair{q(s, j), q(other, j)};
         at.qd[at_j] = Pair{qd(s, j), qd(other, j)};
@@ -109,7 +159,7 @@ class Sized final : public DifferentiableRegressor {
           H[static_cast<std::size_t>(i)][j][k] += Pair{entry(G, i, s, c), entry(G, i, other, c)};
       }
       slope_.gradient(at, H, by);
-      for (Index j = 0; j < N; ++j) {
+      for (Index j = 0; j < n_; ++j) {
         const auto at_j = static_cast<std::size_t>(j);
         for (int side = 0; side < (other > s ? 2 : 1); ++side) {
           by_q(s + side, j) += by.q[at_j][side];
@@ -121,28 +171,27 @@ class Sized final : public DifferentiableRegressor {
   }
 
  private:
-  template <typename R>
-  auto& entry(R& rows, Index joint, Index sample, std::size_t column) const {
+  double& entry(Rows& rows, Index joint, Index sample, std::size_t column) const {
     return rows[static_cast<std::size_t>(joint)].coeffRef(sample, static_cast<Index>(column) - first(joint));
   }
   double entry(const Rows& rows, Index joint, Index sample, std::size_t column) const {
     return rows[static_cast<std::size_t>(joint)].coeff(sample, static_cast<Index>(column) - first(joint));
   }
-  auto column_of(Rows& rows, Index joint, std::size_t column) const {
+  MatrixXd::ColXpr column_of(Rows& rows, Index joint, std::size_t column) const {
     return rows[static_cast<std::size_t>(joint)].col(static_cast<Index>(column) - first(joint));
   }
-  auto column_of(const Rows& rows, Index joint, std::size_t column) const {
+  MatrixXd::ConstColXpr column_of(const Rows& rows, Index joint, std::size_t column) const {
     return rows[static_cast<std::size_t>(joint)].col(static_cast<Index>(column) - first(joint));
   }
 
   void add_drive_torque(const MatrixXd& qd, const MatrixXd& qdd, MatrixXd& tau) const {
-    for (Index i = 0; i < N; ++i) {
+    for (Index i = 0; i < n_; ++i) {
       const auto& a = actuation_[static_cast<std::size_t>(i)];
       tau.col(i) += a.rotor_inertia * qdd.col(i) + a.viscous_friction * qd.col(i);
       tau.col(i).array() += a.friction_offset;
     }
     for (const auto& coupling : fitted_) {
-      const Eigen::VectorXd torque =
+      const VectorXd torque =
           coupling.rotor_inertia * shared(coupling, qdd) + coupling.viscous_friction * shared(coupling, qd);
       tau.col(coupling.driven) += torque;
       tau.col(coupling.driving) += coupling.ratio * torque;
@@ -163,7 +212,7 @@ class Sized final : public DifferentiableRegressor {
       case ColumnKind::kCouplingViscous: break;
     }
     const auto& coupling = couplings_[static_cast<std::size_t>(column.coupling)];
-    Eigen::VectorXd value = shared(coupling, column.kind == ColumnKind::kCouplingInertia ? qdd : qd);
+    VectorXd value = shared(coupling, column.kind == ColumnKind::kCouplingInertia ? qdd : qd);
     if (column.kind == ColumnKind::kCouplingCoulomb)
       value = smooth_sign(value, sign_width_[coupling.driven]).eval();
     column_of(rows, coupling.driven, c) = value;
@@ -172,13 +221,13 @@ class Sized final : public DifferentiableRegressor {
 
   /// The torque's part.
   void add_drive_gradient(const MatrixXd& h, MatrixXd& by_qd, MatrixXd& by_qdd) const {
-    for (Index i = 0; i < N; ++i) {
+    for (Index i = 0; i < n_; ++i) {
       const auto& a = actuation_[static_cast<std::size_t>(i)];
       by_qdd.col(i) += a.rotor_inertia * h.col(i);
       by_qd.col(i) += a.viscous_friction * h.col(i);
     }
     for (const auto& coupling : fitted_) {
-      const Eigen::VectorXd weight = shared(coupling, h);
+      const VectorXd weight = shared(coupling, h);
       add_shared(coupling, coupling.rotor_inertia * weight, by_qdd);
       add_shared(coupling, coupling.viscous_friction * weight, by_qd);
     }
@@ -201,38 +250,38 @@ class Sized final : public DifferentiableRegressor {
       case ColumnKind::kCouplingViscous: break;
     }
     const auto& coupling = couplings_[static_cast<std::size_t>(column.coupling)];
-    Eigen::VectorXd slope =
-        column_of(G, coupling.driven, c) + coupling.ratio * column_of(G, coupling.driving, c);
+    VectorXd slope = column_of(G, coupling.driven, c) + coupling.ratio * column_of(G, coupling.driving, c);
     if (column.kind == ColumnKind::kCouplingCoulomb)
       slope = slope.cwiseProduct(sign_slope(shared(coupling, qd), sign_width_[coupling.driven])).eval();
     add_shared(coupling, slope, column.kind == ColumnKind::kCouplingInertia ? by_qdd : by_qd);
   }
 
-  static Eigen::VectorXd shared(const GearCoupling<double>& coupling, const MatrixXd& values) {
+  static VectorXd shared(const GearCoupling<double>& coupling, const MatrixXd& values) {
     return values.col(coupling.driven) + coupling.ratio * values.col(coupling.driving);
   }
-  static void add_shared(const GearCoupling<double>& coupling, const Eigen::VectorXd& slope, MatrixXd& by) {
+  static void add_shared(const GearCoupling<double>& coupling, const VectorXd& slope, MatrixXd& by) {
     by.col(coupling.driven) += slope;
     by.col(coupling.driving) += coupling.ratio * slope;
   }
-  static Eigen::VectorXd smooth_sign(const Eigen::VectorXd& velocity, double width) {
+  static VectorXd smooth_sign(const VectorXd& velocity, double width) {
     return velocity.unaryExpr([width](double v) { return std::tanh(v / width); });
   }
-  static Eigen::VectorXd sign_slope(const Eigen::VectorXd& velocity, double width) {
+  static VectorXd sign_slope(const VectorXd& velocity, double width) {
     return velocity.unaryExpr([width](double v) {
       const double s = std::tanh(v / width);
       return (1.0 - s * s) / width;
     });
   }
 
-  DynamicArm<double, N> arm_;
+  Index n_;
+  std::unique_ptr<LinkRows> link_rows_;
   RegressorSlope slope_;
-  Eigen::Matrix<double, 10 * N, 1> links_;
-  std::array<JointActuation<double>, N> actuation_;
+  VectorXd links_;
+  std::vector<JointActuation<double>> actuation_;
   std::vector<Column> columns_;                  ///< in their order
   std::vector<GearCoupling<double>> fitted_;     ///< with the robot's values, for the torque
   std::vector<GearCoupling<double>> couplings_;  ///< of the structure, for the columns
-  Eigen::VectorXd sign_width_;
+  VectorXd sign_width_;
 };
 
 }  // namespace
@@ -240,10 +289,7 @@ class Sized final : public DifferentiableRegressor {
 std::unique_ptr<DifferentiableRegressor> make_differentiable_regressor(const RegressionColumns& columns,
                                                                        const std::vector<int>& chosen,
                                                                        const Eigen::VectorXd& sign_width) {
-  const auto make = [&](auto n) -> std::unique_ptr<DifferentiableRegressor> {
-    return std::make_unique<Sized<n>>(columns, chosen, sign_width);
-  };
-  return model::with_joint_count(columns.num_joints(), columns.robot().name, make);
+  return std::make_unique<ChosenColumns>(columns, chosen, sign_width);
 }
 
 }  // namespace heft::excite
