@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -208,7 +207,7 @@ Outcome outcome_of(const Arm& arm, const fs::path& data) {
   const identify::Identification of_all =
       identified(robot, data::log_set(specs, both, judged, arm.torque_at), false);
   start = std::chrono::steady_clock::now();
-  diagnose::Diagnosis diagnosis = diagnose::diagnose(robot, set);
+  const diagnose::Diagnosis diagnosis = diagnose::diagnose(robot, set);
   outcome.seconds_diagnose = seconds_since(start);
   for (const diagnose::Finding& f : diagnosis.findings)
     outcome.effects += fmt::format("{}{} {}{}", outcome.effects.empty() ? "" : ", ", f.effect.id(),
