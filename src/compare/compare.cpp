@@ -306,7 +306,7 @@ int Comparison::count_named() const {
 }
 
 Comparison compare(const model::ModelFile& before, const model::ModelFile& after) {
-  const FittedModel old_model(before), new_model(after);
+  FittedModel old_model(before), new_model(after);
   refuse_different_robots(before, after, old_model.robot(), new_model.robot());
   Comparison result;
   result.before = old_model.robot();
@@ -317,6 +317,11 @@ Comparison compare(const model::ModelFile& before, const model::ModelFile& after
       old_model.largest_torque().binaryExpr(new_model.largest_torque(), [](double a, double b) {
         return std::isnan(a) ? b : std::isnan(b) ? a : std::max(a, b);
       });
+  const VectorXd temperature = bring_to_one_temperature({&old_model, &new_model});
+  for (Eigen::Index j = 0; j < temperature.size(); ++j) {
+    if (std::isfinite(temperature[j]))
+      result.notes.push_back(fmt::format("friction of joint {} is compared at {:.3g} °C", j + 1, temperature[j]));
+  }
   Comparing(old_model, new_model, result).run();
   note_what_has_no_interval(before, after, result);
   judge(before, after, result);

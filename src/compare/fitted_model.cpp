@@ -40,7 +40,8 @@ double shape_of(const JointEffect<double>& effect) {
   visit_joint_effect(effect.kind, [&](auto type) {
     const auto& parameters = decltype(type)::kParameters;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
-      if (parameters[i].range == EffectRange::kPositive) shape = effect.parameters[i];
+      const bool from_log = std::is_same_v<decltype(type), FrictionTemperature> && parameters[i].name == "T0";
+      if (from_log || parameters[i].range == EffectRange::kPositive) shape = effect.parameters[i];
     }
   });
   return shape;
@@ -66,7 +67,7 @@ model::Robot robot_of(const model::ModelFile& file) {
 bool is_friction_of_speed(int kind) {
   return kind == joint_effect_kind<Stribeck>() || kind == joint_effect_kind<ViscousNonlinear>() ||
          kind == joint_effect_kind<LoadFriction>() || kind == joint_effect_kind<FrictionDrift>() ||
-         kind == joint_effect_kind<heft::FrictionCurve>();
+         kind == joint_effect_kind<FrictionTemperature>() ||         kind == joint_effect_kind<heft::FrictionCurve>();
 }
 
 std::string name_of(const model::ModelFile& file) { return file.path.empty() ? "model" : file.path; }
@@ -141,6 +142,7 @@ FittedModel::FittedModel(const model::ModelFile& file)
     p.freedom = freedom_of(record.std, record.half_width);
     parameters_.push_back(std::move(p));
   }
+  temperature_ = VectorXd::Constant(robot().num_joints(), kNaN);
   const model::FitRecord& fit = *file.fit;
   largest_torque_ = VectorXd::Constant(robot().num_joints(), kNaN);
   if (fit.rmse.size() == largest_torque_.size() && fit.rmse_percent_of_max.size() == largest_torque_.size())
@@ -166,6 +168,7 @@ double FittedModel::variance(const VectorXd& gradient) const {
 
 EffectPoint<double> FittedModel::point_of(int joint, const State& state) const {
   EffectPoint<double> point;
+  point.temperature = temperature_[joint];
   point.q = state.q[joint];
   point.qd = state.qd[joint];
   point.qdd = state.qdd[joint];
@@ -198,7 +201,15 @@ VectorXd FittedModel::torque(Part part, const State& s) const {
   for (const Elasticity<double>& elastic : robot().elasticities)
     inertia[elastic.joint] += elastic.motor_inertia * s.qdd[elastic.joint];
   if (part == Part::kInertia) return inertia;
-  return dynamics_.joint_torque(s.q, s.qd, s.qdd) - gravity - inertia - offset;
+  VectorXd friction = dynamics_.joint_torque(s.q, s.qd, s.qdd) - gravity - inertia - offset;
+  // joint_torque() knows no temperature.
+  for (const JointEffect<double>& effect : robot().effects) {
+    if (effect.kind != joint_effect_kind<FrictionTemperature>()) continue;
+    friction[effect.joint] +=
+        joint_effect_torque(effect, point_of(effect.joint, s),
+                            robot().joints[static_cast<std::size_t>(effect.joint)].actuation);
+  }
+  return friction;
 }
 
 MatrixXd FittedModel::rows(Part part, const State& s) const {
@@ -235,6 +246,7 @@ VectorXd FittedModel::column(const Parameter& p, const State& s) const {
 
 double FittedModel::friction(int joint, double speed, double load, VectorXd* gradient) const {
   EffectPoint<double> point;
+  point.temperature = temperature_[joint];
   point.qd = speed;
   point.direction = 1.0;
   point.memory = 1.0;
@@ -261,6 +273,14 @@ double FittedModel::friction(int joint, double speed, double load, VectorXd* gra
   return torque;
 }
 
+double FittedModel::own_temperature(int joint) const {
+  for (const JointEffect<double>& effect : robot().effects) {
+    if (effect.joint == joint && effect.kind == joint_effect_kind<FrictionTemperature>())
+      return shape_of(effect);
+  }
+  return kNaN;
+}
+
 bool FittedModel::has_other_friction(int joint) const {
   return std::any_of(robot().effects.begin(), robot().effects.end(), [&](const JointEffect<double>& effect) {
     return effect.joint == joint && is_friction_of_speed(effect.kind);
@@ -271,6 +291,20 @@ bool FittedModel::has_effect(int joint, std::initializer_list<int> kinds) const 
   return std::any_of(robot().effects.begin(), robot().effects.end(), [&](const JointEffect<double>& effect) {
     return effect.joint == joint && std::find(kinds.begin(), kinds.end(), effect.kind) != kinds.end();
   });
+}
+
+VectorXd bring_to_one_temperature(const std::vector<FittedModel*>& models) {
+  VectorXd temperature = VectorXd::Constant(models.front()->robot().num_joints(), kNaN);
+  for (Index j = 0; j < temperature.size(); ++j) {
+    double sum = 0.0, known = 0.0;
+    for (const FittedModel* model : models) {
+      const double own = model->own_temperature(static_cast<int>(j));
+      if (std::isfinite(own)) sum += own, known += 1.0;
+    }
+    if (known > 0.0) temperature[j] = sum / known;
+  }
+  for (FittedModel* model : models) model->set_temperature(temperature);
+  return temperature;
 }
 
 }  // namespace heft::compare

@@ -62,6 +62,10 @@ class FittedModel {
   /// The same of all parts for one column.
   Eigen::VectorXd column(const Parameter& parameter, const State& state) const;
 
+  /// Temperatures at which friction is said, n [°C]; not a number, as at first: at the T0 of what follows the temperature.
+  void set_temperature(const Eigen::VectorXd& temperature) { temperature_ = temperature; }
+  /// Temperature at which the declared friction of a joint holds [°C]; not a number: it knows of none.
+  double own_temperature(int joint) const;
   /// Friction of a joint that moves forward and its gradient by the parameters.
   /// @param load  torque that the gear transmits [N·m, N]
   double friction(int joint, double speed, double load, Eigen::VectorXd* gradient = nullptr) const;
@@ -79,7 +83,12 @@ class FittedModel {
   std::vector<Parameter> parameters_;
   Eigen::MatrixXd covariance_;
   Eigen::VectorXd largest_torque_;
+  Eigen::VectorXd temperature_;
 };
+
+/// Lets models say friction at the same temperature: of each joint, the mean of the models' own.
+/// @return n [°C]; not a number for a joint whose friction goes by none
+Eigen::VectorXd bring_to_one_temperature(const std::vector<FittedModel*>& models);
 
 /// @throws ModelError when two models are not of one robot
 void refuse_different_robots(const model::ModelFile& a, const model::ModelFile& b, const model::Robot& before,

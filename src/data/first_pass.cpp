@@ -66,6 +66,7 @@ void MotionStream::Impl::first_pass() {
     for (const FileColumn& column : file_columns) used.push_back(column.column);
     if (std::string note = kept->file().note(used); !note.empty()) summary.notes.push_back(std::move(note));
   }
+  summary.temperature_logged = layout.temperature == layout.q && layout.q > 0;
   position_noise = known.noise.value();
   summary.samples = known.clock.samples();
   summary.begin = known.clock.begin();

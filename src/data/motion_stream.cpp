@@ -40,6 +40,7 @@ void MotionStream::Impl::prepare_memory(bool every_rate) {
   layout.tau = add(log.tau);
   if (logged || every_rate || options.displacement) layout.qd = add(log.qd);
   if (logged || every_rate) layout.qdd = add(log.qdd);
+  if (options.temperature && log.temperature.cols() == n) layout.temperature = add(log.temperature);
   for (const std::string& group : options.extra) {
     Index count = 0;
     for (const Channel& channel : kChannels) {
@@ -81,6 +82,7 @@ void MotionStream::Impl::prepare_file(const LogFile& file, bool every_rate) {
   }
   if (logged || ((every_rate || options.displacement) && file.has_channel(&Log::qd))) layout.qd = add("qd");
   if (logged || (every_rate && file.has_channel(&Log::qdd))) layout.qdd = add("qdd");
+  if (options.temperature && file.has_channel(&Log::temperature)) layout.temperature = add("temp");
   for (const std::string& group : options.extra) layout.extra.push_back(add(group));
 }
 
@@ -286,6 +288,10 @@ MotionChunk MotionStream::Impl::chunk(const Window& window) const {
   }
   chunk.tau = on_grid(window, n, layout.tau).middleRows(lo, size);
   Index column = n + layout.tau + layout.qd + layout.qdd;
+  const bool has_temperature = layout.temperature == n;
+  if (has_temperature) chunk.temperature = on_grid(window, column, n).middleRows(lo, size);
+  const Index at_temperature = column;
+  column += layout.temperature;
   for (const Index columns : layout.extra) {
     chunk.extra.push_back(on_grid(window, column, columns).middleRows(lo, size));
     column += columns;
@@ -298,6 +304,7 @@ MotionChunk MotionStream::Impl::chunk(const Window& window) const {
     return window.values.block(window.own_begin, from, own, columns);
   };
   chunk.row_tau = own_rows(n, layout.tau);
+  if (has_temperature) chunk.row_temperature = own_rows(at_temperature, n);
   if (logged) {
     chunk.row_q = own_rows(0, n);
     chunk.row_qd = own_rows(n + layout.tau, n);

@@ -25,10 +25,10 @@ namespace heft::data {
 struct MotionStream::Impl {
   /// Columns of a pass, by group, in this order in a RowBuffer.
   struct Layout {
-    Eigen::Index q{0}, tau{0}, qd{0}, qdd{0};  ///< columns each
+    Eigen::Index q{0}, tau{0}, qd{0}, qdd{0}, temperature{0};  ///< columns each
     std::vector<Eigen::Index> extra{};         ///< columns of each group
     Eigen::Index total() const {
-      Eigen::Index sum = q + tau + qd + qdd;
+      Eigen::Index sum = q + tau + qd + qdd + temperature;
       for (const Eigen::Index columns : extra) sum += columns;
       return sum;
     }

@@ -173,6 +173,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
       result.refitted->parameters =
           with_values_of(result.refitted->robot, result.after, *identified.base, result.parameters);
     }
+    result.logs_contradict = again.contradicts;
     result.notes.push_back(std::move(again.note));
   }
 

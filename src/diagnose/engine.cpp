@@ -483,6 +483,7 @@ VectorXd Engine::noise_floor() const { return white_noise(table_, keep_, problem
 
 SeenWithin<double> Engine::seen(int joint) const {
   const auto interval = [&](const MatrixXd& of) {
+    if (of.cols() == 0) return SeenInterval<double>{};
     SeenInterval<double> found{std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest()};
     for (Index i = 0; i < of.rows(); ++i) {
       if (!(keep_(i, joint) > 0.0)) continue;
@@ -491,7 +492,7 @@ SeenWithin<double> Engine::seen(int joint) const {
     }
     return found.low <= found.high ? found : SeenInterval<double>{};
   };
-  return {interval(table_.qd), interval(load()), interval(table_.q)};
+  return {interval(table_.qd), interval(load()), interval(table_.q), interval(table_.temperature)};
 }
 
 model::Robot Engine::robot() const {

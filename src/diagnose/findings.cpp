@@ -70,9 +70,11 @@ void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>&
 /// Where a joint's rows that count lie.
 std::optional<SeenRange> seen_of(const WrittenModel& written, int joint) {
   if (joint < 0 || !(written.engine().keep().col(joint).maxCoeff() > 0.0)) return {};
-  const auto [velocity, load, position] = written.seen(joint);
-  return SeenRange{
-      {velocity.low, velocity.high}, {load.low, load.high}, {position.low, position.high}};
+  const auto [velocity, load, position, temperature] = written.seen(joint);
+  SeenRange range{{velocity.low, velocity.high}, {load.low, load.high}, {position.low, position.high}};
+  if (written.engine().table().temperature.cols() > 0)
+    range.temperature = std::array{temperature.low, temperature.high};
+  return range;
 }
 
 /// Whether the model that was given has a value for what an effect is.
@@ -86,7 +88,9 @@ bool given_has(const model::Robot& given, const Candidate& e) {
 /// Whether an effect shows in each half of the blocks: its mean gain is above its standard error there. What is friction's
 /// alone at a few reversals gains in few blocks, so more cannot be asked of a half.
 std::optional<bool> is_stable(const Candidate& e) {
-  if (e.effect.is<Contact>() || e.effect.is<PayloadChange>() || e.effect.is<FrictionDrift>()) return {};
+  if (e.effect.is<Contact>() || e.effect.is<PayloadChange>() || e.effect.is<FrictionDrift>() ||
+      e.effect.is<FrictionTemperature>())
+    return {};
   constexpr double kClear = 1.0;
   return e.trial.half_t[0] > kClear && e.trial.half_t[1] > kClear;
 }

@@ -51,6 +51,7 @@ class ColumnWriter {
       x_.qdd = bench_.motion->qdd(i, joint_);
       x_.direction = bench_.motion->direction(i, joint_);
       x_.load = (*bench_.load)(i, joint_);
+      if (table.temperature.cols() > 0) x_.temperature = table.temperature(i, joint_);
       const double q = bench_.motion->q(i, joint_);
       if constexpr (EffectWithMemory<Effect>) {
         if (run_ < table.run_begin.size() && table.run_begin[run_] == i) {
@@ -102,6 +103,7 @@ std::vector<double> grid_of(const ShapeRange& range, const MotionTable& table, i
   if (range.scale == ShapeScale::kDuration) {
     unit = *std::max_element(table.run_seconds.begin(), table.run_seconds.end());
   }
+  if (range.scale == ShapeScale::kTemperature) unit = table.temperature.col(joint).mean();
   const double from = range.from * unit, to = range.to * unit;
   if (range.fixed) return {from, to};
   std::vector<double> grid;
@@ -234,7 +236,7 @@ class ShapeSearch {
           level_ = std::clamp(bench_.problem->scan(moments_of({best})).front().second[0], 0.0, level_);
         }
       }
-      if (!range.fixed && !range.whole && gains[top] > 0.0) {
+      if (!range.fixed && !range.whole && grid.size() > 1 && gains[top] > 0.0) {
         best = refine(grid[top > 0 ? top - 1 : 0], grid[std::min(top + 1, grid.size() - 1)]);
       }
       if constexpr (MayBeBetweenWhole<Effect>) {
@@ -398,6 +400,7 @@ std::vector<JointSearch> joint_searches(const Workbench& bench, int joint, int o
     if (only >= 0 && effect != only) continue;
     visit_joint_effect(effect, [&](auto type) {
       using Effect = decltype(type);
+      if (std::is_same_v<Effect, FrictionTemperature> && bench.table->temperature.cols() == 0) return;
       for (const Displacement displacement :
            {Displacement::kPosition, Displacement::kVelocity, Displacement::kMeasured}) {
         const bool measured = displacement != Displacement::kPosition;

@@ -85,6 +85,9 @@ host::Judgement Diagnosis::judgement() const {
                               "known effect explains",
                               100.0 * kRelevantStructure, named(structure)));
   }
+  if (diagnosis.logs_contradict)
+    judgement.add(host::Verdict::kDoubtful,
+                  "training and validation logs contradict each other, as if the arm carried something else in one of them");
   const std::vector<int> worse = joints_made_worse(diagnosis);
   if (!worse.empty()) {
     judgement.add(

@@ -25,6 +25,7 @@ std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, c
   data::StreamOptions options;
   options.motion.cutoff = reading.cutoff;
   options.displacement = true;
+  options.temperature = true;
   if (!reading.ordinary) {
     options.motion.smooth_position = true;
     options.prefer_logged = false;
@@ -123,7 +124,8 @@ MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
     };
     validate::Predictor predictor(robot, 0.0, {.sign_width = sign_width_});
     predicted.middleRows(begin, count) = predictor.rows({t.time.segment(begin, count), part(t.q), part(t.qd),
-                                                         part(t.qdd), part(t.tau), part(t.displacement)});
+                                                         part(t.qdd), part(t.tau), part(t.displacement),
+                                                         part(t.temperature)});
   });
   return predicted;
 }

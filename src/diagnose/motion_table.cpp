@@ -21,6 +21,7 @@ struct Collected {
   std::vector<double> time;
   std::vector<VectorXd>
       rows;  ///< q, qd, qdd, tau one after the other, then the displacement since the begin, if measured
+  std::vector<VectorXd> temperature;  ///< no entries: not measured
   std::vector<bool> usable;
 };
 
@@ -37,6 +38,7 @@ Collected collect(const data::MotionStream& log, int n) {
         travelled += piece.displacement.row(i).transpose();
         row.tail(travelled.size()) = travelled;
       }
+      if (piece.temperature.cols() == n) all.temperature.push_back(piece.temperature.row(i).transpose());
       all.time.push_back(piece.time[i]);
       all.rows.push_back(std::move(row));
       all.usable.push_back(piece.usable[i]);
@@ -148,6 +150,8 @@ std::vector<bool> add_rows(const Collected& part, Index group, Index at, double 
     for (Index k = 0; k < group; ++k) {
       const auto s = static_cast<std::size_t>(i * group + k);
       mean += part.rows[s].head(mean.size());
+      if (table.temperature.cols() > 0)
+        table.temperature.row(at) += part.temperature[s].transpose() / static_cast<double>(group);
       time += part.time[s];
       usable = usable && part.usable[s];
     }
@@ -231,6 +235,10 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
     return !part.rows.empty() && part.rows.front().size() > 4 * n;
   });
   table.displacement.setZero(rows, measured ? kMeasuredDisplacements * n : 0);
+  const bool warmth_known = std::all_of(parts.begin(), parts.end(), [](const Collected& part) {
+    return !part.rows.empty() && part.temperature.size() == part.rows.size();
+  });
+  table.temperature.setZero(rows, warmth_known ? n : 0);
   Index first = 0;
   for (std::size_t r = 0; r < parts.size(); ++r) {
     const Collected& part = parts[r];

@@ -32,6 +32,7 @@ struct MotionTable {
   Eigen::MatrixXd direction;            ///< m × n: smooth sign of the velocity
   /// m × 2 n, as measured, since the row before, see displacement_column(); no columns unless every log has velocities.
   Eigen::MatrixXd displacement;
+  Eigen::MatrixXd temperature;  ///< m × n, of the joints [°C]; no columns unless every log has it
   /// m × n, 1 or 0: the row counts. Near a reversal no log resolves when the sign turns; in gaps and at the ends
   /// the derived motion means nothing.
   Eigen::MatrixXd keep;

@@ -40,6 +40,7 @@ data::Log less_effects(data::Log log, const model::Robot& robot) {
     return log;
   data::StreamOptions options;
   options.displacement = true;
+  options.temperature = model::needs_temperature(robot);
   const data::MotionStream stream(log, options);
   validate::Predictor with(robot, stream.summary().begin),
       without(model::without_effects(robot), stream.summary().begin);
@@ -291,7 +292,8 @@ Refit refit(const WrittenModel& written, const BaseModel& base, const Logs& trai
             fmt::format("the model written is fitted to the training logs alone: the validation logs contradict them, as if the "
                         "arm carried something else there (a fit to all would raise the error of joint {} on the training logs "
                         "by {:.0f} %)",
-                        most + 1, 100.0 * (rise[most] - 1.0))};
+                        most + 1, 100.0 * (rise[most] - 1.0)),
+            true};
   }
   return {Refitted{again, part, ratio, {}},
           fmt::format("the model written goes {:.0f} % of the way to a fit to all logs, validation logs included: on stretches "

@@ -13,6 +13,7 @@ namespace heft::diagnose {
 struct Refit {
   std::optional<Refitted> refitted;  ///< its parameters are not set
   std::string note;                  ///< for the user: how far, or why not
+  bool contradicts{false};           ///< training and validation logs do not fit one model
 };
 
 /// Fits rigid bodies, rotor inertia, Coulomb, viscous and offset to the training and validation logs together, as identify

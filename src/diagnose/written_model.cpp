@@ -100,6 +100,7 @@ SeenWithin<double> WrittenModel::seen(int joint) const {
   SeenWithin<double> all = engine().seen(joint);
   const MotionTable& motion = judged().table();
   const auto widen = [&](SeenInterval<double>& interval, const MatrixXd& of) {
+    if (of.cols() == 0) return;
     for (Index i = 0; i < of.rows(); ++i) {
       if (!(motion.keep(i, joint) > 0.0)) continue;
       interval.low = std::min(interval.low, of(i, joint));
@@ -109,6 +110,7 @@ SeenWithin<double> WrittenModel::seen(int joint) const {
   widen(all.velocity, motion.qd);
   widen(all.load, load_);
   widen(all.position, motion.q);
+  widen(all.temperature, motion.temperature);
   return all;
 }
 

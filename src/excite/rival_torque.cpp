@@ -152,6 +152,8 @@ MatrixXd in_joint(const RivalMotion& motion, int joint, const VectorXd& values) 
 }  // namespace
 
 bool is_separable(const std::string& kind) {
+  // No motion sets a temperature.
+  if (kind == FrictionTemperature::kId) return false;
   return joint_effect_kind(kind) >= 0 || kind == ElasticJoint::kId || kind == Delay::kId || is_function(kind);
 }
 

@@ -109,10 +109,11 @@ Displacement read_displacement(const Node& node) {
 }
 
 /// Names of the quantities that an effect was seen over, in model files.
-constexpr std::array<std::pair<const char*, SeenInterval<double> SeenWithin<double>::*>, 3> kSeenOver{
+constexpr std::array<std::pair<const char*, SeenInterval<double> SeenWithin<double>::*>, 4> kSeenOver{
     {{"velocity", &SeenWithin<double>::velocity},
      {"load", &SeenWithin<double>::load},
-     {"position", &SeenWithin<double>::position}}};
+     {"position", &SeenWithin<double>::position},
+     {"temperature", &SeenWithin<double>::temperature}}};
 
 SeenWithin<double> read_range(const Node& node) {
   SeenWithin<double> seen;

@@ -181,9 +181,9 @@ struct MotionTorque::Impl {
   }
 
   /// Torque of the row `motor_*` at `time`, without delay.
-  /// @param at  its row in `measured` and, unless a joint is elastic, in `loads`
-  void row(double time, double sign_width, const Eigen::MatrixXd& measured, const Eigen::MatrixXd& loads,
-           Index at) {
+  /// @param at  its row in `measured`, in `temperature` and, unless a joint is elastic, in `loads`
+  void row(double time, double sign_width, const Eigen::MatrixXd& measured,
+           const Eigen::MatrixXd& temperature, const Eigen::MatrixXd& loads, Index at) {
     link_q = motor_q, link_qd = motor_qd, link_qdd = motor_qdd;
     const double h = started ? time - last_time : 0.0;
     if (K.size() == 0) {
@@ -208,9 +208,10 @@ struct MotionTorque::Impl {
                         : motor_q[j] - last_q[j];
         memory[k] = joint_effect_memory(effect, memory[k], step);
       }
-      const EffectPoint<double> point{
+      EffectPoint<double> point{
           time,    motor_q[j], motor_qd[j], motor_qdd[j], velocity_sign(motor_qd[j], sign_width),
           load[j], memory[k]};
+      if (temperature.cols() > 0) point.temperature = temperature(at, j);
       tau[j] += joint_effect_torque(effect, point, robot.joints[static_cast<std::size_t>(j)].actuation);
     }
     last_time = time;
@@ -289,6 +290,12 @@ bool needs_measured_displacement(const Robot& robot) {
   });
 }
 
+bool needs_temperature(const Robot& robot) {
+  return std::any_of(robot.effects.begin(), robot.effects.end(), [](const JointEffect<double>& effect) {
+    return effect.kind == joint_effect_kind<FrictionTemperature>();
+  });
+}
+
 MotionTorque::MotionTorque(const Robot& robot) : impl_(std::make_unique<Impl>(robot)) {}
 MotionTorque::~MotionTorque() = default;
 MotionTorque::MotionTorque(MotionTorque&&) noexcept = default;
@@ -296,7 +303,8 @@ MotionTorque& MotionTorque::operator=(MotionTorque&&) noexcept = default;
 
 Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
                                      const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, double sign_width,
-                                     const Eigen::MatrixXd& measured) {
+                                     const Eigen::MatrixXd& measured,
+                                     const Eigen::MatrixXd& temperature) {
   Impl& s = *impl_;
   s.out_q = q, s.out_qd = qd, s.out_qdd = qdd;
   const Eigen::MatrixXd loads = s.rigid_torque(q, qd, qdd);
@@ -309,7 +317,7 @@ Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::M
       torque.row(k) = s.tau;
       continue;
     }
-    s.row(time[k], sign_width, measured, loads, k);
+    s.row(time[k], sign_width, measured, temperature, loads, k);
     torque.row(k) = s.tau;
     if (s.robot.elasticities.empty()) continue;
     s.out_q.row(k) = s.link_q, s.out_qd.row(k) = s.link_qd, s.out_qdd.row(k) = s.link_qdd;

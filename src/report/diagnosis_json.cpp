@@ -99,6 +99,7 @@ nlohmann::ordered_json effect_json(const Finding& finding, const model::Robot& r
     json["range"] = {{"velocity", pair(finding.seen->velocity)},
                      {"load", pair(finding.seen->load)},
                      {"position", pair(finding.seen->position)}};
+    if (finding.seen->temperature) json["range"]["temperature"] = *finding.seen->temperature;
   }
   const plausibility::GearCheck gear = gear_check(finding, robot);
   using Outcome = plausibility::GearCheck::Outcome;

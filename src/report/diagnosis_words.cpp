@@ -76,9 +76,14 @@ std::string range_in_words(const Finding& finding, const model::Robot& robot) {
   const auto range = [](const double(&values)[2]) {
     return short_number(values[0], 3) + " to " + short_number(values[1], 3);
   };
+  const std::string warmth = finding.effect.is<FrictionTemperature>() && finding.seen->temperature
+                                 ? fmt::format(", temperature {} to {} °C", short_number((*finding.seen->temperature)[0], 3),
+                                               short_number((*finding.seen->temperature)[1], 3))
+                                 : "";
   return fmt::format("velocity {} {}/s, load {} {}, position {} {}", range(finding.seen->velocity), length,
                      range(finding.seen->load), torque_unit(robot, finding.joint),
-                     range(finding.seen->position), length);
+                     range(finding.seen->position), length) +
+         warmth;
 }
 
 bool is_identified(const Finding& finding) {

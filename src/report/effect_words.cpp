@@ -30,6 +30,7 @@ constexpr std::string_view name(Stribeck) { return "Stribeck friction"; }
 constexpr std::string_view name(LoadFriction) { return "friction that grows with load"; }
 constexpr std::string_view name(Spring) { return "a spring"; }
 constexpr std::string_view name(Hysteresis) { return "presliding (friction hysteresis)"; }
+constexpr std::string_view name(FrictionTemperature) { return "friction that follows the temperature"; }
 constexpr std::string_view name(FrictionDrift) { return "friction that drifts as it warms up"; }
 constexpr std::string_view name(Ripple) { return "torque ripple over position"; }
 constexpr std::string_view name(ElasticJoint) { return "elasticity"; }

@@ -45,6 +45,7 @@ class CoreEffect : public JointEffect {
     at.qd = point.velocity;
     at.direction = point.direction;
     at.load = point.load;
+    at.temperature = point.temperature;
     if constexpr (EffectWithMemory<Effect>) at.memory = state[0];
     return at;
   }

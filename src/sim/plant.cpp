@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 #include <Eigen/Core>
@@ -146,6 +147,11 @@ void Plant::relock() {
   for (const Elasticity<double>& e : elastic_) locked_bodies_[static_cast<std::size_t>(e.joint)] = false;
 }
 
+double Plant::temperature(std::size_t joint, double t) const {
+  const std::optional<Warming>& warming = loads_[joint].load.temperature;
+  return warming ? warming->at(t) : std::numeric_limits<double>::quiet_NaN();
+}
+
 JointPoint Plant::point(std::size_t joint, double t, const double* q, const double* qd) const {
   const JointLoad& load = loads_[joint].load;
   double direction = 0.0;
@@ -156,12 +162,12 @@ JointPoint Plant::point(std::size_t joint, double t, const double* q, const doub
   } else {
     direction = qd[joint] > 0.0 ? 1.0 : qd[joint] < 0.0 ? -1.0 : 0.0;
   }
-  return {t, q[joint], qd[joint], direction};
+  return {t, q[joint], qd[joint], direction, 0.0, temperature(joint, t)};
 }
 
 double Plant::level(std::size_t joint, int direction, double passed, double t, const double* q,
                     const double* z) const {
-  const JointPoint rest{t, q[joint], 0.0, 0.0, passed};
+  const JointPoint rest{t, q[joint], 0.0, 0.0, passed, temperature(joint, t)};
   double sum = 0.0;
   const Load& load = loads_[joint];
   for (std::size_t k = 0; k < load.load.effects.size(); ++k) {

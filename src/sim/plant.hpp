@@ -94,6 +94,8 @@ class Plant : public System {
   Plant(const SimulationSettings& settings, const model::Robot& robot);
   /// Locks as the modes say.
   void relock();
+  /// Of a joint [°C]; not a number: not simulated.
+  double temperature(std::size_t joint, double t) const;
   JointPoint point(std::size_t joint, double t, const double* q, const double* qd) const;
   /// Break-away level of a joint at rest that passes `load` on to the bodies.
   double level(std::size_t joint, int direction, double load, double t, const double* q,

@@ -303,6 +303,15 @@ void read_motion(const SettingsReader& top, SimulationSettings& s) {
   }
 }
 
+void read_temperature(const SettingsReader& reader, std::vector<JointLoad>& loads) {
+  const int n = static_cast<int>(loads.size());
+  const VectorXd start = reader.numbers("start", n), end = reader.numbers("end", n);
+  const double time_constant = reader.number("time_constant", Range::kPositive);
+  reader.finish();
+  for (int j = 0; j < n; ++j)
+    loads[static_cast<std::size_t>(j)].temperature = Warming{start[j], end[j], time_constant};
+}
+
 /// Friction, payload and the other effects.
 void read_forces(const SettingsReader& top, SimulationSettings& s) {
   const int n = s.robot.num_joints();
@@ -319,6 +328,7 @@ void read_forces(const SettingsReader& top, SimulationSettings& s) {
   } else {
     s.loads = friction_of(s.robot);
   }
+  if (top.has("temperature")) read_temperature(top.object("temperature"), s.loads);
   if (top.has("payload")) s.payload_events = read_payload(top, n);
   if (top.has("effects")) read_effects(top, acting, s);
 }

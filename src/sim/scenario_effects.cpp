@@ -69,11 +69,16 @@ void read_joint_effect(const SettingsReader& reader, int kind, const model::Robo
       const std::string name(parameters[k].name);
       // An angle, a neutral position or a share left out is zero.
       const bool optional = parameters[k].range == EffectRange::kPart || name == "phase" || name == "q0" ||
-                            name == "alpha_c" || name == "alpha_v";
+                            name == "alpha_c" || name == "alpha_v" || name == "kc" || name == "kv";
       const Range range = range_of(parameters[k]);
       effect.parameters[k] = optional ? reader.number_or(name, 0.0, range) : reader.number(name, range);
     }
   });
+  if (kind == joint_effect_kind<FrictionTemperature>() &&
+      !settings.loads[static_cast<std::size_t>(effect.joint)].temperature) {
+    reader.refuse("kind", "\"friction_temperature\" without a temperature", "a key \"temperature\" in the scenario",
+                  "add \"temperature\": {\"start\": 20, \"end\": 40, \"time_constant\": 600}");
+  }
   if (kind == joint_effect_kind<LoadFriction>() && effect.parameters[0] >= 1.0) {
     reader.refuse("mu", "", "a number of at least 0 and below 1", "lower it");
   }

@@ -136,6 +136,9 @@ class Recorder {
     log_.qdd.resize(rows, n);
     log_.tau.resize(rows, n);
     if (settings.sensors.torque_constant.size() > 0) log_.current.resize(rows, n);
+    if (std::any_of(settings.loads.begin(), settings.loads.end(),
+                    [](const JointLoad& load) { return load.temperature.has_value(); }))
+      log_.temperature.setConstant(rows, n, std::numeric_limits<double>::quiet_NaN());
     if (settings.reference != nullptr) {
       log_.qref.resize(rows, n);
       log_.qdref.resize(rows, n);
@@ -163,6 +166,10 @@ class Recorder {
     log_.tau.row(row_) = tau_reported;
     if (log_.current.cols() > 0) {
       log_.current.row(row_) = tau_reported.cwiseQuotient(settings_.sensors.torque_constant);
+    }
+    for (Eigen::Index j = 0; j < log_.temperature.cols(); ++j) {
+      const std::optional<Warming>& warming = settings_.loads[static_cast<std::size_t>(j)].temperature;
+      if (warming) log_.temperature(row_, j) = warming->at(time);
     }
     if (settings_.reference != nullptr) {
       log_.qref.row(row_) = m.q_ref;

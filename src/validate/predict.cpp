@@ -13,7 +13,7 @@ struct Predictor::Impl {
   /// Those of a piece that are asked for.
   struct Rows {
     const Eigen::VectorXd& time;
-    const Eigen::MatrixXd &q, &qd, &qdd, &tau, &displacement;
+    const Eigen::MatrixXd &q, &qd, &qdd, &tau, &displacement, &temperature;
     Index first, count;
   };
 
@@ -21,12 +21,13 @@ struct Predictor::Impl {
       : on_rows(robot), on_grid(robot), begin(start), options(given) {}
 
   static Rows rows_of(const data::MotionChunk& piece) {
-    return {piece.row_time,         piece.row_q, piece.row_qd,         piece.row_qdd, piece.row_tau,
-            piece.row_displacement, 0,           piece.row_time.size()};
+    return {piece.row_time, piece.row_q,   piece.row_qd,           piece.row_qdd,
+            piece.row_tau,  piece.row_displacement, piece.row_temperature, 0,
+            piece.row_time.size()};
   }
   static Rows grid_of(const data::MotionChunk& piece) {
-    return {piece.time,         piece.q,     piece.qd,   piece.qdd, piece.tau,
-            piece.displacement, piece.begin, piece.count};
+    return {piece.time,         piece.q,           piece.qd,    piece.qdd, piece.tau,
+            piece.displacement, piece.temperature, piece.begin, piece.count};
   }
 
   /// One motion for the log's rows, one for the grid: each carries what is remembered from piece to piece.
@@ -41,7 +42,8 @@ struct Predictor::Impl {
     if (!started && rows.tau.cols() > 0)
       motion.start_from(time, q, qd, qdd, part(rows.tau), options.sign_width);
     started = true;
-    return motion.torque(time, q, qd, qdd, options.sign_width, part(rows.displacement));
+    return motion.torque(time, q, qd, qdd, options.sign_width, part(rows.displacement),
+                         part(rows.temperature));
   }
 
   model::MotionTorque on_rows, on_grid;
@@ -65,9 +67,9 @@ Eigen::MatrixXd Predictor::grid(const data::MotionChunk& piece) {
 }
 
 Eigen::MatrixXd Predictor::rows(const MotionRows& piece) {
-  return impl_->predict(
-      impl_->on_rows, impl_->rows_started,
-      {piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.displacement, 0, piece.time.size()});
+  return impl_->predict(impl_->on_rows, impl_->rows_started,
+                        {piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.displacement,
+                         piece.temperature, 0, piece.time.size()});
 }
 
 namespace {
@@ -93,7 +95,10 @@ Eigen::MatrixXd displacement_as_logged(const model::Robot& robot, const data::Lo
 }  // namespace
 
 MotionRows rows_of(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion) {
-  return {log.time, log.q, log.qd, log.qdd, log.tau, displacement_as_logged(robot, log, motion)};
+  MotionRows rows{log.time, log.q, log.qd, log.qdd, log.tau, displacement_as_logged(robot, log, motion)};
+  if (model::needs_temperature(robot) && log.temperature.cols() == robot.num_joints())
+    rows.temperature = log.temperature;
+  return rows;
 }
 
 Eigen::MatrixXd predict(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion,

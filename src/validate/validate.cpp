@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include <fmt/format.h>
+
 #include "heft/model/at_sensor.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "heft/model/physical_links.hpp"
@@ -24,7 +26,37 @@ data::StreamOptions streaming_of(const model::Robot& robot, const model::FitReco
     streaming.prefer_logged = false;
   }
   streaming.displacement = model::needs_measured_displacement(robot);
+  streaming.temperature = model::needs_temperature(robot);
   return streaming;
+}
+
+/// What a model whose friction follows the temperature of a joint makes of a log without it, or of another one.
+void note_temperatures(const model::Robot& robot, const data::MotionStream& stream,
+                       std::vector<std::string>& notes) {
+  const std::string& path = stream.summary().path;
+  if (!stream.summary().temperature_logged) {
+    notes.push_back(fmt::format(
+        "{}: no temperatures of the joints (temp1, temp2, ...), which friction of this model goes by: taken as at T0 of "
+        "its friction_temperature",
+        path));
+    return;
+  }
+  Eigen::ArrayXd low = Eigen::ArrayXd::Constant(robot.num_joints(), std::numeric_limits<double>::infinity());
+  Eigen::ArrayXd high = -low;
+  stream.for_each([&](const data::MotionChunk& piece) {
+    if (piece.row_temperature.rows() == 0) return;
+    low = low.min(piece.row_temperature.colwise().minCoeff().transpose().array());
+    high = high.max(piece.row_temperature.colwise().maxCoeff().transpose().array());
+  });
+  for (const JointEffect<double>& effect : robot.effects) {
+    if (effect.kind != joint_effect_kind<FrictionTemperature>()) continue;
+    const SeenInterval<double>& seen = effect.seen.temperature;
+    if (low[effect.joint] <= seen.high && high[effect.joint] >= seen.low) continue;
+    notes.push_back(
+        fmt::format("{}: joint {} is at {:.3g} to {:.3g} °C, outside of the {:.3g} to {:.3g} °C that this model was fitted "
+                    "at: its friction is taken as at the nearest of these",
+                    path, effect.joint + 1, low[effect.joint], high[effect.joint], seen.low, seen.high));
+  }
 }
 
 /// One band for all logs, or their figures could not be put together.
@@ -86,6 +118,7 @@ Validation validate(const model::Robot& robot, const model::FitRecord* fit,
     streams.push_back(data::stream(log, streaming));
     result.logs.push_back(streams.back().summary());
     result.notes.insert(result.notes.end(), result.logs.back().notes.begin(), result.logs.back().notes.end());
+    if (streaming.temperature) note_temperatures(result.robot, streams.back(), result.notes);
   }
   ScoreOptions scoring;
   scoring.band = band_of(streams, fit, options);

@@ -499,6 +499,28 @@ TYPED_TEST(Controllers, CountTheTimeOfWatchingForJointsThatWarmUp) {
   }
 }
 
+/// Every law that feeds friction forward, and what it estimates with.
+TYPED_TEST(Controllers, FeedForwardTheFrictionOfTheTemperature) {
+  using Scalar = TypeParam;
+  auto model = planar_arm<Scalar>();
+  JointEffect<Scalar> warming;
+  warming.kind = joint_effect_kind<FrictionTemperature>();
+  warming.parameters = {Scalar(-0.04), Scalar(-0.02), Scalar(25)};
+  typename Computed<Scalar>::Measurement m;
+  typename Computed<Scalar>::Reference reference;
+  reference.qd[0] = m.qd[0] = Scalar(1);
+  m.dt = Scalar(1e-3);
+  const auto torque_at = [&](double temperature) {
+    Computed<Scalar> controller;
+    EXPECT_EQ(controller.configure(model, usual<typename Computed<Scalar>::Config>()), Status::kOk);
+    EXPECT_EQ(controller.add(warming), Status::kOk);
+    controller.set_temperature({static_cast<Scalar>(temperature), Scalar(0)});
+    return static_cast<double>(controller.step(reference, m).torque[0]);
+  };
+  EXPECT_NEAR(torque_at(45.0) - torque_at(25.0), (-0.04 - 0.02) * 20.0, 1e-4);
+  EXPECT_EQ(torque_at(std::nan("")), torque_at(25.0));
+}
+
 /// The planar arm at compile time, with an elastic first joint.
 struct ElasticArm {
   static constexpr ArmModel<double, 2> kModel = planar_arm<double>();

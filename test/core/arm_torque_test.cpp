@@ -117,6 +117,28 @@ TYPED_TEST(ArmTorqueOf, APayloadAtTheFlangeIsABodyOnTheLastLink) {
   }
 }
 
+TYPED_TEST(ArmTorqueOf, FollowsTheTemperatureOfAJoint) {
+  using Scalar = TypeParam;
+  using Vector = typename TestFixture::Joints;
+  ArmTorque<RunTimeArm<6, 4, 1>, Scalar> warm, plain;
+  configure(warm);
+  configure(plain);
+  JointEffect<Scalar> effect;
+  effect.kind = joint_effect_kind<FrictionTemperature>();
+  effect.joint = 4;
+  effect.parameters = {Scalar(-0.01), Scalar(-0.02), Scalar(25)};
+  ASSERT_EQ(warm.add(effect), Status::kOk);
+  warm.set_temperature(Vector::Constant(Scalar(45)));
+  const Vector q = Vector::Zero(), qd = Vector::Constant(Scalar(0.7));
+  Vector a, b;
+  ASSERT_EQ(warm.update(Scalar(0.01), q, qd, q, a), Status::kOk);
+  ASSERT_EQ(plain.update(Scalar(0.01), q, qd, q, b), Status::kOk);
+  for (int i = 0; i < 6; ++i) {
+    const double expected = i == 4 ? (-0.01 - 0.02 * 0.7) * 20.0 : 0.0;
+    EXPECT_NEAR(static_cast<double>(a[i] - b[i]), expected, 10 * TestFixture::kRounding) << i;
+  }
+}
+
 TYPED_TEST(ArmTorqueOf, ARefusalLeavesTorqueMemoryAgeAndPayload) {
   using Scalar = TypeParam;
   using Vector = typename TestFixture::Joints;

@@ -25,6 +25,7 @@ EffectPoint<double> random_point(test::Random& random) {
   point.direction = point.qd > 0 ? 1 : -1;
   point.load = test::uniform(random, -30, 30);
   point.memory = test::uniform(random, -1, 1);
+  point.temperature = test::uniform(random, -10, 60);
   return point;
 }
 
@@ -180,6 +181,30 @@ void expect_formulas(Scalar tolerance) {
 
 TEST(EffectFeedForward, FollowsTheFormulasInDouble) { expect_formulas<double>(1e-12); }
 TEST(EffectFeedForward, FollowsTheFormulasInFloat) { expect_formulas<float>(2e-5F); }
+
+TEST(EffectFeedForward, FollowsTheTemperatureAndIsThatAtT0WhereItIsNotKnown) {
+  EffectFeedForward<double, 2, 2> effects;
+  JointEffect<double> effect{joint_effect_kind<FrictionTemperature>(), 1, {-0.04, -0.02, 30.0}};
+  effect.seen.temperature = {20.0, 50.0};
+  ASSERT_EQ(effects.add(effect), Status::kOk);
+  using Vector = JointVector<double, 2>;
+  const auto torque = [&](double qd) {
+    Vector tau(10.0, 20.0);
+    EXPECT_EQ(effects.add_torque(0.0, Vector::Zero(), Vector(qd, qd), Vector::Zero(), Vector::Zero(),
+                                 Actuation<double>{}, 0.0, tau),
+              Status::kOk);
+    EXPECT_EQ(tau[0], 10.0);
+    return tau[1] - 20.0;
+  };
+  EXPECT_EQ(torque(0.5), 0.0);
+  effects.set_temperature(Vector(99.0, 45.0));
+  EXPECT_NEAR(torque(0.5), (-0.04 - 0.02 * 0.5) * 15.0, 1e-12);
+  EXPECT_NEAR(torque(-0.5), (0.04 + 0.02 * 0.5) * 15.0, 1e-12);
+  effects.set_temperature(Vector(99.0, 90.0));  // warmer than any log: as at 50 °C
+  EXPECT_NEAR(torque(0.5), (-0.04 - 0.02 * 0.5) * 20.0, 1e-12);
+  effects.set_temperature(Vector(99.0, std::nan("")));  // the sensor failed
+  EXPECT_EQ(torque(0.5), 0.0);
+}
 
 TEST(EffectFeedForward, RestartsAfterAReset) {
   EffectFeedForward<double, 1, 1> effects;

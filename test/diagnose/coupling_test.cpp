@@ -1,53 +1,22 @@
 /// A motor that turns with two joints which are not those of a usual wrist.
-#include <cmath>
-#include <random>
-
 #include <gtest/gtest.h>
 
 #include "heft/core/effects/arm_effects.hpp"
 #include "heft/diagnose/diagnose.hpp"
-#include "heft/model/motion_torque.hpp"
-#include "support/arms.hpp"
+#include "support/two_link_log.hpp"
 
 namespace heft::diagnose {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-
 constexpr GearCoupling<double> kPair{.driving = 0, .driven = 1, .ratio = 0.5};
 
-model::Robot uncoupled_arm() {
-  model::Robot robot = test::planar_two_link();
-  robot.joints[0].actuation = {0.0, 2.0, 1.0, 0.0};
-  robot.joints[1].actuation = {0.0, 1.0, 0.5, 0.0};
-  return robot;
-}
+model::Robot uncoupled_arm() { return test::two_link_with_friction(); }
 
 data::Log log_of(const model::Robot& robot, unsigned seed) {
-  constexpr double kRate = 200.0, kSeconds = 24.0;
-  const auto rows = static_cast<Index>(kSeconds * kRate);
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> phase(0.0, 6.28), part(0.7, 1.3);
-  std::normal_distribution<double> noise(0.0, 0.05);
-  data::Log log;
-  log.path = "coupling-" + std::to_string(seed);
-  log.time = Eigen::VectorXd::LinSpaced(rows, 0.0, static_cast<double>(rows - 1) / kRate);
-  log.q.resize(rows, 2);
-  MatrixXd qd(rows, 2), qdd(rows, 2);
-  for (int j = 0; j < 2; ++j) {
-    const double a = 0.5 * part(random), b = 0.2 * part(random), p = phase(random), r = phase(random);
-    const double v = 2.0 * 3.14159 * 0.17 * part(random), w = 2.0 * 3.14159 * 0.53 * part(random);
-    for (Index k = 0; k < rows; ++k) {
-      const double t = log.time[k];
-      log.q(k, j) = a * std::sin(v * t + p) + b * std::sin(w * t + r);
-      qd(k, j) = a * v * std::cos(v * t + p) + b * w * std::cos(w * t + r);
-      qdd(k, j) = -a * v * v * std::sin(v * t + p) - b * w * w * std::sin(w * t + r);
-    }
-  }
-  log.tau = model::MotionTorque(robot).torque(log.time, log.q, qd, qdd, 1e-3, {});
-  for (double& tau : log.tau.reshaped()) tau += noise(random);
-  return log;
+  test::TwoLinkLog made = test::two_link_motion("coupling", seed);
+  made.add_torque(robot);
+  made.add_noise(seed + 100);
+  return made.log;
 }
 
 model::Robot coupled_arm() {

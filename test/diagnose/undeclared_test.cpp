@@ -341,6 +341,11 @@ TEST(Refit, IsNotMadeWhereTheValidationLogsContradictTheTrainingLogs) {
   const Diagnosis d = logs.diagnosis();
   EXPECT_FALSE(d.refitted.has_value());
   EXPECT_TRUE(has_note(d, "contradict"));
+  const host::Judgement judgement = d.judgement();
+  EXPECT_NE(judgement.verdict, host::Verdict::kGood);
+  EXPECT_TRUE(std::any_of(judgement.reasons.begin(), judgement.reasons.end(), [](const std::string& reason) {
+    return reason.find("training and validation logs contradict each other") == 0;
+  }));
 }
 
 // Validation logs that repeat the training motion ---------------------------------------------------------------

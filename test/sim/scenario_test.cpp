@@ -201,10 +201,15 @@ TEST(Scenario, EveryJointEffectActsAtItsJoint) {
       {R"("kind": "hysteresis", "x0": 0.02, "sharp": 0.25)",
        [](double, double q, double, double) { return -0.75 * std::exp(-q / 0.02); }},
       {R"("kind": "friction_drift", "alpha_c": 0.5, "alpha_v": 2.0, "T": 0.3)",
-       [](double t, double, double v, double) { return std::exp(-t / 0.3) * (0.5 * 1.0 + 2.0 * 0.4 * v); }}};
+       [](double t, double, double v, double) { return std::exp(-t / 0.3) * (0.5 * 1.0 + 2.0 * 0.4 * v); }},
+      {R"("kind": "friction_temperature", "kc": -0.02, "kv": 0.03, "T0": 25)",
+       [](double t, double, double v, double) {
+         return (-0.02 + 0.03 * v) * (40.0 - 20.0 * std::exp(-t / 0.5) - 25.0);
+       }}};
   for (const Case& one : cases) {
     const std::string json = R"({"robot": "slider", "duration": 0.1, "torque": {"offset": 12},
         "initial": {"position": 0, "velocity": 0.3}, "friction": {"coulomb": 1.0, "viscous": 0.4},
+        "temperature": {"start": 20, "end": 40, "time_constant": 0.5},
         "effects": [{"joint": 1, )" +
                              std::string(one.keys) + "}]}";
     const data::Log log = run_scenario(parse_scenario(json, "arm.json", load_robot));
@@ -212,6 +217,7 @@ TEST(Scenario, EveryJointEffectActsAtItsJoint) {
     for (Eigen::Index k = 0; k < log.time.size(); ++k) {
       const double q = log.q(k, 0), v = log.qd(k, 0), a = log.qdd(k, 0);
       ASSERT_GT(v, 0.0);
+      ASSERT_NEAR(log.temperature(k, 0), 40.0 - 20.0 * std::exp(-log.time[k] / 0.5), 1e-9);
       const double expected = one.torque(log.time[k], q, v, a);
       EXPECT_NEAR(log.tau(k, 0) - 2.0 * a - 1.0 - 0.4 * v, expected, 1e-7) << one.keys << " " << log.time[k];
       largest = std::max(largest, std::abs(expected));
@@ -258,9 +264,11 @@ TEST(Scenario, MessagesOfEffectsNamePathFoundAndExpected) {
   const BadScenario cases[] = {
       {R"("effects": {})", "/effects", "{}", "an array of objects"},
       {R"("effects": [{"kind": "stribek", "joint": 1}])", "/effects/0/kind", "\"stribek\"",
-       "\"base_tilt\", \"contact\", \"delay\", \"elasticity\", \"friction_curve\", \"friction_drift\", \"hysteresis\", "
+       "\"base_tilt\", \"contact\", \"delay\", \"elasticity\", \"friction_curve\", \"friction_drift\", \"friction_temperature\", \"hysteresis\", "
        "\"load_friction\", \"offset\", \"payload_change\", \"ripple\", \"rotor_inertia\", \"spring\", "
        "\"stribeck\", \"torque_scale\", \"viscous_nonlinear\", \"wrist_coupling\""},
+      {R"("effects": [{"kind": "friction_temperature", "joint": 1, "kc": 1, "T0": 20}])", "/effects/0/kind",
+       "\"friction_temperature\"", "\"temperature\""},
       {R"("effects": [{"kind": "stribeck", "joint": 2, "Fs": 1, "vs": 1}])", "/effects/0/joint", "2",
        "from 1 to 1"},
       {R"("effects": [{"kind": "stribeck", "joint": 1, "Fs": 1}])", "/effects/0/vs", "nothing",

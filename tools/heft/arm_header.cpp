@@ -72,7 +72,7 @@ std::string seen_text(const SeenWithin<double>& seen) {
   const SeenInterval<double> anywhere;
   bool any = false;
   std::string text;
-  for (const SeenInterval<double>& interval : {seen.velocity, seen.load, seen.position}) {
+  for (const SeenInterval<double>& interval : {seen.velocity, seen.load, seen.position, seen.temperature}) {
     const bool limited = interval.low > anywhere.low && interval.high < anywhere.high;
     any = any || limited;
     text += fmt::format("{}{}", text.empty() ? "" : ", ",

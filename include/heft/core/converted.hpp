@@ -64,7 +64,8 @@ constexpr SeenInterval<To> converted(const SeenInterval<From>& interval) noexcep
 
 template <typename To, typename From>
 constexpr SeenWithin<To> converted(const SeenWithin<From>& seen) noexcept {
-  return {converted<To>(seen.velocity), converted<To>(seen.load), converted<To>(seen.position)};
+  return {converted<To>(seen.velocity), converted<To>(seen.load), converted<To>(seen.position),
+          converted<To>(seen.temperature)};
 }
 
 template <typename To, typename From>

@@ -38,6 +38,9 @@ struct MotionChunk {
   /// Friction's memory sees in them how a joint settles, which a low-pass rounds off and the encoder's steps and noise
   /// hide [rad, m]. No columns unless asked for, or without logged velocities.
   Eigen::MatrixXd displacement, row_displacement;
+  /// Temperatures of the joints, on the grid and of the log's own rows, rows × n [°C]. No columns unless asked for, or
+  /// where the log lacks those of a joint.
+  Eigen::MatrixXd temperature, row_temperature;
   /// Other columns of the log that were asked for, on the grid: rows × columns each.
   std::vector<Eigen::MatrixXd> extra;
 };
@@ -51,6 +54,7 @@ struct StreamOptions {
   bool prefer_logged{true};
   bool cut_standstill{true};  ///< mark standstill at the ends as not usable
   bool displacement{false};   ///< fill in MotionChunk::displacement where the log has velocities
+  bool temperature{false};    ///< fill in MotionChunk::temperature where the log has it
   /// No joint faster: standstill [rad/s, m/s]. 0: 1 % of the joint's top speed in the log. Joints that travel
   /// less than 0.01 rad (m), or a hundredth of the largest travel, do not count: their top speed is noise.
   double standstill_speed{0.0};
@@ -72,6 +76,7 @@ struct StreamSummary {
   double sample_rate{0.0};      ///< of the grid [Hz]
   bool resampled{false};
   bool velocity_logged{false}, acceleration_logged{false};  ///< and used
+  bool temperature_logged{false};                           ///< of every joint, and asked for
   double cutoff{0.0};  ///< asked for or chosen [Hz], 0: none; logged motion is not filtered
   bool cutoff_chosen{false};
   double bandwidth{0.0};                    ///< [Hz]

@@ -3,6 +3,7 @@
 /// what identify would find and judged on logs that the fit has not seen. How it decides: src/diagnose/README.md.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <limits>
 #include <optional>
@@ -37,6 +38,7 @@ struct SeenRange {
   double velocity[2]{0.0, 0.0};  ///< [rad/s, m/s]
   double load[2]{0.0, 0.0};      ///< torque of rigid bodies that the gear transmits [N·m, N]
   double position[2]{0.0, 0.0};  ///< [rad, m]
+  std::optional<std::array<double, 2>> temperature{};  ///< of the joint [°C]; none: not in all logs
 };
 
 /// An effect found.
@@ -234,13 +236,17 @@ struct Diagnosis {
   /// What the model file holds where a fit to all logs lowers the errors on stretches of the validation logs that it has
   /// not seen, unless it was not asked for. All errors here are of `after`.
   std::optional<Refitted> refitted;
+  /// A fit to all logs would predict the training logs worse by as much as the validation logs gain, as where the arm carries
+  /// something in one of them. Not looked at without `refit`.
+  bool logs_contradict{false};
   /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
   model::FitRecord parameters;
   std::vector<Ceiling> ceilings;    ///< one a joint
   std::vector<JointCurves> curves;  ///< one a joint
 
   /// Bad: a joint that the arm model does not explain. Doubtful: structure above kRelevantStructure that no known
-  /// effect explains; an error on a validation log that is more than a hundredth above that of the identified model.
+  /// effect explains; logs that contradict each other; an error on a validation log that is more than a hundredth above that
+  /// of the identified model.
   /// And the prediction with all effects on each validation log: validate::judge_prediction().
   host::Judgement judgement() const;
   /// Whether that is not bad.

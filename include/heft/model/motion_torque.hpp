@@ -18,6 +18,8 @@ inline constexpr double kRestSpeed = 5e-3;
 /// Whether friction of this robot remembers by a displacement as logged instead of by the derived position: then
 /// MotionTorque::torque wants `measured`.
 bool needs_measured_displacement(const Robot& robot);
+/// Whether friction of this robot follows the temperature of a joint: then it wants `temperature`.
+bool needs_temperature(const Robot& robot);
 
 /// Motor torque along a motion, with everything that a Robot holds: rigid bodies, actuation, gear couplings,
 /// joint effects (those with memory are carried from row to row), elastic joints and the delay of the torque
@@ -48,11 +50,13 @@ class MotionTorque {
   /// @param sign_width  as in Dynamics::joint_torque
   /// @param measured    m × 2 n, displacements since the row before that an effect's memory goes by where it names
   ///                    one of them, see displacement_column(); no columns: those of q [rad, m]
+  /// @param temperature m × n, of the joints [°C]; no columns, or not a number: not known, and friction that goes by it is
+  ///                    that at its T0
   /// @return m × n [N·m, N]. With a delay each row is read `torque_delay` earlier, by straight lines between
   ///         rows; the first rows after reset(), which have nothing earlier, take the first one.
   Eigen::MatrixXd torque(const Eigen::VectorXd& time, const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
                          const Eigen::MatrixXd& qdd, double sign_width = 0.0,
-                         const Eigen::MatrixXd& measured = {});
+                         const Eigen::MatrixXd& measured = {}, const Eigen::MatrixXd& temperature = {});
   /// Link-side motion of the last call, m × n each: q, qd, qdd unless a joint is elastic.
   const Eigen::MatrixXd& link_q() const;
   const Eigen::MatrixXd& link_qd() const;

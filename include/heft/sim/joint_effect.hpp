@@ -2,7 +2,10 @@
 /// Friction, springs and other torques at a joint in addition to those of the rigid bodies, as small objects.
 #pragma once
 
+#include <cmath>
+#include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "heft/core/effects/effects.hpp"
@@ -20,6 +23,7 @@ struct JointPoint {
   /// Torque that a joint at rest passes on to the rigid bodies [N·m, N], for the break-away level of
   /// effects with a load_share(); zero for a joint in motion.
   double load{0.0};
+  double temperature{std::numeric_limits<double>::quiet_NaN()};  ///< of the joint [°C]; not a number: not simulated
 };
 
 /// A torque that the motor has to bring up on top of the rigid-body torque: motor torque = rigid body +
@@ -115,11 +119,21 @@ enum class SignModel {
   kSmooth
 };
 
+/// A joint that warms up, or cools down: end + (start - end) e^(-t / time constant).
+struct Warming {
+  double start{20.0};          ///< [°C]
+  double end{20.0};            ///< [°C]
+  double time_constant{600.0};  ///< [s]
+
+  double at(double t) const { return end + (start - end) * std::exp(-t / time_constant); }
+};
+
 /// Everything that acts at one joint.
 struct JointLoad {
   JointEffects effects;
   SignModel sign{SignModel::kStickSlip};
   double smooth_speed{1e-3};  ///< ε of the smooth sign [rad/s, m/s]
+  std::optional<Warming> temperature{};  ///< of the joint; none: no temperature in the log either
 };
 
 }  // namespace heft::sim

@@ -29,6 +29,8 @@ struct MotionRows {
   Eigen::MatrixXd tau;         ///< rows × n as measured [N·m, N]; no columns: not known
   /// As MotionChunk::displacement; no columns: friction's memory goes by q.
   Eigen::MatrixXd displacement;
+  /// rows × n, of the joints [°C]; no columns: not known.
+  Eigen::MatrixXd temperature{};
 };
 
 /// Predicts a log piece by piece in time order; friction's memory, deflections and delay go on from piece to piece.
@@ -54,7 +56,8 @@ class Predictor {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The rows of a whole log, with the displacement that friction's memory of this robot goes by, where the log shows it.
+/// The rows of a whole log, with the displacement and the temperature that friction of this robot goes by, where the log shows
+/// them.
 /// @param motion  what derive_motion did; as it is by default: velocity and acceleration are the log's own
 MotionRows rows_of(const model::Robot& robot, const data::Log& log, const data::MotionReport& motion);
 /// Torque of a whole motion, samples × n [N·m, N]. Friction's memory begins at 0, so that the torque of a motion does

@@ -87,6 +87,12 @@ class ModelController : public ControllerFrame<Derived, Scalar_, ArmSource<Descr
     return Status::kOk;
   }
 
+  /// Temperatures of the joints from now on, n [°C]; not a number: not known, and friction that follows one is that at its T0.
+  void set_temperature(const Vector& temperature) noexcept {
+    drive_.set_temperature(temperature);
+    static_cast<Derived*>(this)->warm(temperature);
+  }
+
  protected:
   friend Frame;
   using Body = RigidArm<Description, Scalar>;
@@ -96,6 +102,7 @@ class ModelController : public ControllerFrame<Derived, Scalar_, ArmSource<Descr
   void see(const Measurement& m) noexcept { drive_.skip(m.dt); }
   /// Nobody else wants to know.
   void tilt(const std::array<Scalar, 3>&) noexcept {}
+  void warm(const Vector&) noexcept {}
   template <typename Part>
   Status add_part(const Part& part) noexcept {
     return drive_.add(part);
@@ -300,6 +307,7 @@ class EstimatingController : public ModelController<Derived, Config_, Descriptio
   void tilt(const std::array<Scalar, 3>& gravity) noexcept {
     static_cast<void>(estimating_.set_gravity(gravity));
   }
+  void warm(const Vector& temperature) noexcept { estimating_.set_temperature(temperature); }
   void see(const Measurement& m) noexcept {
     Base::see(m);
     static_cast<void>(estimate(m));

@@ -97,6 +97,9 @@ class ReferenceDrive {
   /// Replaces declared friction, for the feed-forward alone; nothing where friction is left out.
   void set_friction(const Actuation& friction) noexcept { friction_ = with_friction_ ? friction : friction_; }
 
+  /// Temperatures of the joints from now on, n [°C]; not a number: not known, and friction that follows one is that at its T0.
+  void set_temperature(const Vector& temperature) noexcept { drive_.set_temperature(temperature); }
+
   /// See ArmTorque::set_gravity; finite.
   void set_gravity(const std::array<Scalar, 3>& gravity) noexcept { nominal_.set_gravity(gravity); }
 

@@ -156,6 +156,12 @@ class TerminalLinkController {
     return Status::kOk;
   }
 
+  /// Temperatures of the joints from now on, n [°C]; not a number: not known, and friction that follows one is that at its T0.
+  void set_temperature(const Vector& temperature) noexcept {
+    loop_.drive.set_temperature(temperature);
+    measured_drive_.set_temperature(temperature);
+  }
+
   /// One cycle.
   /// @param reference     where the arm is to be; its velocity is that of its position
   /// @param q             encoder positions, n [rad, m]

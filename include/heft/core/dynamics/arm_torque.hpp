@@ -87,6 +87,9 @@ class ArmTorque {
     return configured_ ? drive_.add(part) : Status::kNotConfigured;
   }
 
+  /// Temperatures of the joints from now on, n [°C]; not a number: not known, and friction that follows one is that at its T0.
+  void set_temperature(const Vector& temperature) noexcept { drive_.set_temperature(temperature); }
+
   /// Replaces the payload.
   /// @param payload  ten inertial parameters about the last link frame, as LoadObserver::load() gives them; all zero: none
   /// @return kNonFiniteInput, kNotPositiveDefinite (no body has these): the old payload is kept; kNotConfigured

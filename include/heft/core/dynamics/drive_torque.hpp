@@ -99,6 +99,9 @@ class DriveTorque {
   const Actuation& actuation() const noexcept { return actuation_; }
   Scalar sign_width() const noexcept { return sign_width_; }
 
+  /// Temperatures of the joints from now on, n: see EffectFeedForward::set_temperature.
+  void set_temperature(const Vector& temperature) noexcept { effects_.set_temperature(temperature); }
+
   /// Forgets the motion.
   void reset() noexcept { effects_.reset(); }
 

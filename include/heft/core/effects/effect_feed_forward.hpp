@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <limits>
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/converted.hpp"
@@ -77,6 +78,9 @@ class EffectFeedForward {
 
   int count() const noexcept { return count_; }
 
+  /// Temperatures of the joints from now on, n [°C]; not a number: not known, and friction is that at the effect's T0.
+  void set_temperature(const Vector& temperature) noexcept { temperature_ = temperature; }
+
   /// Forgets the motion: memory restarts at 0.
   void reset() noexcept {
     memory_.values.fill(Scalar(0));
@@ -112,7 +116,7 @@ class EffectFeedForward {
         memory[k] = joint_effect_memory(effect, memory[k], q[j] - memory_.last_q[j]);
       }
       const EffectPoint<Scalar> point{time,    q[j],     qd[j], qdd[j], velocity_sign(qd[j], sign_width),
-                                      load[j], memory[k]};
+                                      load[j], memory[k], temperature_[j]};
       sum[j] += joint_effect_torque(effect, point, actuation[static_cast<std::size_t>(j)]);
     }
     for (int j = 0; j < N; ++j) {
@@ -130,6 +134,7 @@ class EffectFeedForward {
  private:
   std::array<JointEffect<Scalar>, static_cast<std::size_t>(M)> effects_{};
   Memory memory_;
+  Vector temperature_ = Vector::Constant(std::numeric_limits<Scalar>::quiet_NaN());
   int count_{0};
 };
 

@@ -40,6 +40,8 @@ struct EffectPoint {
   Scalar direction{0};  ///< sign of the velocity, sharp or smooth, within [-1, 1]
   Scalar load{0};       ///< torque of the rigid bodies that the joint transmits [N·m, N]
   Scalar memory{0};     ///< the effect's own state
+  /// Of the joint [°C]; not a number where nobody measures it: an effect that goes by it adds nothing then.
+  Scalar temperature{std::numeric_limits<Scalar>::quiet_NaN()};
 };
 
 /// Where a physical parameter may lie.
@@ -65,7 +67,7 @@ template <typename Scalar>
 using EffectParameters = std::array<Scalar, kMaxEffectParameters>;
 
 /// A quantity that the torque of an effect goes with.
-enum class SeenBy : std::uint8_t { kVelocity, kLoad, kPosition };
+enum class SeenBy : std::uint8_t { kVelocity, kLoad, kPosition, kTemperature };
 
 /// Smallest and largest value of a quantity; without limits unless set.
 template <typename Scalar>
@@ -75,7 +77,7 @@ struct SeenInterval {
 };
 
 /// The motion that an effect was seen in. What no log has shown is no part of it: beyond, its torque stays what it was at
-/// the border (friction, load, springs), or goes to zero within a way as long as the one that was seen (ripple: the number
+/// the border (friction, load, temperature, springs), or goes to zero within a way as long as the one that was seen (ripple: the number
 /// of its periods is known so well that its phase is right along that way, and no better), so that the rest of the model
 /// says what changes. Friction and load count by their size: what was seen in one direction holds in the other, as in the
 /// declared friction. Without limits unless set.
@@ -84,6 +86,7 @@ struct SeenWithin {
   SeenInterval<Scalar> velocity{};  ///< of the joint [rad/s, m/s]
   SeenInterval<Scalar> load{};      ///< torque of the rigid bodies that the joint transmits [N·m, N]
   SeenInterval<Scalar> position{};  ///< [rad, m]
+  SeenInterval<Scalar> temperature{};  ///< of the joint [°C]
 };
 
 namespace detail {
@@ -112,6 +115,9 @@ constexpr void hold_within(const SeenWithin<Scalar>& seen, EffectPoint<Scalar>& 
     if constexpr (Effect::kHeldBeyond == SeenBy::kLoad) point.load = detail::held(point.load, seen.load);
     if constexpr (Effect::kHeldBeyond == SeenBy::kPosition)
       point.q = detail::nearest(point.q, seen.position.low, seen.position.high);
+    if constexpr (Effect::kHeldBeyond == SeenBy::kTemperature)
+      point.temperature =
+          detail::nearest(point.temperature, seen.temperature.low, seen.temperature.high);
   }
 }
 
@@ -135,7 +141,8 @@ enum class ShapeScale : std::uint8_t {
   kAbsolute,  ///< as given
   kTopSpeed,  ///< the joint's largest speed
   kTravel,    ///< the joint's largest minus smallest position
-  kDuration   ///< length of the log
+  kDuration,  ///< length of the log
+  kTemperature  ///< the joint's mean temperature in the logs: a point to count from, not searched for
 };
 
 /// Where a search looks for a parameter that the torque is not linear in.

@@ -10,6 +10,7 @@
 #include "heft/core/effects/displacement.hpp"
 #include "heft/core/effects/friction_curve.hpp"
 #include "heft/core/effects/friction_drift.hpp"
+#include "heft/core/effects/friction_temperature.hpp"
 #include "heft/core/effects/hysteresis.hpp"
 #include "heft/core/effects/load_friction.hpp"
 #include "heft/core/effects/offset.hpp"
@@ -26,7 +27,8 @@ namespace heft {
 /// Every joint effect, simplest first: where a motion cannot distinguish two effects, the earlier one is
 /// named. A new effect is one file and one entry here; search, simulator, model files and export read this list.
 using JointEffectTypes = std::tuple<Offset, RotorInertia, ViscousNonlinear, Stribeck, LoadFriction,
-                                    TorqueScale, Spring, Hysteresis, FrictionDrift, Ripple, FrictionCurve>;
+                                    TorqueScale, Spring, Hysteresis, FrictionTemperature, FrictionDrift, Ripple,
+                                    FrictionCurve>;
 
 inline constexpr int kNumJointEffects = static_cast<int>(std::tuple_size_v<JointEffectTypes>);
 
@@ -89,7 +91,7 @@ struct JointEffect {
 template <typename Scalar>
 constexpr bool is_in_order(const SeenWithin<Scalar>& seen) {
   const auto in_order = [](const SeenInterval<Scalar>& interval) { return interval.low <= interval.high; };
-  return in_order(seen.velocity) && in_order(seen.load) && in_order(seen.position);
+  return in_order(seen.velocity) && in_order(seen.load) && in_order(seen.position) && in_order(seen.temperature);
 }
 
 /// First of the effect's parameters, in the order of kParameters, that lies outside its range (a length or time that is

@@ -163,6 +163,9 @@ class ArmEstimator {
     return status;
   }
 
+  /// Temperatures of the joints from now on, n [°C]; not a number: not known, and friction that follows one is that at its T0.
+  void set_temperature(const Vector& temperature) noexcept { drive_.set_temperature(temperature); }
+
   /// Replaces gravity, in the base frame; finite [m/s²].
   void set_gravity(const std::array<Scalar, 3>& gravity) noexcept {
     nominal_.set_gravity(gravity);

@@ -134,6 +134,9 @@ class LoadObserver {
     return configured_ ? front_.drive.add(part) : Status::kNotConfigured;
   }
 
+  /// Temperatures of the joints from now on, n [°C]; not a number: not known, and friction that follows one is that at its T0.
+  void set_temperature(const Vector& temperature) noexcept { front_.drive.set_temperature(temperature); }
+
   /// Replaces gravity, in the base frame [m/s²]: a tilted or moving base.
   /// @return kNonFiniteInput: the old one is kept; kNotConfigured
   Status set_gravity(const std::array<Scalar, 3>& gravity) noexcept {
