@@ -215,6 +215,14 @@ void note_what_has_no_interval(const model::ModelFile& before, const model::Mode
                         a.joint + 1, a.stiffness, b.stiffness));
     }
   }
+  for (const JointCable<double>& a : before.cables) {
+    for (const JointCable<double>& b : after.cables) {
+      if (a.driving == b.driving && a.driven == b.driven)
+        result.notes.push_back(
+            fmt::format("stiffness of the cable over joints {} and {}: {:.4g} and {:.4g}, without intervals: not compared",
+                        a.driving + 1, a.driven + 1, a.stiffness, b.stiffness));
+    }
+  }
   if (before.torque_delay != after.torque_delay)
     result.notes.push_back(
         fmt::format("delay of the torque channel: {:.3g} ms and {:.3g} ms, without intervals: not compared",

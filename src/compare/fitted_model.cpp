@@ -194,14 +194,21 @@ VectorXd FittedModel::torque(Part part, const State& s) const {
   VectorXd offset(gravity.size());
   for (Index j = 0; j < offset.size(); ++j)
     offset[j] = robot().joints[static_cast<std::size_t>(j)].actuation.friction_offset;
-  if (part == Part::kStatic) return gravity + offset;
+  // Cables pull in the torque at rest.
+  VectorXd pull = VectorXd::Zero(gravity.size());
+  for (const JointCable<double>& cable : robot().cables) {
+    const double torque = cable_torque(cable, s.q[cable.driving], s.q[cable.driven]);
+    pull[cable.driven] += torque;
+    pull[cable.driving] += cable.ratio * torque;
+  }
+  if (part == Part::kStatic) return gravity + offset + pull;
   VectorXd inertia = dynamics_.inverse_dynamics(s.q, s.qd, s.qdd) - gravity;
   for (Index j = 0; j < inertia.size(); ++j)
     inertia[j] += robot().joints[static_cast<std::size_t>(j)].actuation.rotor_inertia * s.qdd[j];
   for (const Elasticity<double>& elastic : robot().elasticities)
     inertia[elastic.joint] += elastic.motor_inertia * s.qdd[elastic.joint];
   if (part == Part::kInertia) return inertia;
-  VectorXd friction = dynamics_.joint_torque(s.q, s.qd, s.qdd) - gravity - inertia - offset;
+  VectorXd friction = dynamics_.joint_torque(s.q, s.qd, s.qdd) - gravity - inertia - offset - pull;
   // joint_torque() knows no temperature.
   for (const JointEffect<double>& effect : robot().effects) {
     if (effect.kind != joint_effect_kind<FrictionTemperature>()) continue;

@@ -32,6 +32,7 @@ ArmSearch search_of(Delay);
 ArmSearch search_of(BaseTilt);
 ArmSearch search_of(PayloadChange);
 ArmSearch search_of(WristCoupling);
+ArmSearch search_of(Cable);
 ArmSearch search_of(Contact);
 
 /// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.

@@ -182,6 +182,7 @@ bool Engine::is_out(int column) const {
   return std::any_of(accepted.begin(), accepted.end(), [&](const Candidate& e) {
     const bool holds_rotor = e.effect.is<ElasticJoint>() && e.columns.count() > 1;
     return (e.effect.is<Spring>() && base_.offset(e.joint) == column) ||
+           (e.effect.is<Cable>() && base_.offset(e.pair.driven) == column) ||
            (holds_rotor && base_.rotor(e.joint) == column);
   });
 }

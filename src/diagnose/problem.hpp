@@ -129,6 +129,11 @@ class Problem {
   /// @param combinations  c × k each
   std::vector<double> gains(const WideMoments& columns, const std::vector<Eigen::MatrixXd>& combinations,
                             int without = -1) const;
+  /// The same of candidates that reach several joints.
+  /// @param joints        all columns of a joint as one candidate
+  /// @param combinations  of each candidate, one a joint: c × k
+  std::vector<double> gains(std::span<const WideMoments> joints,
+                            const std::vector<std::vector<Eigen::MatrixXd>>& combinations) const;
 
   ColumnMoments moments(const Columns& columns) const;
   /// Moments of the columns from one row on, those before taken as 0.

@@ -91,4 +91,19 @@ std::vector<double> Problem::gains(const WideMoments& columns, const std::vector
   return result;
 }
 
+std::vector<double> Problem::gains(std::span<const WideMoments> joints,
+                                   const std::vector<std::vector<MatrixXd>>& combinations) const {
+  std::vector<double> result;
+  for (const std::vector<MatrixXd>& shape : combinations) {
+    ColumnMoments m{static_cast<int>(shape.front().cols()), {}, {{}}, {{}}};
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      m.joints.push_back(joints[j].joint);
+      m.cross[0].emplace_back(joints[j].cross * shape[j]);
+      m.square[0].emplace_back(shape[j].transpose() * joints[j].square * shape[j]);
+    }
+    result.push_back(gain(m));
+  }
+  return result;
+}
+
 }  // namespace heft::diagnose

@@ -36,7 +36,7 @@ constexpr double kContradiction = 1.25;
 
 /// The log less the torque of the effects.
 data::Log less_effects(data::Log log, const model::Robot& robot) {
-  if (robot.couplings.empty() && robot.effects.empty() && robot.elasticities.empty() && !(robot.torque_delay > 0.0))
+  if (robot.couplings.empty() && robot.cables.empty() && robot.effects.empty() && robot.elasticities.empty() && !(robot.torque_delay > 0.0))
     return log;
   data::StreamOptions options;
   options.displacement = true;
@@ -60,6 +60,7 @@ model::Robot with_base(const model::Robot& written, const BaseModel& base, const
   robot.effects = written.effects;
   robot.elasticities = written.elasticities;
   robot.couplings = written.couplings;
+  robot.cables = written.cables;
   robot.torque_delay = written.torque_delay;
   return robot;
 }

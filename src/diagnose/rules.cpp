@@ -103,7 +103,8 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   if (!c.trial.valid) return "this motion cannot distinguish it from the rest of the model";
   // A joint's scale is measured by the masses that it shares with the others: one that is wrong spoils it.
   const bool by_all = c.joint < 0 || c.effect.is<TorqueScale>();
-  if (by_all ? !wrong_joints->empty() && (c.joint >= 0 || !explains_joints(c)) : is_wrong(c.joint))
+  if (by_all ? !wrong_joints->empty() && (c.joint >= 0 || !explains_joints(c))
+             : is_wrong(c.joint) || (c.effect.is<Cable>() && is_wrong(c.pair.driven)))
     return "the arm model does not explain this joint";
   if (std::string own = own_objection(c, engine->table(), joint_sensor); !own.empty()) return own;
   if (!(c.trial.p_value * round.tried < kLevel)) return "chance explains it";
@@ -137,7 +138,8 @@ const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const
                                  const Round& round) const {
   const Candidate* simple = best;
   for (const Candidate& c : candidates) {
-    if (c.joint != best->joint || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
+    const bool beside = best->effect.is<Cable>() && c.joint == best->pair.driven;
+    if ((c.joint != best->joint && !beside) || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
     const double least = best->effect.is<FrictionCurve>() ? kFormula : kSimpler;
     if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < least * best->trial.cv_gain) continue;
     if (objection(c, round).empty()) simple = &c;

@@ -86,8 +86,8 @@ struct Rules {
   };
   /// Why a candidate is not taken; empty: it can be.
   std::string objection(const Candidate& c, const Round& round) const;
-  /// A simpler effect of the same joint that explains as good as the same goes before: what the motion cannot
-  /// distinguish, and kinds that contain another one.
+  /// A simpler effect of the same joint, of a cable's second one as well, that explains as good as the same goes before: what
+  /// the motion cannot distinguish, and kinds that contain another one.
   const Candidate* simplest(const std::vector<Candidate>& candidates, const Candidate* best,
                             const Round& round) const;
   /// What is left in a joint that the model does not explain is no small effect.

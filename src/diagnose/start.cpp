@@ -36,6 +36,8 @@ std::vector<std::string> strip(model::Robot& robot) {
   for (const GearCoupling<double>& coupling : robot.couplings)
     taken_out.push_back(
         fmt::format("coupling of joints {} and {}", coupling.driving + 1, coupling.driven + 1));
+  for (const JointCable<double>& cable : robot.cables)
+    taken_out.push_back(fmt::format("cable over joints {} and {}", cable.driving + 1, cable.driven + 1));
   if (robot.torque_delay > 0.0) taken_out.push_back("delay of the torque channel");
   robot = model::without_effects(std::move(robot));
   return taken_out;

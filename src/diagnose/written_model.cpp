@@ -94,6 +94,22 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
   robot_ = robot_of(chosen_);
   load_ = load_of(robot_, judged().table());
   for (JointEffect<double>& effect : robot_.effects) effect.seen = seen(effect.joint);
+  for (JointCable<double>& cable : robot_.cables) cable.seen = seen(cable);
+}
+
+SeenInterval<double> WrittenModel::seen(const JointCable<double>& cable) const {
+  SeenInterval<double> all{std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest()};
+  const auto widen = [&](const MatrixXd& q, const MatrixXd& keep) {
+    for (Index i = 0; i < q.rows(); ++i) {
+      if (!(keep(i, cable.driving) > 0.0 || keep(i, cable.driven) > 0.0)) continue;
+      const double x = q(i, cable.driven) + cable.ratio * q(i, cable.driving);
+      all.low = std::min(all.low, x);
+      all.high = std::max(all.high, x);
+    }
+  };
+  widen(engine().table().q, engine().keep());
+  widen(judged().table().q, judged().table().keep);
+  return all.low <= all.high ? all : SeenInterval<double>{};
 }
 
 SeenWithin<double> WrittenModel::seen(int joint) const {
@@ -138,10 +154,11 @@ std::vector<bool> WrittenModel::anchored(const Engine& engine) const {
   };
   for (const Candidate& e : engine.accepted) {
     for (int j = 0; j < base.num_joints(); ++j) {
-      const bool paired = e.effect.is<WristCoupling>() && (j == e.pair.driving || j == e.pair.driven);
+      const bool paired = (e.effect.is<WristCoupling>() || e.effect.is<Cable>()) &&
+                          (j == e.pair.driving || j == e.pair.driven);
       if (e.joint != j && !paired) continue;
       for (const int column : {base.coulomb(j), base.viscous(j), base.offset(j)}) release(column);
-      if (paired) release(base.rotor(j));
+      if (paired && e.effect.is<WristCoupling>()) release(base.rotor(j));
     }
   }
   return held;

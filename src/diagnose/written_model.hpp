@@ -42,6 +42,8 @@ class WrittenModel {
   const model::Robot& robot() const { return robot_; }
   /// Where a joint's rows of the training and validation logs lie that count: what an effect was fitted to, and judged on.
   SeenWithin<double> seen(int joint) const;
+  /// The same of a cable's stretch.
+  SeenInterval<double> seen(const JointCable<double>& cable) const;
   /// Whether its motion is derived as for a model that does not say how.
   bool is_ordinary() const { return chosen_.ordinary; }
   /// Whether the validation logs repeat the motion of the training logs.

@@ -145,6 +145,11 @@ std::vector<LeftOut> left_out(const model::Robot& robot, const Places& places) {
       r.couplings.erase(r.couplings.begin() + static_cast<std::ptrdiff_t>(k));
     });
   }
+  for (std::size_t k = 0; k < robot.cables.size(); ++k) {
+    shares.add("cable", robot.cables[k].driven, [&](model::Robot& r) {
+      r.cables.erase(r.cables.begin() + static_cast<std::ptrdiff_t>(k));
+    });
+  }
   for (std::size_t k = 0; k < robot.elasticities.size(); ++k) {
     shares.add("elasticity", robot.elasticities[k].joint, [&](model::Robot& r) {
       r.elasticities.erase(r.elasticities.begin() + static_cast<std::ptrdiff_t>(k));

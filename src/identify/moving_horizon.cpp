@@ -66,7 +66,7 @@ void check_options(const model::Robot& robot, const HorizonOptions& options) {
           fmt::format("moving horizon: link {}; expected links from 0 to {}", link, robot.num_joints() - 1));
     }
   }
-  if (!robot.effects.empty() || !robot.elasticities.empty() || robot.torque_delay != 0.0) {
+  if (!robot.effects.empty() || !robot.cables.empty() || !robot.elasticities.empty() || robot.torque_delay != 0.0) {
     throw ModelError(
         "moving horizon: the robot has effects, elastic joints or a torque delay; expected rigid bodies, rotors, "
         "friction and gear couplings; take the effects out of the model (model::without_effects)");

@@ -5,6 +5,7 @@ namespace heft::model {
 Robot at_sensor(Robot robot) {
   for (RobotJoint& joint : robot.joints) joint.actuation = {};
   robot.couplings.clear();
+  robot.cables.clear();
   robot.effects.clear();
   for (Elasticity<double>& elasticity : robot.elasticities) elasticity.motor_inertia = 0.0;
   robot.torque_delay = 0.0;

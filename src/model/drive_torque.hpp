@@ -1,5 +1,5 @@
 /// @file
-/// From the rigid bodies' torque to the motors': actuation, gear couplings, joint effects.
+/// From the rigid bodies' torque to the motors': actuation, gear couplings, cables, joint effects.
 #pragma once
 
 #include <fmt/format.h>
@@ -27,7 +27,17 @@ void add_actuation(const Robot& robot, const Motion& qd, const Motion& qdd, doub
   }
 }
 
-/// @throws ModelError for an effect or an elasticity of a joint that does not exist, an effect that does not
+/// Torque of the cables, added to `tau`. Both n, motor side.
+template <typename Motion, typename Torque>
+void add_cables(const Robot& robot, const Motion& q, Torque& tau) {
+  for (const JointCable<double>& cable : robot.cables) {
+    const double pull = cable_torque(cable, q[cable.driving], q[cable.driven]);
+    tau[cable.driven] += pull;
+    tau[cable.driving] += cable.ratio * pull;
+  }
+}
+
+/// @throws ModelError for an effect, a cable or an elasticity of a joint that does not exist, an effect that does not
 ///         exist, or an elastic joint that is named twice or has no positive stiffness.
 inline void check_effects(const Robot& robot) {
   const auto check_joint = [&robot](int joint, std::string_view what) {
@@ -41,6 +51,15 @@ inline void check_effects(const Robot& robot) {
                                    effect.kind, kNumJointEffects - 1));
     }
     check_joint(effect.joint, "effect");
+  }
+  for (const JointCable<double>& cable : robot.cables) {
+    check_joint(cable.driving, "cable");
+    check_joint(cable.driven, "cable");
+    if (cable.driving == cable.driven || !(cable.stiffness >= 0.0)) {
+      throw ModelError(fmt::format("robot \"{}\": cable of stiffness {} over joints {} and {}; expected two joints and a "
+                                   "stiffness of at least 0",
+                                   robot.name, cable.stiffness, cable.driving + 1, cable.driven + 1));
+    }
   }
   for (std::size_t k = 0; k < robot.elasticities.size(); ++k) {
     const Elasticity<double>& elasticity = robot.elasticities[k];

@@ -92,6 +92,7 @@ Eigen::VectorXd Dynamics::joint_torque(const Eigen::VectorXd& q, const Eigen::Ve
   // Before anything is added tau is the load of the gears.
   const Eigen::VectorXd load = robot.effects.empty() ? Eigen::VectorXd{} : tau;
   add_actuation(robot, qd, qdd, sign_width, tau);
+  add_cables(robot, q, tau);
   for (const Elasticity<double>& elasticity : robot.elasticities) {
     tau[elasticity.joint] += elasticity.motor_inertia * qdd[elasticity.joint];
   }

@@ -27,6 +27,7 @@ struct ModelPlace {
 // A new arm effect needs its line here, and `read` and `add_entries` below if it is an entry.
 constexpr ModelPlace place_of(ElasticJoint) { return {true, ""}; }
 constexpr ModelPlace place_of(Delay) { return {true, ""}; }
+constexpr ModelPlace place_of(Cable) { return {true, ""}; }
 constexpr ModelPlace place_of(WristCoupling) {
   return {false, "; a motor that turns with two joints belongs in /gear_couplings"};
 }
@@ -97,6 +98,34 @@ void read(ElasticJoint, const EffectEntry& entry, ModelFile& model) {
   model.elasticities.push_back(elasticity);
 }
 
+/// The smallest and the largest value of a quantity.
+SeenInterval<double> read_interval(const Node& range, const char* name) {
+  const auto [low, high] = range.numbers<2>(name);
+  if (!(low <= high)) {
+    range.at(name, "").fail(fmt::format("found {} and {}", low, high), "the smallest value and the largest one");
+  }
+  return {low, high};
+}
+
+void read(Cable, const EffectEntry& entry, ModelFile& model) {
+  JointCable<double> cable;
+  cable.driving = entry.node.joint("joint", entry.num_joints);
+  cable.driven = entry.node.joint("driven_joint", entry.num_joints);
+  if (cable.driven == cable.driving)
+    entry.node.at("driven_joint", "").fail("found the same joint twice", "another joint than \"joint\"");
+  const Node stiffness = entry.parameters.at("k", "N·m/rad (N/m)");
+  cable.stiffness = stiffness.number();
+  if (!(cable.stiffness >= 0.0)) stiffness.fail(fmt::format("found {}", cable.stiffness), "0 or more");
+  cable.neutral = entry.parameters.at("x0", "rad (m)").number();
+  cable.ratio = entry.parameters.at("ratio", "a number").number();
+  if (entry.node.has("range")) {
+    const Node range = entry.node.at("range", "an object");
+    range.expect_object();
+    if (range.has("stretch")) cable.seen = read_interval(range, "stretch");
+  }
+  model.cables.push_back(cable);
+}
+
 Displacement read_displacement(const Node& node) {
   if (!node.has("displacement")) return Displacement::kPosition;
   const Node given = node.at("displacement", "text");
@@ -122,12 +151,7 @@ SeenWithin<double> read_range(const Node& node) {
   range.expect_object();
   for (const auto& [name, interval] : kSeenOver) {
     if (!range.has(name)) continue;
-    const auto [low, high] = range.numbers<2>(name);
-    if (!(low <= high)) {
-      range.at(name, "").fail(fmt::format("found {} and {}", low, high),
-                              "the smallest value and the largest one");
-    }
-    seen.*interval = {low, high};
+    seen.*interval = read_interval(range, name);
   }
   return seen;
 }
@@ -174,6 +198,18 @@ void add_entries(ElasticJoint, const ModelFile& model, Json& json) {
                      {{"stiffness", elasticity.stiffness},
                       {"damping", elasticity.damping},
                       {"motor_inertia", elasticity.motor_inertia}}}});
+  }
+}
+
+void add_entries(Cable, const ModelFile& model, Json& json) {
+  for (const JointCable<double>& cable : model.cables) {
+    json.push_back({{"kind", Cable::kId},
+                    {"joint", cable.driving + 1},
+                    {"driven_joint", cable.driven + 1},
+                    {"parameters", {{"k", cable.stiffness}, {"x0", cable.neutral}, {"ratio", cable.ratio}}}});
+    const SeenInterval<double> anywhere;
+    if (cable.seen.low > anywhere.low && cable.seen.high < anywhere.high)
+      json.back()["range"] = {{"stretch", {cable.seen.low, cable.seen.high}}};
   }
 }
 

@@ -37,6 +37,7 @@ ModelFile make_model(const Robot& robot) {
     model.actuation.push_back(joint.actuation);
   }
   model.couplings = robot.couplings;
+  model.cables = robot.cables;
   model.effects = robot.effects;
   model.elasticities = robot.elasticities;
   model.torque_delay = robot.torque_delay;
@@ -147,6 +148,7 @@ void apply(const ModelFile& model, Robot& robot, std::vector<std::string>* notes
     robot.joints[k].actuation = model.actuation[k];
   }
   robot.couplings = model.couplings;
+  robot.cables = model.cables;
   robot.effects = model.effects;
   robot.elasticities = model.elasticities;
   robot.torque_delay = model.torque_delay;

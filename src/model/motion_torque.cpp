@@ -198,6 +198,7 @@ struct MotionTorque::Impl {
       tau[elasticity.joint] += elasticity.motor_inertia * motor_qdd[elasticity.joint];
     }
     add_actuation(robot, motor_qd, motor_qdd, sign_width, tau);
+    add_cables(robot, motor_q, tau);
     for (std::size_t k = 0; k < robot.effects.size(); ++k) {
       const JointEffect<double>& effect = robot.effects[k];
       const int j = effect.joint;
@@ -314,6 +315,7 @@ Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::M
     if (!s.along()) {
       s.tau = loads.row(k);
       add_actuation(s.robot, s.motor_qd, s.motor_qdd, sign_width, s.tau);
+      add_cables(s.robot, s.motor_q, s.tau);
       torque.row(k) = s.tau;
       continue;
     }

@@ -30,7 +30,7 @@ data::Log with_late_motion(data::Log log, double delay) {
 }
 
 BeyondRegressor::BeyondRegressor(const model::Robot& robot) {
-  if (robot.couplings.empty() && robot.effects.empty() && robot.elasticities.empty()) return;
+  if (robot.couplings.empty() && robot.cables.empty() && robot.effects.empty() && robot.elasticities.empty()) return;
   elastic_ = !robot.elasticities.empty();
   model::Robot prompt = robot;
   prompt.torque_delay = 0.0;

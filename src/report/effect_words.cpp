@@ -38,6 +38,7 @@ constexpr std::string_view name(Delay) { return "a delay of the torque channel";
 constexpr std::string_view name(BaseTilt) { return "a tilt of the base"; }
 constexpr std::string_view name(PayloadChange) { return "a change of load"; }
 constexpr std::string_view name(WristCoupling) { return "wrist coupling"; }
+constexpr std::string_view name(Cable) { return "a cable over two joints"; }
 constexpr std::string_view name(Contact) { return "an outer force that comes and goes"; }
 
 std::optional<double> parameter(const Finding& finding, std::string_view of) {
@@ -99,6 +100,10 @@ std::string matter_of(WristCoupling, const Finding& finding) {
   return with_joints(
       "The motors of joints {i} and {j} both feel the friction of the two joints' sum (wrist coupling)",
       finding);
+}
+
+std::string matter_of(Cable, const Finding& finding) {
+  return with_joints("A cable or hose over joints {i} and {j} pulls at both", finding);
 }
 
 std::string unit_of(EffectKind effect, const std::string& parameter, bool prismatic) {

@@ -67,6 +67,7 @@ Plant::Plant(const SimulationSettings& settings, const model::Robot& robot)
     : n_(robot.num_joints()),
       dynamics_(robot),
       elastic_(robot.elasticities),
+      cables_(robot.cables),
       coupling_smooth_speed_(settings.coupling_smooth_speed),
       limit_(settings.torque_limit),
       held_(Eigen::VectorXd::Zero(n_)),
@@ -196,6 +197,11 @@ void Plant::accelerations(double t, const double* q, const double* qd, const dou
     const double shared = c.coulomb_friction * std::tanh(v / coupling_smooth_speed_) + c.viscous_friction * v;
     disturbance_torque_[c.driven] += shared;
     disturbance_torque_[c.driving] += c.ratio * shared;
+  }
+  for (const JointCable<double>& c : cables_) {
+    const double pull = cable_torque(c, q[c.driving], q[c.driven]);
+    disturbance_torque_[c.driven] += pull;
+    disturbance_torque_[c.driving] += c.ratio * pull;
   }
   for (std::size_t i = 0; i < loads_.size(); ++i) {
     const Load& load = loads_[i];
@@ -376,6 +382,10 @@ double Plant::potential_energy(const Eigen::VectorXd& q) const {
   for (const Elasticity<double>& e : elastic_) {
     const double stretch = q[e.joint] - x[e.joint];
     energy += 0.5 * e.stiffness * stretch * stretch;
+  }
+  for (const JointCable<double>& c : cables_) {
+    const double stretch = q[c.driven] + c.ratio * q[c.driving] - c.neutral;
+    energy += 0.5 * c.stiffness * stretch * stretch;
   }
   return energy;
 }

@@ -124,6 +124,7 @@ class Plant : public System {
   int num_stuck_{0};
   std::vector<Elasticity<double>> elastic_;
   std::vector<GearCoupling<double>> couplings_;
+  std::vector<JointCable<double>> cables_;
   bool coupled_rotors_{false};
   std::vector<LoadedJoint> loaded_;
   double coupling_smooth_speed_;

@@ -153,6 +153,20 @@ void read(WristCoupling, const SettingsReader& reader, Reading& reading) {
   robot.couplings.push_back(coupling);
 }
 
+void read(Cable, const SettingsReader& reader, Reading& reading) {
+  model::Robot& robot = reading.settings.robot;
+  const int n = robot.num_joints();
+  JointCable<double> cable;
+  cable.driving = static_cast<int>(reader.whole_number("driving", 1, n)) - 1;
+  cable.driven = static_cast<int>(reader.whole_number("driven", 1, n)) - 1;
+  if (cable.driving == cable.driven)
+    reader.refuse("driven", "", "another joint than \"driving\"", "name two joints");
+  cable.ratio = reader.number_or("ratio", 1.0);
+  cable.stiffness = reader.number("k", Range::kNotNegative);
+  cable.neutral = reader.number_or("x0", 0.0);
+  robot.cables.push_back(cable);
+}
+
 void read(BaseTilt, const SettingsReader& reader, Reading& reading) {
   SimulationSettings& settings = reading.settings;
   const double degree = std::numbers::pi / 180.0;

@@ -227,7 +227,8 @@ Tracking track(const sim::Scenario& scenario, const Options& options) {
   const model::Robot nominal = options.wrong ? wrong_model(identified, *options.wrong) : identified;
   result.wrong = options.wrong;
   result.model_effects =
-      static_cast<int>(nominal.effects.size() + nominal.elasticities.size() + nominal.couplings.size());
+      static_cast<int>(nominal.effects.size() + nominal.elasticities.size() + nominal.couplings.size() +
+                       nominal.cables.size());
   result.settings = read_settings(scenario, result.notes);
   result.settings.torque_limit = base.torque_limit;
   result.settings.inertia = mean_inertia(nominal, *base.reference, base.duration);

@@ -195,6 +195,14 @@ TYPED_TEST(ArmTorqueOf, RefusesSettingsAndPartsOutsideTheirRanges) {
   EXPECT_EQ(small.add(GearCoupling<Scalar>{2, 6}), Status::kOutOfRange);
   EXPECT_EQ(small.add(GearCoupling<Scalar>{2, 3}), Status::kOk);
   EXPECT_EQ(small.add(GearCoupling<Scalar>{3, 4}), Status::kOutOfRange);  // no room
+  EXPECT_EQ(small.add(JointCable<Scalar>{2, 2}), Status::kOutOfRange);
+  EXPECT_EQ(small.add(JointCable<Scalar>{2, 3, Scalar(1), Scalar(-1)}), Status::kOutOfRange);
+  EXPECT_EQ(small.add(JointCable<Scalar>{2, 3, Scalar(1), Scalar(1), Scalar(0), {Scalar(1), Scalar(-1)}}),
+            Status::kOutOfRange);
+  EXPECT_EQ(small.add(JointCable<Scalar>{2, 3, std::numeric_limits<Scalar>::infinity(), Scalar(1)}),
+            Status::kNonFiniteInput);
+  EXPECT_EQ(small.add(JointCable<Scalar>{2, 3, Scalar(1), Scalar(1)}), Status::kOk);
+  EXPECT_EQ(small.add(JointCable<Scalar>{2, 3, Scalar(1), Scalar(1)}), Status::kOutOfRange);  // no room
   EXPECT_EQ(small.add(JointEffect<Scalar>{joint_effect_kind<Offset>(), 6, {}}), Status::kOutOfRange);
   EXPECT_EQ(small.add(JointEffect<Scalar>{joint_effect_kind<Spring>(), 0, {Scalar(1), Scalar(1)}}),
             Status::kOk);

@@ -256,6 +256,8 @@ ModelFile with_effects() {
   model.effects[0].displacement = Displacement::kMeasured;
   model.effects[1].seen = {{-0.1, 1.0 / 3.0}, {-7.0, 9.0}, {-1.1, 2.2}};
   model.effects[2].seen.load = {-20.0 / 3.0, 4.0};  // the others without limits
+  model.effects[3].seen.temperature = {20.0, 125.0 / 3.0};
+  model.cables = {{0, 1, -2.0 / 3.0, 8.0 / 7.0, 0.1, {-0.2, 1.0 / 3.0}}, {1, 0, 0.5, 2.0, -0.3}};
   model.elasticities = {{1, 9000.0 / 7.0, 0.1, 1.0 / 3.0}};
   model.torque_delay = 0.0021;
   return model;
@@ -277,7 +279,8 @@ TEST(ModelFile, CarriesEveryEffectToTheRobot) {
       EXPECT_EQ(robot.effects[k].parameters, written.effects[k].parameters);
       EXPECT_EQ(robot.effects[k].displacement, written.effects[k].displacement);
       for (const auto interval :
-           {&SeenWithin<double>::velocity, &SeenWithin<double>::load, &SeenWithin<double>::position}) {
+           {&SeenWithin<double>::velocity, &SeenWithin<double>::load, &SeenWithin<double>::position,
+          &SeenWithin<double>::temperature}) {
         EXPECT_EQ((robot.effects[k].seen.*interval).low, (written.effects[k].seen.*interval).low);
         EXPECT_EQ((robot.effects[k].seen.*interval).high, (written.effects[k].seen.*interval).high);
       }
@@ -288,6 +291,15 @@ TEST(ModelFile, CarriesEveryEffectToTheRobot) {
     EXPECT_EQ(robot.elasticities[0].damping, 0.1);
     EXPECT_EQ(robot.elasticities[0].motor_inertia, 1.0 / 3.0);
     EXPECT_EQ(robot.torque_delay, 0.0021);
+    ASSERT_EQ(robot.cables.size(), 2U);
+    EXPECT_EQ(robot.cables[0].driving, 0);
+    EXPECT_EQ(robot.cables[0].driven, 1);
+    EXPECT_EQ(robot.cables[0].ratio, -2.0 / 3.0);
+    EXPECT_EQ(robot.cables[0].stiffness, 8.0 / 7.0);
+    EXPECT_EQ(robot.cables[0].neutral, 0.1);
+    EXPECT_EQ(robot.cables[0].seen.low, -0.2);
+    EXPECT_EQ(robot.cables[0].seen.high, 1.0 / 3.0);
+    EXPECT_EQ(robot.cables[1].seen.high, SeenInterval<double>{}.high);
   }
 }
 
@@ -296,6 +308,7 @@ TEST(ModelFile, WithoutEffectsTakesThoseOfTheRobotAway) {
   apply(example(), robot);
   EXPECT_TRUE(robot.effects.empty());
   EXPECT_TRUE(robot.elasticities.empty());
+  EXPECT_TRUE(robot.cables.empty());
   EXPECT_EQ(robot.torque_delay, 0.0);
 }
 
@@ -319,7 +332,7 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
               AllOf(HasSubstr("/effects/0/range/velocity: found 1 and -1"), HasSubstr("smallest")));
   EXPECT_THAT(message(R"([{"kind": "backlash", "joint": 1, "parameters": {}}])"),
               AllOf(HasSubstr("arm.json: /effects/0/kind"), HasSubstr("\"backlash\""), HasSubstr("stribeck"),
-                    HasSubstr("elasticity, delay")));
+                    HasSubstr("elasticity, delay, cable")));
   EXPECT_THAT(
       message(R"([{"kind": "offset", "joint": 1, "parameters": {"tau0": 1}, "displacement": "encoder"}])"),
       AllOf(HasSubstr("/effects/0/displacement"), HasSubstr("\"encoder\""),
@@ -357,6 +370,17 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1}},
                           {"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 2}}])"),
               AllOf(HasSubstr("/effects/1"), HasSubstr("second elasticity of joint 1")));
+  const auto cable = [&](const std::string& joints, const std::string& parameters) {
+    return message(R"([{"kind": "cable", )" + joints + R"(, "parameters": {)" + parameters + "}}]");
+  };
+  const std::string pair = R"("joint": 1, "driven_joint": 2)";
+  EXPECT_EQ(cable(pair, R"("k": 2, "x0": 0, "ratio": -1)"), "");
+  EXPECT_THAT(cable(R"("joint": 1)", R"("k": 2, "x0": 0, "ratio": 1)"), HasSubstr("/effects/0/driven_joint"));
+  EXPECT_THAT(cable(R"("joint": 1, "driven_joint": 1)", R"("k": 2, "x0": 0, "ratio": 1)"),
+              AllOf(HasSubstr("/effects/0/driven_joint"), HasSubstr("same joint twice")));
+  EXPECT_THAT(cable(pair, R"("k": -2, "x0": 0, "ratio": 1)"),
+              AllOf(HasSubstr("/effects/0/parameters/k"), HasSubstr("found -2"), HasSubstr("0 or more")));
+  EXPECT_THAT(cable(pair, R"("k": 2, "x0": 0)"), HasSubstr("/effects/0/parameters/ratio: missing"));
   EXPECT_THAT(message(R"([{"kind": "delay", "joint": 1, "parameters": {"delay": 0.002}}])"),
               AllOf(HasSubstr("/effects/0/joint"), HasSubstr("all joints")));
   EXPECT_THAT(message(R"([{"kind": "delay", "parameters": {"delay": -0.002}}])"),

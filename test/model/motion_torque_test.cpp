@@ -116,6 +116,48 @@ TEST(MotionTorque, AddsEveryEffectByItsFormula) {
   }
 }
 
+TEST(MotionTorque, FollowsTheTemperatureOfAJointRowByRow) {
+  const Motion m = swing(100, 50.0);
+  Robot robot = arm_with_friction();
+  Eigen::MatrixXd temperature(m.time.size(), 2);
+  for (Eigen::Index k = 0; k < m.time.size(); ++k) temperature.row(k) << 99.0, 20.0 + 0.2 * static_cast<double>(k);
+  temperature(7, 1) = std::nan("");
+  robot.effects = {effect_of<FrictionTemperature>(1, {-0.04, -0.02, 25.0})};
+  const Eigen::MatrixXd torque = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd, 0.0, {}, temperature),
+                        plain = MotionTorque(arm_with_friction()).torque(m.time, m.q, m.qd, m.qdd);
+  EXPECT_EQ(MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd), plain);  // not known: as at T0
+  for (Eigen::Index k = 0; k < m.time.size(); ++k) {
+    const double v = m.qd(k, 1), warmer = k == 7 ? 0.0 : temperature(k, 1) - 25.0;
+    EXPECT_NEAR(torque(k, 1) - plain(k, 1), (-0.04 * sign(v) - 0.02 * v) * warmer, 1e-12) << k;
+    EXPECT_EQ(torque(k, 0), plain(k, 0));
+  }
+}
+
+TEST(MotionTorque, ACablePullsAtBothOfItsJoints) {
+  const Motion m = swing(100, 50.0);
+  Robot robot = arm_with_friction();
+  robot.cables = {{0, 1, -0.7, 5.0, 0.2, {-0.1, 0.15}}};
+  const Eigen::MatrixXd pull = MotionTorque(robot).torque(m.time, m.q, m.qd, m.qdd) -
+                               MotionTorque(arm_with_friction()).torque(m.time, m.q, m.qd, m.qdd);
+  int held = 0;
+  for (Eigen::Index k = 0; k < m.time.size(); ++k) {
+    const double x = m.q(k, 1) - 0.7 * m.q(k, 0), within = std::clamp(x, -0.1, 0.15);
+    held += x != within ? 1 : 0;
+    EXPECT_NEAR(pull(k, 1), 5.0 * (within - 0.2), 1e-12) << k;
+    EXPECT_NEAR(pull(k, 0), -0.7 * 5.0 * (within - 0.2), 1e-12) << k;
+    const Eigen::VectorXd q = m.q.row(k), qd = m.qd.row(k), qdd = m.qdd.row(k);
+    EXPECT_NEAR(Dynamics(robot).joint_torque(q, qd, qdd)[1] -
+                    Dynamics(arm_with_friction()).joint_torque(q, qd, qdd)[1],
+                pull(k, 1), 1e-12);
+  }
+  EXPECT_GT(held, 0);
+  EXPECT_LT(held, 90);
+  robot.cables[0].driven = 0;
+  EXPECT_THROW(MotionTorque{robot}, ModelError);
+  robot.cables[0] = {0, 1, 1.0, -5.0};
+  EXPECT_THROW(MotionTorque{robot}, ModelError);
+}
+
 TEST(Dynamics, AddsWhatOneInstantDetermines) {
   const Motion m = swing(20, 10.0);
   Robot robot = arm_with_friction();

@@ -248,6 +248,35 @@ TEST(GearCouplings, SharedMotorTakesItsTorqueFromBothJoints) {
   }
 }
 
+TEST(Cables, PullAtBothOfTheirJoints) {
+  model::Robot robot = test::six_joint_arm();
+  robot.cables = {{3, 5, -0.8, 4.0, 0.3}};
+  const data::Log log = simulate(moving_arm(robot, 1.0)).log;
+  const MatrixXd left = undeclared(log, robot);
+  for (Eigen::Index k = 0; k < left.rows(); ++k) {
+    const double T = 4.0 * (log.q(k, 5) - 0.8 * log.q(k, 3) - 0.3);
+    EXPECT_NEAR(left(k, 5), T, kRowTolerance);
+    EXPECT_NEAR(left(k, 3), -0.8 * T, kRowTolerance);
+    EXPECT_NEAR(left(k, 4), 0.0, kRowTolerance);
+  }
+}
+
+TEST(Cables, KeepTheEnergyOfAnArmWithoutFriction) {
+  SimulationSettings s;
+  s.robot = test::planar_two_link();
+  s.robot.cables = {{0, 1, 0.6, 20.0, 0.5}};
+  s.duration = 2.0;
+  s.initial_position = VectorXd::Zero(2);
+  s.log_truth = true;
+  const data::Log log = simulate(s).log;
+  const auto column = [&](const std::string& name) {
+    return std::find_if(log.extra.begin(), log.extra.end(), [&](const auto& e) { return e.first == name; })->second;
+  };
+  const VectorXd energy = column("kinetic_energy") + column("potential_energy");
+  EXPECT_GT(column("kinetic_energy").maxCoeff(), 1.0);
+  EXPECT_LT((energy.array() - energy[0]).abs().maxCoeff(), 1e-5);
+}
+
 TEST(TorqueDelay, ChannelReportsTheTorqueOfBefore) {
   model::Robot robot = test::six_joint_arm();
   SimulationSettings s = moving_arm(robot, 0.3);

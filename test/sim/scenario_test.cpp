@@ -260,11 +260,30 @@ TEST(Scenario, CouplesAnyPairOfJoints) {
   EXPECT_EQ(named[1].viscous_friction, 2.0);
 }
 
+TEST(Scenario, PutsACableOverAnyTwoJoints) {
+  const auto cables = [](const std::string& keys) {
+    return parse_scenario(R"({"robot": "arm", "duration": 0.1, "initial": {"position": 0}, "effects": [{"kind": "cable", )" +
+                              keys + "}]}",
+                          "arm.json", [](const std::string&) { return test::six_joint_arm(); })
+        .settings.robot.cables;
+  };
+  const auto cable = cables(R"("driving": 2, "driven": 4, "k": 3, "x0": 0.1, "ratio": -0.5)");
+  ASSERT_EQ(cable.size(), 1U);
+  EXPECT_EQ(cable[0].driving, 1);
+  EXPECT_EQ(cable[0].driven, 3);
+  EXPECT_EQ(cable[0].stiffness, 3.0);
+  EXPECT_EQ(cable[0].neutral, 0.1);
+  EXPECT_EQ(cable[0].ratio, -0.5);
+  EXPECT_THROW(cables(R"("driving": 2, "driven": 2, "k": 3)"), Error);
+  EXPECT_THROW(cables(R"("driving": 2, "driven": 4, "k": -3)"), Error);
+  EXPECT_THROW(cables(R"("driving": 2, "k": 3)"), Error);
+}
+
 TEST(Scenario, MessagesOfEffectsNamePathFoundAndExpected) {
   const BadScenario cases[] = {
       {R"("effects": {})", "/effects", "{}", "an array of objects"},
       {R"("effects": [{"kind": "stribek", "joint": 1}])", "/effects/0/kind", "\"stribek\"",
-       "\"base_tilt\", \"contact\", \"delay\", \"elasticity\", \"friction_curve\", \"friction_drift\", \"friction_temperature\", \"hysteresis\", "
+       "\"base_tilt\", \"cable\", \"contact\", \"delay\", \"elasticity\", \"friction_curve\", \"friction_drift\", \"friction_temperature\", \"hysteresis\", "
        "\"load_friction\", \"offset\", \"payload_change\", \"ripple\", \"rotor_inertia\", \"spring\", "
        "\"stribeck\", \"torque_scale\", \"viscous_nonlinear\", \"wrist_coupling\""},
       {R"("effects": [{"kind": "friction_temperature", "joint": 1, "kc": 1, "T0": 20}])", "/effects/0/kind",

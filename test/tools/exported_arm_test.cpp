@@ -80,19 +80,28 @@ TEST(ExportedArm, HoldsEverythingOfAModel) {
     EXPECT_EQ(kEffects[k].joint, robot.effects[k].joint);
     EXPECT_EQ(kEffects[k].parameters, robot.effects[k].parameters);
     for (const auto interval :
-         {&SeenWithin<double>::velocity, &SeenWithin<double>::load, &SeenWithin<double>::position}) {
+         {&SeenWithin<double>::velocity, &SeenWithin<double>::load, &SeenWithin<double>::position,
+          &SeenWithin<double>::temperature}) {
       const auto [low, high] = kEffects[k].seen.*interval;
       EXPECT_EQ(low, (robot.effects[k].seen.*interval).low);
       EXPECT_EQ(high, (robot.effects[k].seen.*interval).high);
       if (low > std::numeric_limits<double>::lowest()) ++intervals;
     }
   }
-  EXPECT_EQ(intervals, 4);  // that the file states
+  EXPECT_EQ(intervals, 5);  // that the file states
   ASSERT_EQ(Header::kElasticities.size(), 1U);
   EXPECT_EQ(Header::kElasticities[0].joint, robot.elasticities[0].joint);
   EXPECT_EQ(Header::kElasticities[0].stiffness, robot.elasticities[0].stiffness);
   EXPECT_EQ(Header::kElasticities[0].damping, robot.elasticities[0].damping);
   EXPECT_EQ(Header::kElasticities[0].motor_inertia, robot.elasticities[0].motor_inertia);
+  ASSERT_EQ(Header::kCables.size(), 1U);
+  EXPECT_EQ(Header::kCables[0].driving, robot.cables[0].driving);
+  EXPECT_EQ(Header::kCables[0].driven, robot.cables[0].driven);
+  EXPECT_EQ(Header::kCables[0].ratio, robot.cables[0].ratio);
+  EXPECT_EQ(Header::kCables[0].stiffness, robot.cables[0].stiffness);
+  EXPECT_EQ(Header::kCables[0].neutral, robot.cables[0].neutral);
+  EXPECT_EQ(Header::kCables[0].seen.low, robot.cables[0].seen.low);
+  EXPECT_EQ(Header::kCables[0].seen.high, robot.cables[0].seen.high);
   EXPECT_EQ(Header::kTorqueDelay, robot.torque_delay);
   EXPECT_EQ(exported::Scara::kEffects.size(), 0U);
   EXPECT_EQ(exported::Scara::kCouplings.size(), 0U);
@@ -151,8 +160,10 @@ double firmware_error(bool loaded) {
     for (std::size_t i = 0; i < payload.size(); ++i) robot.joints.back().link[i] += payload[i];
   }
   const Motion motion = scara_motion();
+  const Eigen::MatrixXd warm = Eigen::MatrixXd::Constant(motion.time.size(), 4, 40.0);
+  firmware.set_temperature(Vector::Constant(Scalar(40)));
   const Eigen::MatrixXd expected = model::MotionTorque(robot).torque(
-      motion.time, motion.q, motion.qd, motion.qdd, static_cast<double>(config.sign_width));
+      motion.time, motion.q, motion.qd, motion.qdd, static_cast<double>(config.sign_width), {}, warm);
   double error = 0.0;
   for (Eigen::Index k = 0; k < motion.time.size(); ++k) {
     const Vector q = motion.q.row(k).template cast<Scalar>(), qd = motion.qd.row(k).template cast<Scalar>(),

@@ -84,11 +84,19 @@ std::string seen_text(const SeenWithin<double>& seen) {
 
 /// Gear couplings, joint effects, elastic joints and delay; joints counted from 0.
 std::string effects_text(const model::Robot& robot) {
-  std::vector<std::string> couplings, effects, elasticities;
+  std::vector<std::string> couplings, cables, effects, elasticities;
   for (const GearCoupling<double>& c : robot.couplings) {
     couplings.push_back(fmt::format("{{{}, {}, {}, {}, {}, {}}}", c.driving, c.driven, literal(c.ratio),
                                     literal(c.rotor_inertia), literal(c.coulomb_friction),
                                     literal(c.viscous_friction)));
+  }
+  for (const JointCable<double>& c : robot.cables) {
+    const SeenInterval<double> anywhere;
+    const bool limited = c.seen.low > anywhere.low && c.seen.high < anywhere.high;
+    cables.push_back(
+        fmt::format("{{{}, {}, {}, {}, {}, {}}}", c.driving, c.driven, literal(c.ratio), literal(c.stiffness),
+                    literal(c.neutral),
+                    limited ? fmt::format("{{{}, {}}}", literal(c.seen.low), literal(c.seen.high)) : "{}"));
   }
   for (const JointEffect<double>& effect : robot.effects) {
     visit_joint_effect(effect.kind, [&](auto type) {
@@ -113,6 +121,9 @@ std::string effects_text(const model::Robot& robot) {
   return "  /// Motors that turn with two joints: driving, driven, ratio, rotor inertia, Coulomb, "
          "viscous.\n" +
          list_text("GearCoupling", "kCouplings", couplings) +
+         (cables.empty() ? ""
+                         : "  /// Cables over two joints: driving, driven, ratio, stiffness, neutral position, stretch seen.\n" +
+                               list_text("JointCable", "kCables", cables)) +
          "  /// What else acts at joints, for heft::EffectFeedForward: kind, joint, parameters.\n" +
          list_text("JointEffect", "kEffects", effects) +
          "  /// Elastic joints: joint, stiffness, damping, motor inertia.\n" +

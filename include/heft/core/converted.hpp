@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "heft/core/arm_model.hpp"
+#include "heft/core/effects/cable.hpp"
 #include "heft/core/effects/effects.hpp"
 #include "heft/core/effects/elasticity.hpp"
 #include "heft/core/friction/gear_coupling.hpp"
@@ -77,6 +78,16 @@ constexpr JointEffect<To> converted(const JointEffect<From>& effect) noexcept {
   out.displacement = effect.displacement;
   out.seen = converted<To>(effect.seen);
   return out;
+}
+
+template <typename To, typename From>
+constexpr JointCable<To> converted(const JointCable<From>& c) noexcept {
+  return {c.driving,
+          c.driven,
+          static_cast<To>(c.ratio),
+          static_cast<To>(c.stiffness),
+          static_cast<To>(c.neutral),
+          converted<To>(c.seen)};
 }
 
 template <typename To, typename From>

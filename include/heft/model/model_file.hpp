@@ -13,6 +13,7 @@
 ///   "effects": [ {"kind": "stribeck", "joint": 2, "parameters": {"Fs": 1.2, "vs": 0.05}},
 ///                {"kind": "elasticity", "joint": 1,
 ///                 "parameters": {"stiffness": 9000, "damping": 8, "motor_inertia": 0.6}},
+///                {"kind": "cable", "joint": 2, "driven_joint": 3, "parameters": {"k": 8, "x0": 0.2, "ratio": 1}},
 ///                {"kind": "delay", "joint": null, "parameters": {"delay": 0.002}} ],
 ///   "kinematics": {"base_link": "base", "tip_link": "flange", "gravity": [0, 0, -9.81],
 ///                  "tip": {"rotation": [nine, row-major], "position": [three]},
@@ -37,7 +38,7 @@
 ///
 /// `effects` holds what acts in addition to rigid bodies, friction and couplings. Kinds are the joint effects of
 /// core/effects/effects.hpp with the parameters that they name, `elasticity` of a joint (`damping` and
-/// `motor_inertia` may be missing) and `delay` of the torque channel, for the whole arm. Other findings have places
+/// `motor_inertia` may be missing), `cable` over two joints and `delay` of the torque channel, for the whole arm. Other findings have places
 /// of their own: motors that turn with two joints in `gear_couplings`, a base that is not level in
 /// `kinematics.gravity`, a body on the tool in the last of `links`.
 ///
@@ -135,6 +136,7 @@ struct ModelFile {
   std::vector<JointActuation<double>> actuation;  ///< one a joint
   std::vector<GearCoupling<double>> couplings;
   std::vector<JointEffect<double>> effects;      ///< joints counted from 0
+  std::vector<JointCable<double>> cables;        ///< joints counted from 0
   std::vector<Elasticity<double>> elasticities;  ///< joints counted from 0
   double torque_delay{0.0};                      ///< as in Robot [s]
   std::optional<KinematicsRecord> kinematics;    ///< makes the file a whole robot

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "heft/core/arm_model.hpp"
+#include "heft/core/effects/cable.hpp"
 #include "heft/core/effects/effects.hpp"
 #include "heft/core/effects/elasticity.hpp"
 #include "heft/core/friction/gear_coupling.hpp"
@@ -36,6 +37,7 @@ struct Robot {
   std::string tip_link;
   std::vector<RobotJoint> joints;
   std::vector<GearCoupling<double>> couplings{};   ///< motors that turn with two joints
+  std::vector<JointCable<double>> cables{};        ///< that run over two joints
   std::vector<JointEffect<double>> effects{};  ///< what acts at joints in addition to the declared friction
   std::vector<Elasticity<double>> elasticities{};  ///< joints that give; then q is the motor's position
   double torque_delay{0.0};  ///< the torque channel reports τ(t - delay) at t, q is on time [s]

@@ -19,7 +19,7 @@ inline constexpr int kMaxEffects = 64, kMaxCouplings = 8;
 template <int N>
 using ModelOf = RunTimeArm<N, kMaxEffects, kMaxCouplings>;
 
-/// Adds effects and gear couplings of a robot to one of core's models of it.
+/// Adds effects, gear couplings and cables of a robot to one of core's models of it.
 /// @throws ModelError when one does not fit
 template <typename Model>
 void add_parts(const Robot& robot, Model& model) {
@@ -38,6 +38,12 @@ void add_parts(const Robot& robot, Model& model) {
     if (model.add(coupling) != Status::kOk) {
       throw refused(robot.couplings.size(), " gear couplings", kMaxCouplings,
                     ", each of two joints and with finite values");
+    }
+  }
+  for (const JointCable<double>& cable : robot.cables) {
+    if (model.add(cable) != Status::kOk) {
+      throw refused(robot.cables.size(), " cables", kMaxCouplings,
+                    ", each of two joints, with finite values and a stiffness of at least 0");
     }
   }
 }

@@ -1,5 +1,5 @@
 /// @file
-/// What motors spend besides moving rigid bodies: rotors, friction, gear couplings, joint effects with their memory.
+/// What motors spend besides moving rigid bodies: rotors, friction, gear couplings, cables, joint effects with their memory.
 #pragma once
 
 #include <array>
@@ -7,6 +7,7 @@
 
 #include "heft/core/arm_geometry.hpp"
 #include "heft/core/arm_model.hpp"
+#include "heft/core/effects/cable.hpp"
 #include "heft/core/effects/effect_feed_forward.hpp"
 #include "heft/core/effects/effects.hpp"
 #include "heft/core/effects/elasticity.hpp"
@@ -20,8 +21,8 @@ namespace heft {
 /// The torque of the drives of an arm with N joints, in parts: a torque that comes through a filter needs the friction of the
 /// motion before it and the inertia of the motion behind it.
 ///
-/// @tparam kEffects, kCouplings  room for joint effects and gear couplings
-template <typename Scalar, int N, int kEffects, int kCouplings>
+/// @tparam kEffects, kCouplings, kCables  room for joint effects, gear couplings and cables
+template <typename Scalar, int N, int kEffects, int kCouplings, int kCables = 0>
 class DriveTorque {
  public:
   using Vector = JointVector<Scalar, N>;
@@ -44,6 +45,7 @@ class DriveTorque {
     sign_width_ = sign_width;
     effects_ = Effects{};
     num_couplings_ = 0;
+    num_cables_ = 0;
     return Status::kOk;
   }
 
@@ -68,9 +70,7 @@ class DriveTorque {
   /// One coupling more.
   /// @return kOutOfRange when there is no room, or no two such joints; kNonFiniteInput; state kept
   Status add(const GearCoupling<Scalar>& coupling) noexcept {
-    const auto is_joint = [](int joint) { return joint >= 0 && joint < N; };
-    if (num_couplings_ >= kCouplings || !is_joint(coupling.driving) || !is_joint(coupling.driven) ||
-        coupling.driving == coupling.driven) {
+    if (num_couplings_ >= kCouplings || !are_two_joints(coupling.driving, coupling.driven)) {
       return Status::kOutOfRange;
     }
     if (!is_usable(coupling.ratio) || !is_usable(coupling.rotor_inertia) ||
@@ -79,6 +79,24 @@ class DriveTorque {
     }
     couplings_[static_cast<std::size_t>(num_couplings_)] = coupling;
     ++num_couplings_;
+    return Status::kOk;
+  }
+
+  /// One cable more.
+  /// @return kOutOfRange when there is no room, no two such joints, a negative stiffness or an interval that ends before it
+  ///         begins; kNonFiniteInput; state kept
+  Status add(const JointCable<Scalar>& cable) noexcept {
+    if (num_cables_ >= kCables || !are_two_joints(cable.driving, cable.driven) || cable.stiffness < Scalar(0) ||
+        !(cable.seen.low <= cable.seen.high)) {
+      return Status::kOutOfRange;
+    }
+    if (!is_usable(cable.ratio) || !is_usable(cable.stiffness) || !is_usable(cable.neutral)) {
+      return Status::kNonFiniteInput;
+    }
+    if constexpr (kCables > 0) {
+      cables_[static_cast<std::size_t>(num_cables_)] = cable;
+      ++num_cables_;
+    }
     return Status::kOk;
   }
 
@@ -93,7 +111,7 @@ class DriveTorque {
   }
 
   /// Anything that add_effects or add_couplings would add.
-  bool has_effects() const noexcept { return effects_.count() > 0; }
+  bool has_effects() const noexcept { return effects_.count() > 0 || num_cables_ > 0; }
   bool has_couplings() const noexcept { return num_couplings_ > 0; }
   /// Rotors and friction, effects that have a place there included.
   const Actuation& actuation() const noexcept { return actuation_; }
@@ -146,23 +164,36 @@ class DriveTorque {
     }
   }
 
-  /// Joint effects at the next point of a motion, added to tau. Once a cycle and in order: memory goes on from call to call.
+  /// Joint effects and cables at the next point of a motion, added to tau. Once a cycle and in order: memory goes on from call to call.
   /// @param time   since the run, with cold joints, began [s]
   /// @param load   torque of the rigid bodies, n [N·m, N]
   /// @return kNonFiniteInput: tau and memory unchanged
   Status add_effects(Scalar time, const Vector& q, const Vector& qd, const Vector& load,
                      Vector& tau) noexcept {
     // The one effect of the acceleration is in the actuation.
-    return effects_.add_torque(time, q, qd, Vector::Zero(), load, actuation_, sign_width_, tau);
+    const Status status =
+        effects_.add_torque(time, q, qd, Vector::Zero(), load, actuation_, sign_width_, tau);
+    if constexpr (kCables > 0) {
+      for (int c = 0; c < num_cables_ && status == Status::kOk; ++c) {
+        const JointCable<Scalar>& cable = cables_[static_cast<std::size_t>(c)];
+        const Scalar pull = cable_torque(cable, q[cable.driving], q[cable.driven]);
+        tau[cable.driven] += pull;
+        tau[cable.driving] += cable.ratio * pull;
+      }
+    }
+    return status;
   }
 
  private:
+  static bool are_two_joints(int a, int b) noexcept { return a >= 0 && a < N && b >= 0 && b < N && a != b; }
+
   using Effects = EffectFeedForward<Scalar, N, (kEffects > 0 ? kEffects : 1)>;
 
   Actuation actuation_{};
   Effects effects_;
   std::array<GearCoupling<Scalar>, static_cast<std::size_t>(kCouplings > 0 ? kCouplings : 1)> couplings_{};
-  int num_couplings_{0};
+  std::array<JointCable<Scalar>, static_cast<std::size_t>(kCables)> cables_{};
+  int num_couplings_{0}, num_cables_{0};
   Scalar sign_width_{0};
 };
 

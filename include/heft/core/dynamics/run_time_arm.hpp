@@ -6,7 +6,7 @@ namespace heft {
 
 /// For ArmTorque and LoadObserver, which then take an ArmModel in configure() and the rest in add().
 /// @tparam N  number of joints
-/// @tparam MaxEffects, MaxCouplings  room for joint effects and gear couplings
+/// @tparam MaxEffects, MaxCouplings  room for joint effects, and for gear couplings and as many cables
 template <int N, int MaxEffects = 16, int MaxCouplings = 2>
 struct RunTimeArm {};
 

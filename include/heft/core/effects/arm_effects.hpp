@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "heft/core/effects/arm/base_tilt.hpp"
+#include "heft/core/effects/arm/cable.hpp"
 #include "heft/core/effects/arm/contact.hpp"
 #include "heft/core/effects/arm/delay.hpp"
 #include "heft/core/effects/arm/elastic_joint.hpp"
@@ -29,7 +30,7 @@
 namespace heft {
 
 /// Every arm effect, in the order in which a diagnosis tries them.
-using ArmEffectTypes = std::tuple<ElasticJoint, Delay, BaseTilt, PayloadChange, WristCoupling, Contact>;
+using ArmEffectTypes = std::tuple<ElasticJoint, Delay, BaseTilt, PayloadChange, WristCoupling, Cable, Contact>;
 
 namespace detail {
 

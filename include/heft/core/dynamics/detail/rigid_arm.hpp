@@ -42,6 +42,13 @@ struct ArmSource {
       return 0;
     }
   }();
+  static constexpr int kCables = [] {
+    if constexpr (requires { Description::kCables; }) {
+      return static_cast<int>(Description::kCables.size());
+    } else {
+      return 0;
+    }
+  }();
   template <typename Scalar>
   static constexpr ArmModel<Scalar, kNumJoints> kModel = converted<Scalar>(Description::kModel);
 
@@ -52,7 +59,7 @@ struct ArmSource {
     return status == Status::kOk ? add_parts<Scalar>(drive) : status;
   }
 
-  /// Couplings, effects and elastic joints alone.
+  /// Couplings, cables, effects and elastic joints alone.
   template <typename Scalar, typename Drive>
   static Status add_parts(Drive& drive) noexcept {
     Status status = Status::kOk;
@@ -63,6 +70,10 @@ struct ArmSource {
     };
     if constexpr (kCouplings > 0) {
       static constexpr auto kAll = converted_all<Scalar>(Description::kCouplings);
+      add_all(kAll);
+    }
+    if constexpr (kCables > 0) {
+      static constexpr auto kAll = converted_all<Scalar>(Description::kCables);
       add_all(kAll);
     }
     if constexpr (kEffects > 0) {
@@ -85,12 +96,13 @@ struct ArmSource<RunTimeArm<N, MaxEffects, MaxCouplings>> {
   static constexpr int kNumJoints = N;
   static constexpr int kEffects = MaxEffects;
   static constexpr int kCouplings = MaxCouplings;
+  static constexpr int kCables = MaxCouplings;
 };
 
 /// DriveTorque with the room that a description needs.
 template <typename Description, typename Scalar>
 using DriveOf = DriveTorque<Scalar, ArmSource<Description>::kNumJoints, ArmSource<Description>::kEffects,
-                            ArmSource<Description>::kCouplings>;
+                            ArmSource<Description>::kCouplings, ArmSource<Description>::kCables>;
 
 /// Torque per unit of each inertial parameter of the last link, n × 10.
 template <typename Scalar, int N>
