@@ -484,12 +484,9 @@ VectorXd Engine::noise_floor() const { return white_noise(table_, keep_, problem
 
 SeenWithin<double> Engine::seen(int joint) const {
   const auto interval = [&](const MatrixXd& of) {
-    if (of.cols() == 0) return SeenInterval<double>{};
     SeenInterval<double> found{std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest()};
-    for (Index i = 0; i < of.rows(); ++i) {
-      if (!(keep_(i, joint) > 0.0)) continue;
-      found.low = std::min(found.low, of(i, joint));
-      found.high = std::max(found.high, of(i, joint));
+    for (Index i = 0; of.cols() > 0 && i < of.rows(); ++i) {
+      if (keep_(i, joint) > 0.0) found = {std::min(found.low, of(i, joint)), std::max(found.high, of(i, joint))};
     }
     return found.low <= found.high ? found : SeenInterval<double>{};
   };

@@ -245,7 +245,7 @@ TEST(ModelFile, RefusesAnotherRobotsJoints) {
 ModelFile with_effects() {
   ModelFile model = example();
   int kind = 0;
-  for (const double scale : {0.1, 0.3, 0.7, 1.3, 1.9, 2.3, 0.9, 1.7, 3.1, 0.4, 0.6}) {
+  for (const double scale : {0.1, 0.3, 0.7, 1.3, 1.9, 2.3, 0.9, 1.7, 3.1, 0.4, 0.6, 1.1}) {
     model.effects.push_back({kind, kind % 2, {}});
     visit_joint_effect(kind++, [&](auto effect) {
       for (std::size_t i = 0; i < decltype(effect)::kParameters.size(); ++i) {

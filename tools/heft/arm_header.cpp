@@ -187,9 +187,10 @@ std::string arm_header(const model::Robot& robot, const ArmHeaderNames& names,
       "/// @file\n/// Robot \"{}\" with {} joints, written by `heft export` from {}.\n/// Do not edit: "
       "export again.\n"
       "#pragma once\n\n#include <array>\n\n#include \"heft/core/arm_model.hpp\"\n"
-      "#include \"heft/core/effects/effects.hpp\"\n#include \"heft/core/effects/elasticity.hpp\"\n"
+      "{}#include \"heft/core/effects/effects.hpp\"\n#include \"heft/core/effects/elasticity.hpp\"\n"
       "#include \"heft/core/friction/gear_coupling.hpp\"\n{}\n",
       plain(robot.name), robot.num_joints(), plain(names.source_of_truth),
+      robot.cables.empty() ? "" : "#include \"heft/core/effects/cable.hpp\"\n",
       thresholds != nullptr ? "#include \"heft/core/monitor/contact_thresholds.hpp\"\n" : "");
   if (!names.name_space.empty()) text += fmt::format("namespace {} {{\n\n", names.name_space);
   text +=
