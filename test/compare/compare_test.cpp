@@ -179,6 +179,47 @@ TEST(Compare, ComparesFrictionAtASpeedWhereTheTermsDiffer) {
   EXPECT_THAT(comparison.notes, testing::Contains(HasSubstr("stribeck in joint 2")));
 }
 
+// One law of friction over temperature, seen by logs of a cool day and of a warm one: at one temperature nothing changed,
+// although the declared friction is that at another T0 in each model.
+TEST(Compare, SaysFrictionThatFollowsTheTemperatureAtOneTemperature) {
+  const auto diagnosed = [](unsigned seed, double from) {
+    const auto warming = [&](unsigned of) {
+      test::SyntheticSettings settings;
+      settings.noise = 0.01;
+      settings.motion_seed = settings.noise_seed = of;
+      data::Log log = test::synthetic_log(arm(), settings);
+      log.temperature = Eigen::MatrixXd::Constant(log.q.rows(), 3, 20.0);
+      for (Eigen::Index k = 0; k < log.q.rows(); ++k) {
+        const double qd = log.qd(k, 1), temperature = from + 20.0 * log.time[k] / settings.duration;
+        log.temperature(k, 1) = temperature;
+        log.tau(k, 1) += -(0.08 * std::tanh(qd / 1e-3) + 0.06 * qd) * (temperature - 30.0);
+      }
+      return log;
+    };
+    std::vector<JointSpec> joints = arm().joint_specs();
+    for (JointSpec& joint : joints) joint = {joint.type};
+    model::ModelFile file =
+        diagnose::diagnose(arm(), data::log_set(joints, {warming(seed)}, {warming(seed + 500)})).model_file();
+    file.provenance.logs = {"log-" + std::to_string(seed) + ".csv"};
+    return file;
+  };
+  const model::ModelFile cool = diagnosed(11, 15.0), warm = diagnosed(12, 30.0);
+  ASSERT_EQ(cool.effects.size(), 1U);
+  ASSERT_EQ(warm.effects.size(), 1U);
+  ASSERT_EQ(cool.effects[0].kind, joint_effect_kind<FrictionTemperature>());
+  EXPECT_GT(warm.effects[0].parameters[2] - cool.effects[0].parameters[2], 10.0);
+  EXPECT_GT(cool.actuation[1].coulomb_friction - warm.actuation[1].coulomb_friction, 0.8);
+  const Comparison comparison = compare(cool, warm);
+  int compared = 0;
+  for (const Change& change : comparison.changes) {
+    if (change.kind != Kind::kFriction) continue;
+    ++compared;
+    EXPECT_FALSE(change.named()) << change.parameter << ": " << change.before << " and " << change.after;
+  }
+  EXPECT_EQ(compared, 3);  // speeds of joint 2
+  EXPECT_THAT(comparison.notes, testing::Contains(HasSubstr("friction of joint 2 is compared at 3")));
+}
+
 TEST(Compare, SaysNothingChangedOfTwoLogsOfOneArm) {
   const Comparison comparison = compare(identified(arm(), 7), identified(arm(), 8));
   EXPECT_THAT(named(comparison), IsEmpty());
