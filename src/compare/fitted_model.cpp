@@ -67,7 +67,8 @@ model::Robot robot_of(const model::ModelFile& file) {
 bool is_friction_of_speed(int kind) {
   return kind == joint_effect_kind<Stribeck>() || kind == joint_effect_kind<ViscousNonlinear>() ||
          kind == joint_effect_kind<LoadFriction>() || kind == joint_effect_kind<FrictionDrift>() ||
-         kind == joint_effect_kind<FrictionTemperature>() ||         kind == joint_effect_kind<heft::FrictionCurve>();
+         kind == joint_effect_kind<FrictionTemperature>() ||
+         kind == joint_effect_kind<heft::FrictionCurve>();
 }
 
 std::string name_of(const model::ModelFile& file) { return file.path.empty() ? "model" : file.path; }
@@ -196,11 +197,7 @@ VectorXd FittedModel::torque(Part part, const State& s) const {
     offset[j] = robot().joints[static_cast<std::size_t>(j)].actuation.friction_offset;
   // Cables pull in the torque at rest.
   VectorXd pull = VectorXd::Zero(gravity.size());
-  for (const JointCable<double>& cable : robot().cables) {
-    const double torque = cable_torque(cable, s.q[cable.driving], s.q[cable.driven]);
-    pull[cable.driven] += torque;
-    pull[cable.driving] += cable.ratio * torque;
-  }
+  for (const JointCable<double>& cable : robot().cables) add_cable(cable, s.q, pull);
   if (part == Part::kStatic) return gravity + offset + pull;
   VectorXd inertia = dynamics_.inverse_dynamics(s.q, s.qd, s.qdd) - gravity;
   for (Index j = 0; j < inertia.size(); ++j)

@@ -10,6 +10,10 @@ std::vector<int> all_joints(int n) {
   return joints;
 }
 
+Columns columns_of_pair(const GearCoupling<double>& pair, const Eigen::MatrixXd& torque) {
+  return {{pair.driving, pair.driven}, {pair.ratio * torque, torque}};
+}
+
 Trial judge(const Workbench& bench, const Candidate& candidate) {
   return bench.problem->judge(bench.problem->moments(candidate.columns));
 }

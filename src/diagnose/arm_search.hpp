@@ -43,6 +43,10 @@ Columns tilt_columns(const Workbench& bench);
 /// 0, 1, ... n - 1.
 std::vector<int> all_joints(int n);
 
+/// Columns of a torque of two joints' sum: it reaches the driven joint whole, the driving one times the ratio.
+/// @param torque  m × k
+Columns columns_of_pair(const GearCoupling<double>& pair, const Eigen::MatrixXd& torque);
+
 Trial judge(const Workbench& bench, const Candidate& candidate);
 
 /// Takes the best of several shapes where it is better than what there is.

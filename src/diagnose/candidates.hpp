@@ -51,6 +51,10 @@ struct Candidate {
   std::vector<Eigen::Vector3d> forces;            ///< contact [N]
   std::vector<int> event_runs;
 
+  /// It comes with time, or at one: it is not there all along, nor in each part of a log.
+  bool in_time() const {
+    return effect.is<PayloadChange>() || effect.is<FrictionDrift>() || effect.is<FrictionTemperature>();
+  }
   bool has_memory() const { return joint_effect_has_memory(effect.joint_effect()); }
   /// Friction that the low-pass alone could make up, as it leaves open when the joint turns back: so many times
   /// MotionTable::turn_seconds from there on it cannot. A curve over speed may bend anywhere, so that it follows the

@@ -484,10 +484,8 @@ VectorXd Engine::noise_floor() const { return white_noise(table_, keep_, problem
 
 SeenWithin<double> Engine::seen(int joint) const {
   const auto interval = [&](const MatrixXd& of) {
-    SeenInterval<double> found{std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest()};
-    for (Index i = 0; of.cols() > 0 && i < of.rows(); ++i) {
-      if (keep_(i, joint) > 0.0) found = {std::min(found.low, of(i, joint)), std::max(found.high, of(i, joint))};
-    }
+    SeenInterval<double> found = nowhere();
+    if (of.cols() > 0) widen(found, of.col(joint), keep_.col(joint));
     return found.low <= found.high ? found : SeenInterval<double>{};
   };
   return {interval(table_.qd), interval(load()), interval(table_.q), interval(table_.temperature)};

@@ -88,9 +88,7 @@ bool given_has(const model::Robot& given, const Candidate& e) {
 /// Whether an effect shows in each half of the blocks: its mean gain is above its standard error there. What is friction's
 /// alone at a few reversals gains in few blocks, so more cannot be asked of a half.
 std::optional<bool> is_stable(const Candidate& e) {
-  if (e.effect.is<Contact>() || e.effect.is<PayloadChange>() || e.effect.is<FrictionDrift>() ||
-      e.effect.is<FrictionTemperature>())
-    return {};
+  if (e.effect.is<Contact>() || e.in_time()) return {};
   constexpr double kClear = 1.0;
   return e.trial.half_t[0] > kClear && e.trial.half_t[1] > kClear;
 }

@@ -63,6 +63,15 @@ void MotionTable::take_motion(const MotionTable& other, int joint) {
   turn_seconds[joint] = other.turn_seconds[joint];
 }
 
+void widen(SeenInterval<double>& seen, const Eigen::Ref<const VectorXd>& values,
+           const Eigen::Ref<const VectorXd>& keep) {
+  for (Index i = 0; i < values.size(); ++i) {
+    if (!(keep[i] > 0.0)) continue;
+    seen.low = std::min(seen.low, values[i]);
+    seen.high = std::max(seen.high, values[i]);
+  }
+}
+
 double part_repeated(const MotionTable& motion, const MotionTable& of) {
   constexpr double kNear = 0.1;         // rms over the joints, in parts of the scatter
   constexpr double kMoves = 0.1;        // of the scatter of the velocities: slower is no motion

@@ -2,11 +2,13 @@
 /// Logs as one table of motion and torque, cut into blocks that stay together in cross-validation.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "heft/core/effects/effect_point.hpp"
 #include "heft/data/motion_stream.hpp"
 
 namespace heft::diagnose {
@@ -52,6 +54,15 @@ struct MotionTable {
   /// Takes the motion of one joint from another table of the same logs, whose low-pass has another cut-off.
   void take_motion(const MotionTable& other, int joint);
 };
+
+/// An interval that holds nothing yet.
+inline SeenInterval<double> nowhere() {
+  return {std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest()};
+}
+/// Widens an interval by the values of rows that count.
+/// @param keep  above 0: the row counts
+void widen(SeenInterval<double>& seen, const Eigen::Ref<const Eigen::VectorXd>& values,
+           const Eigen::Ref<const Eigen::VectorXd>& keep);
 
 struct TableOptions {
   double cutoff{0.0};         ///< of the low-pass on q [Hz]; 0: chosen by the stream

@@ -112,9 +112,7 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   const bool at_turns = c.at_turns > (c.effect.is<FrictionCurve>() ? kCurveAtTurns : kAtTurns);
   if (at_turns && squared(fall(c.trial).maxCoeff()) < kBothSides)
     return "shows only around reversals, whose instant the low-pass leaves open";
-  const bool in_time = c.effect.is<PayloadChange>() || c.effect.is<FrictionDrift>() ||
-                       c.effect.is<FrictionTemperature>();
-  if (!in_time && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
+  if (!c.in_time() && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
   if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";
   // Several runs that agree say what one run leaves open.
   const auto& runs = c.trial.run_gain;

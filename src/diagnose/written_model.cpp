@@ -98,35 +98,26 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
 }
 
 SeenInterval<double> WrittenModel::seen(const JointCable<double>& cable) const {
-  SeenInterval<double> all{std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest()};
-  const auto widen = [&](const MatrixXd& q, const MatrixXd& keep) {
-    for (Index i = 0; i < q.rows(); ++i) {
-      if (!(keep(i, cable.driving) > 0.0 || keep(i, cable.driven) > 0.0)) continue;
-      const double x = q(i, cable.driven) + cable.ratio * q(i, cable.driving);
-      all.low = std::min(all.low, x);
-      all.high = std::max(all.high, x);
-    }
+  SeenInterval<double> all = nowhere();
+  const auto widen_by = [&](const MatrixXd& q, const MatrixXd& keep) {
+    widen(all, q.col(cable.driven) + cable.ratio * q.col(cable.driving),
+          keep.col(cable.driving).cwiseMax(keep.col(cable.driven)));
   };
-  widen(engine().table().q, engine().keep());
-  widen(judged().table().q, judged().table().keep);
+  widen_by(engine().table().q, engine().keep());
+  widen_by(judged().table().q, judged().table().keep);
   return all.low <= all.high ? all : SeenInterval<double>{};
 }
 
 SeenWithin<double> WrittenModel::seen(int joint) const {
   SeenWithin<double> all = engine().seen(joint);
   const MotionTable& motion = judged().table();
-  const auto widen = [&](SeenInterval<double>& interval, const MatrixXd& of) {
-    if (of.cols() == 0) return;
-    for (Index i = 0; i < of.rows(); ++i) {
-      if (!(motion.keep(i, joint) > 0.0)) continue;
-      interval.low = std::min(interval.low, of(i, joint));
-      interval.high = std::max(interval.high, of(i, joint));
-    }
+  const auto widen_by = [&](SeenInterval<double>& interval, const MatrixXd& of) {
+    if (of.cols() > 0) widen(interval, of.col(joint), motion.keep.col(joint));
   };
-  widen(all.velocity, motion.qd);
-  widen(all.load, load_);
-  widen(all.position, motion.q);
-  widen(all.temperature, motion.temperature);
+  widen_by(all.velocity, motion.qd);
+  widen_by(all.load, load_);
+  widen_by(all.position, motion.q);
+  widen_by(all.temperature, motion.temperature);
   return all;
 }
 

@@ -30,11 +30,7 @@ void add_actuation(const Robot& robot, const Motion& qd, const Motion& qdd, doub
 /// Torque of the cables, added to `tau`. Both n, motor side.
 template <typename Motion, typename Torque>
 void add_cables(const Robot& robot, const Motion& q, Torque& tau) {
-  for (const JointCable<double>& cable : robot.cables) {
-    const double pull = cable_torque(cable, q[cable.driving], q[cable.driven]);
-    tau[cable.driven] += pull;
-    tau[cable.driving] += cable.ratio * pull;
-  }
+  for (const JointCable<double>& cable : robot.cables) add_cable(cable, q, tau);
 }
 
 /// @throws ModelError for an effect, a cable or an elasticity of a joint that does not exist, an effect that does not

@@ -159,10 +159,8 @@ SeenWithin<double> read_range(const Node& node) {
 /// The intervals that have limits; an empty object where none has.
 Json range_json(const SeenWithin<double>& seen) {
   Json json = Json::object();
-  const SeenInterval<double> anywhere;
   for (const auto& [name, interval] : kSeenOver) {
-    const auto& [low, high] = seen.*interval;
-    if (low > anywhere.low && high < anywhere.high) json[name] = {low, high};
+    if (is_limited(seen.*interval)) json[name] = {(seen.*interval).low, (seen.*interval).high};
   }
   return json;
 }
@@ -207,8 +205,7 @@ void add_entries(Cable, const ModelFile& model, Json& json) {
                     {"joint", cable.driving + 1},
                     {"driven_joint", cable.driven + 1},
                     {"parameters", {{"k", cable.stiffness}, {"x0", cable.neutral}, {"ratio", cable.ratio}}}});
-    const SeenInterval<double> anywhere;
-    if (cable.seen.low > anywhere.low && cable.seen.high < anywhere.high)
+    if (is_limited(cable.seen))
       json.back()["range"] = {{"stretch", {cable.seen.low, cable.seen.high}}};
   }
 }

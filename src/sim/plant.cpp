@@ -198,11 +198,7 @@ void Plant::accelerations(double t, const double* q, const double* qd, const dou
     disturbance_torque_[c.driven] += shared;
     disturbance_torque_[c.driving] += c.ratio * shared;
   }
-  for (const JointCable<double>& c : cables_) {
-    const double pull = cable_torque(c, q[c.driving], q[c.driven]);
-    disturbance_torque_[c.driven] += pull;
-    disturbance_torque_[c.driving] += c.ratio * pull;
-  }
+  for (const JointCable<double>& c : cables_) add_cable(c, q, disturbance_torque_);
   for (std::size_t i = 0; i < loads_.size(); ++i) {
     const Load& load = loads_[i];
     double sum = disturbance_torque_[static_cast<Eigen::Index>(i)];

@@ -69,11 +69,10 @@ std::string list_text(const std::string& type, const std::string& name,
 
 /// The motion that an effect was seen in, behind its parameters; empty: it has no limits.
 std::string seen_text(const SeenWithin<double>& seen) {
-  const SeenInterval<double> anywhere;
   bool any = false;
   std::string text;
   for (const SeenInterval<double>& interval : {seen.velocity, seen.load, seen.position, seen.temperature}) {
-    const bool limited = interval.low > anywhere.low && interval.high < anywhere.high;
+    const bool limited = is_limited(interval);
     any = any || limited;
     text += fmt::format("{}{}", text.empty() ? "" : ", ",
                         limited ? fmt::format("{{{}, {}}}", literal(interval.low), literal(interval.high))
@@ -91,12 +90,10 @@ std::string effects_text(const model::Robot& robot) {
                                     literal(c.viscous_friction)));
   }
   for (const JointCable<double>& c : robot.cables) {
-    const SeenInterval<double> anywhere;
-    const bool limited = c.seen.low > anywhere.low && c.seen.high < anywhere.high;
     cables.push_back(
         fmt::format("{{{}, {}, {}, {}, {}, {}}}", c.driving, c.driven, literal(c.ratio), literal(c.stiffness),
                     literal(c.neutral),
-                    limited ? fmt::format("{{{}, {}}}", literal(c.seen.low), literal(c.seen.high)) : "{}"));
+                    is_limited(c.seen) ? fmt::format("{{{}, {}}}", literal(c.seen.low), literal(c.seen.high)) : "{}"));
   }
   for (const JointEffect<double>& effect : robot.effects) {
     visit_joint_effect(effect.kind, [&](auto type) {

@@ -6,8 +6,8 @@
 
 namespace heft::model {
 
-/// The robot with rigid bodies, rotor inertia and declared friction alone: without gear couplings, cables, joint effects, elastic
-/// joints and delay of the torque channel.
+/// The robot with rigid bodies, rotor inertia and declared friction alone: without gear couplings, cables, joint
+/// effects, elastic joints and delay of the torque channel.
 Robot without_effects(Robot robot);
 
 }  // namespace heft::model

@@ -1,6 +1,5 @@
 // A cable, a hose or a dress pack over two joints.
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "../arm_search.hpp"
@@ -17,22 +16,6 @@ constexpr int kFurthest = 2;
 /// Ratios that are tried, in both senses, evenly spaced in the logarithm.
 constexpr double kLeastRatio = 0.25, kLargestRatio = 4.0;
 constexpr int kRatios = 7;
-
-/// Stretch of the cable along the motion, m.
-VectorXd stretch_of(const Workbench& bench, int driving, int driven, double ratio) {
-  return bench.motion->q.col(driven) + ratio * bench.motion->q.col(driving);
-}
-
-/// Columns of stiffness and of its part of the neutral position: they reach the driven joint whole, the driving one times
-/// the ratio.
-Columns columns_of(const Workbench& bench, const JointCable<double>& cable) {
-  MatrixXd pull(bench.table->rows(), 2);
-  pull << stretch_of(bench, cable.driving, cable.driven, cable.ratio), VectorXd::Ones(bench.table->rows());
-  Columns columns;
-  columns.joints = {cable.driving, cable.driven};
-  columns.values = {cable.ratio * pull, pull};
-  return columns;
-}
 
 /// Looks for the ratio: whatever it is, the columns are combinations of both positions and a constant.
 class RatioSearch {
@@ -93,11 +76,12 @@ Candidate candidate(const Workbench& bench, int driving, int driven) {
     return c;
   }
   c.shape = c.pair.ratio = best;
-  c.columns = columns_of(bench, {driving, driven, best});
+  const VectorXd x = bench.motion->q.col(driven) + best * bench.motion->q.col(driving);
+  // Stiffness, and its part of the neutral position.
+  c.columns = columns_of_pair(c.pair, (MatrixXd(x.size(), 2) << x, VectorXd::Ones(x.size())).finished());
   c.trial = judge(bench, c);
   if (!c.trial.valid) return c;
   if (c.trial.coefficients[0] < -2.0 * c.trial.std[0]) c.refused = "would be negative";
-  const VectorXd x = stretch_of(bench, driving, driven, best);
   const double low = x.minCoeff(), high = x.maxCoeff(), k = c.trial.coefficients[0];
   // As with a spring across one joint.
   if (std::abs(k) * 0.5 * (high - low) < 0.25 * std::abs(k * 0.5 * (high + low) + c.trial.coefficients[1]))

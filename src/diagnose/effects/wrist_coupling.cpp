@@ -11,14 +11,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Columns of the shared motor's torque: it reaches the driven joint whole, the driving one times the ratio.
-Columns columns_of(const GearCoupling<double>& pair, const MatrixXd& motor) {
-  Columns columns;
-  columns.joints = {pair.driving, pair.driven};
-  columns.values = {pair.ratio * motor, motor};
-  return columns;
-}
-
 Candidate candidate(const Workbench& bench, const GearCoupling<double>& pair) {
   const MotionTable& table = *bench.table;
   const auto shared = [&pair](const MatrixXd& of) -> VectorXd {
@@ -31,7 +23,7 @@ Candidate candidate(const Workbench& bench, const GearCoupling<double>& pair) {
   MatrixXd motor(table.rows(), 2);
   for (Index i = 0; i < table.rows(); ++i) motor(i, 0) = velocity_sign(v[i], table.sign_width[pair.driven]);
   motor.col(1) = v;
-  c.columns = columns_of(pair, motor);
+  c.columns = columns_of_pair(pair, motor);
   c.trial = judge(bench, c);
   for (Index k = 0; k < c.trial.coefficients.size(); ++k) {
     if (c.trial.coefficients[k] < -2.0 * c.trial.std[k]) c.refused = "would be negative";
@@ -40,7 +32,7 @@ Candidate candidate(const Workbench& bench, const GearCoupling<double>& pair) {
   Candidate heavy = c;
   motor.conservativeResize(Eigen::NoChange, 3);
   motor.col(2) = shared(bench.motion->qdd);
-  heavy.columns = columns_of(pair, motor);
+  heavy.columns = columns_of_pair(pair, motor);
   heavy.trial = judge(bench, heavy);
   if (heavy.trial.valid && heavy.trial.cv_gain > 1.02 * c.trial.cv_gain &&
       heavy.trial.coefficients.minCoeff() > 0.0 && heavy.trial.coefficients[2] > 3.0 * heavy.trial.std[2]) {

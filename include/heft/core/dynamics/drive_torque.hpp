@@ -164,7 +164,8 @@ class DriveTorque {
     }
   }
 
-  /// Joint effects and cables at the next point of a motion, added to tau. Once a cycle and in order: memory goes on from call to call.
+  /// Joint effects and cables at the next point of a motion, added to tau. Once a cycle and in order: memory goes on from call
+  /// to call.
   /// @param time   since the run, with cold joints, began [s]
   /// @param load   torque of the rigid bodies, n [N·m, N]
   /// @return kNonFiniteInput: tau and memory unchanged
@@ -175,10 +176,7 @@ class DriveTorque {
         effects_.add_torque(time, q, qd, Vector::Zero(), load, actuation_, sign_width_, tau);
     if constexpr (kCables > 0) {
       for (int c = 0; c < num_cables_ && status == Status::kOk; ++c) {
-        const JointCable<Scalar>& cable = cables_[static_cast<std::size_t>(c)];
-        const Scalar pull = cable_torque(cable, q[cable.driving], q[cable.driven]);
-        tau[cable.driven] += pull;
-        tau[cable.driving] += cable.ratio * pull;
+        add_cable(cables_[static_cast<std::size_t>(c)], q, tau);
       }
     }
     return status;

@@ -29,4 +29,13 @@ constexpr Scalar cable_torque(const JointCable<Scalar>& cable, Scalar driving, S
   return cable.stiffness * (detail::nearest(x, cable.seen.low, cable.seen.high) - cable.neutral);
 }
 
+/// The same, added to the torque of both joints.
+/// @param q, tau  n: positions [rad, m] and torque [N·m, N]
+template <typename Scalar, typename Positions, typename Torque>
+constexpr void add_cable(const JointCable<Scalar>& cable, const Positions& q, Torque& tau) noexcept {
+  const Scalar pull = cable_torque(cable, q[cable.driving], q[cable.driven]);
+  tau[cable.driven] += pull;
+  tau[cable.driving] += cable.ratio * pull;
+}
+
 }  // namespace heft

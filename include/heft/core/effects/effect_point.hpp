@@ -76,6 +76,13 @@ struct SeenInterval {
   Scalar high{std::numeric_limits<Scalar>::max()};
 };
 
+/// Whether both ends are set.
+template <typename Scalar>
+constexpr bool is_limited(const SeenInterval<Scalar>& interval) {
+  const SeenInterval<Scalar> anywhere;
+  return interval.low > anywhere.low && interval.high < anywhere.high;
+}
+
 /// The motion that an effect was seen in. What no log has shown is no part of it: beyond, its torque stays what it was at
 /// the border (friction, load, temperature, springs), or goes to zero within a way as long as the one that was seen (ripple: the number
 /// of its periods is known so well that its phase is right along that way, and no better), so that the rest of the model
