@@ -146,6 +146,8 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.forward();
   search.backward();
   reject_overfitted(search, judged_before);
+  identified.fit = Engine(identified.base, start.train->shared_table(), start.pairs).base_fit();
+  reject_needless(search, identified);
   const WrittenModel written(search, identified);
   if (written.is_judged_on_a_repetition()) {
     result.notes.emplace_back(

@@ -179,12 +179,14 @@ void Engine::anchor(const VectorXd& values, const std::vector<bool>& columns, do
 /// Whether the model does without a base column, or an effect in place contains it.
 bool Engine::is_out(int column) const {
   if (!left_out.empty() && left_out[static_cast<std::size_t>(column)]) return true;
-  return std::any_of(accepted.begin(), accepted.end(), [&](const Candidate& e) {
-    const bool holds_rotor = e.effect.is<ElasticJoint>() && e.columns.count() > 1;
-    return (e.effect.is<Spring>() && base_.offset(e.joint) == column) ||
-           (e.effect.is<Cable>() && base_.offset(e.pair.driven) == column) ||
-           (holds_rotor && base_.rotor(e.joint) == column);
-  });
+  return std::any_of(accepted.begin(), accepted.end(),
+                     [&](const Candidate& e) { return contained_column(e, base_) == column; });
+}
+
+int contained_column(const Candidate& e, const BaseModel& base) {
+  if (e.effect.is<Spring>()) return base.offset(e.joint);
+  if (e.effect.is<Cable>()) return base.offset(e.pair.driven);
+  return e.effect.is<ElasticJoint>() && e.columns.count() > 1 ? base.rotor(e.joint) : -1;
 }
 
 /// Where a base column that is held is held.

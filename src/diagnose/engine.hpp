@@ -23,6 +23,10 @@ struct BaseFit {
   Eigen::MatrixXd load, held;  ///< see Workbench
 };
 
+/// Base column that an effect in place contains, so that the fit does without it: the offset in a spring or cable, the rotor
+/// inertia in an elastic joint; -1: none.
+int contained_column(const Candidate& effect, const BaseModel& base);
+
 /// Base model and accepted effects on training logs.
 class Engine {
  public:

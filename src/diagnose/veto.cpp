@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include <fmt/format.h>
@@ -171,6 +172,57 @@ class Veto {
 };
 
 }  // namespace
+
+void reject_needless(Search& search, const Identified& identified) {
+  // What left-out blocks show, but not steadily, a clear fall of its joint's error on the validation logs decides.
+  constexpr double kShown = 1.0, kClearlyLess = 0.95;
+  const JudgedMotion& judged = *search.start().judged;
+  const auto fitted = [&](const std::vector<bool>& kept) {
+    std::unique_ptr<Engine> engine = identified.with_effects(search.engine(), kept);
+    engine->build();
+    return engine;
+  };
+  const auto error = [&](const Engine& engine) { return judged.rms_error(judged.predicted(engine.robot())); };
+  struct Doubtful {
+    std::size_t effect;
+    double gain, t;    ///< on left-out blocks
+    VectorXd without;  ///< errors on the validation logs
+  };
+  while (true) {
+    const std::vector<Candidate>& accepted = search.engine().accepted;
+    const std::vector<bool> all(accepted.size(), true);
+    std::vector<std::optional<Doubtful>> found(accepted.size());
+    host::for_each_parallel(accepted.size(), [&](std::size_t e) {
+      Candidate own = accepted[e];
+      const bool paired = search.engine().first_memory(e) >= 0 || search.engine().second_memory(e) >= 0;
+      if (identified.own_column(own) >= 0 || own.effect.is<Contact>() || paired) return;
+      std::vector<bool> rest = all;
+      rest[e] = false;
+      const std::unique_ptr<Engine> without = fitted(rest);
+      own.replaces = own.replaces >= 0 ? identified.base->coulomb(own.joint)
+                                       : contained_column(own, *identified.base);
+      own.stale = true;
+      without->judge_again(own);
+      if (!own.trial.valid) own.trial.cv_gain = own.trial.cv_t = 0.0;
+      if (own.trial.cv_t > kSteadyGain) return;
+      found[e] = Doubtful{e, own.trial.cv_gain, own.trial.cv_t, error(*without)};
+    });
+    std::erase_if(found, [](const auto& one) { return !one.has_value(); });
+    if (found.empty()) return;
+    const VectorXd with_all = error(*fitted(all));
+    std::erase_if(found, [&](const auto& one) {
+      Index main = 0;
+      fall(accepted[one->effect].trial).maxCoeff(&main);
+      return one->t > kShown && with_all[main] < kClearlyLess * one->without[main];
+    });
+    // One at a time, the least gain first: what makes an effect needless may be another one that is.
+    const auto least = std::min_element(found.begin(), found.end(),
+                                        [](const auto& a, const auto& b) { return a->gain < b->gain; });
+    if (least == found.end()) return;
+    search.take_out((*least)->effect,
+                    "rotor inertia and offsets, which the identified model has anyway, explain it as well");
+  }
+}
 
 void reject_overfitted(Search& search, const MatrixXd& base) { Veto(search).run(base); }
 

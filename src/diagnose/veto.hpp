@@ -1,9 +1,10 @@
 /// @file
-/// The validation logs have a veto.
+/// Effects that are taken out again: they add nothing to what identify fits, or do harm on the validation logs.
 #pragma once
 
 #include <Eigen/Core>
 
+#include "identified.hpp"
 #include "search.hpp"
 
 namespace heft::diagnose {
@@ -11,5 +12,9 @@ namespace heft::diagnose {
 /// Takes out effects that raise the error on a validation log, or gives them another form that does not.
 /// @param base  prediction of the fit without effects on the validation logs
 void reject_overfitted(Search& search, const Eigen::MatrixXd& base);
+
+/// Takes out effects that gain too little next to rotor inertia and offsets, which the search names only where it finds
+/// them and identify's model has anyway: a tilted base, a cable or a ripple can look like an offset.
+void reject_needless(Search& search, const Identified& identified);
 
 }  // namespace heft::diagnose

@@ -55,8 +55,7 @@ bool is_worse(const std::vector<VectorXd>& errors, const std::vector<VectorXd>& 
 
 WrittenModel::WrittenModel(Search& search, const Identified& identified)
     : search_(search),
-      identified_(identified),
-      fit_(Engine(identified.base, search.start().train->shared_table(), search.start().pairs).base_fit()) {
+      identified_(identified) {
   repeated_ = part_repeated(search.start().judged->table(), search.start().train->table()) > kRepetition;
   limit_ = logs(true).errors_by_kind(logs(true).predicted(identified.robot), search.start().band);
   const std::vector<bool> all(search.engine().accepted.size(), true);
@@ -125,12 +124,6 @@ const JudgedMotion& WrittenModel::logs(bool ordinary) const {
   return ordinary ? *identified_.ordinary : *search_.start().judged_as_filed;
 }
 
-int WrittenModel::own_column(std::size_t effect) const {
-  const Candidate& e = search_.engine().accepted[effect];
-  if (e.effect.is<Offset>()) return identified_.base->offset(e.joint);
-  return e.effect.is<RotorInertia>() ? identified_.base->rotor(e.joint) : -1;
-}
-
 bool WrittenModel::reaches(std::size_t effect, int joint) const {
   const Candidate& e = search_.engine().accepted[effect];
   return e.joint < 0 || e.joint == joint || e.effect.joint_effect() < 0;
@@ -156,22 +149,7 @@ std::vector<bool> WrittenModel::anchored(const Engine& engine) const {
 }
 
 std::unique_ptr<Engine> WrittenModel::built(const std::vector<bool>& kept, double weight) const {
-  const Engine& found = search_.engine();
-  auto engine = std::make_unique<Engine>(fit_);
-  engine->weights_held = found.weights_held;
-  engine->masses_held = found.masses_held;
-  for (std::size_t e = 0; e < found.accepted.size(); ++e) {
-    const std::ptrdiff_t first = found.first_memory(e);
-    if (const int column = own_column(e); column >= 0) {
-      if (kept[e]) continue;
-      engine->left_out.resize(static_cast<std::size_t>(identified_.base->columns()), false);
-      engine->left_out[static_cast<std::size_t>(column)] = true;
-    } else if (kept[e] && (first < 0 || kept[static_cast<std::size_t>(first)])) {
-      engine->accepted.push_back(found.accepted[e]);
-      Candidate& effect = engine->accepted.back();
-      if (effect.replaces >= 0) effect.replaces = identified_.base->coulomb(effect.joint);
-    }
-  }
+  std::unique_ptr<Engine> engine = identified_.with_effects(search_.engine(), kept);
   if (weight > 0.0) engine->anchor(identified_.beta, anchored(*engine), weight);
   engine->build();
   return engine;

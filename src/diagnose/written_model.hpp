@@ -9,17 +9,10 @@
 #include <vector>
 
 #include "engine.hpp"
+#include "identified.hpp"
 #include "search.hpp"
 
 namespace heft::diagnose {
-
-/// What identify makes of the training logs.
-struct Identified {
-  std::shared_ptr<const BaseModel> base;
-  Eigen::VectorXd beta;          ///< of `base`
-  model::Robot robot;            ///< with these
-  const JudgedMotion* ordinary;  ///< the validation logs, read as for a model that does not say how
-};
 
 /// Rigid bodies, rotor inertia, Coulomb, viscous, offset and the effects of a search. Rotor inertia and offset are in it
 /// whether or not the search has named them.
@@ -80,13 +73,13 @@ class WrittenModel {
   Version dropped(const Version& version, const std::vector<std::size_t>& effects, int joint,
                   std::size_t row) const;
   double better_than(const Version& other, const Version& than) const;
-  /// Base column of what the search has named and the base has anyway; -1: none.
-  int own_column(std::size_t effect) const;
+  int own_column(std::size_t effect) const {
+    return identified_.own_column(search_.engine().accepted[effect]);
+  }
   bool reaches(std::size_t effect, int joint) const;
 
   const Search& search_;
   Identified identified_;
-  std::shared_ptr<const BaseFit> fit_;  ///< what every version starts from
   std::vector<Eigen::VectorXd> limit_;  ///< errors of identify's model
   bool repeated_;
   Version chosen_;
