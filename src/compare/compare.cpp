@@ -62,8 +62,8 @@ class Comparing {
     if (a.kind == Kind::kLink && !(a.determined && b.determined)) return false;
     if ((a.kind == Kind::kCoulomb || a.kind == Kind::kViscous) && by_speed(a.joint)) return false;
     constexpr int kSpring = joint_effect_kind<Spring>(), kRipple = joint_effect_kind<Ripple>();
-    if (a.kind == Kind::kOffset &&
-        before_.has_effect(a.joint, {kSpring}) != after_.has_effect(a.joint, {kSpring}))
+    if (a.kind == Kind::kOffset && (before_.has_effect(a.joint, {kSpring}) != after_.has_effect(a.joint, {kSpring}) ||
+                                    before_.cables_of(a.joint) != after_.cables_of(a.joint)))
       return false;
     if (a.kind != Kind::kEffect) return true;
     const JointEffect<double>& old_effect = before_.robot().effects[static_cast<std::size_t>(a.effect)];
@@ -180,6 +180,11 @@ class Comparing {
           result_.notes.push_back(fmt::format("only {} has the effect {} in joint {}", path,
                                               decltype(type)::kId, effect.joint + 1));
         });
+      }
+      for (const JointCable<double>& cable : with.robot().cables) {
+        if (without.cables_of(cable.driven).contains({cable.driving, cable.driven})) continue;
+        result_.notes.push_back(fmt::format("only {} has a cable over joints {} and {}", path, cable.driving + 1,
+                                            cable.driven + 1));
       }
     };
     note_missing(before_, after_, result_.before_path);

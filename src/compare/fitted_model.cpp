@@ -297,6 +297,14 @@ bool FittedModel::has_effect(int joint, std::initializer_list<int> kinds) const 
   });
 }
 
+std::set<std::pair<int, int>> FittedModel::cables_of(int joint) const {
+  std::set<std::pair<int, int>> all;
+  for (const JointCable<double>& cable : robot().cables) {
+    if (cable.driving == joint || cable.driven == joint) all.emplace(cable.driving, cable.driven);
+  }
+  return all;
+}
+
 VectorXd bring_to_one_temperature(const std::vector<FittedModel*>& models) {
   VectorXd temperature = VectorXd::Constant(models.front()->robot().num_joints(), kNaN);
   for (Index j = 0; j < temperature.size(); ++j) {

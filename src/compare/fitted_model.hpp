@@ -2,7 +2,9 @@
 /// A model file ready to be compared: what was fitted, how well it is known, and the torque that it makes.
 #pragma once
 
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -73,6 +75,8 @@ class FittedModel {
   bool has_other_friction(int joint) const;
   /// Whether an effect of one of these kinds acts on the joint.
   bool has_effect(int joint, std::initializer_list<int> kinds) const;
+  /// Cables that pull at the joint, by their driving and driven joints.
+  std::set<std::pair<int, int>> cables_of(int joint) const;
 
  private:
   double effect_column(const Parameter& parameter, const EffectPoint<double>& point) const;

@@ -25,6 +25,9 @@ void add_columns(const ColumnMoments& m, std::size_t block, const std::vector<st
 /// (p + 1)² moments with room for k more columns before the torque's.
 Eigen::MatrixXd widened(const Eigen::MatrixXd& base, int k);
 
+/// Least weight of the prior: keeps directions that the motion does not show where the prior has them.
+constexpr double kLeastSteady = 1e-8;
+
 struct Solved {
   Eigen::VectorXd theta;
   Eigen::MatrixXd inverse;  ///< last columns of that of the steadied normal matrix

@@ -16,25 +16,42 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-MatrixXd Problem::covariance(int& blocks) const {
+MatrixXd Problem::covariance(const Problem& held_by, const std::vector<bool>& follows, int& blocks) const {
   // What a model misses stays correlated for some seconds: neighbouring blocks go together while a dozen groups are left.
   constexpr std::size_t kGroups = 12, kMost = 3;
   const std::size_t all = table_->blocks.size(), together = std::clamp<std::size_t>(all / kGroups, 1, kMost);
+  // A prior that steadies a fit makes it repeat itself, not be right: intervals are those of the fit without it.
+  const VectorXd held = solve(held_by.total_, -1, kLeastSteady, held_by.ridge_).theta;
+  const VectorXd theta = solve(total_, -1, kLeastSteady, ridge_).theta;
   MatrixXd changes(columns_, static_cast<Index>(all));
   blocks = 0;
   for (std::size_t first = 0; first < all; first += together) {
-    MatrixXd rest = total_;
-    for (std::size_t b = first; b < std::min(all, first + together); ++b) {
-      for (int j = 0; j < num_joints(); ++j) {
-        const auto s = static_cast<std::size_t>(j);
-        add_moments(*moments_[b][s], places_[s], -weight(j), rest);
-      }
-    }
+    const std::size_t end = std::min(all, first + together);
+    MatrixXd rest = total_without(first, end);
     if (rest == total_) continue;
-    const VectorXd change = solve(rest, -1, steady_, ridge_).theta - theta_;
+    // What is held goes where the fit that it comes from goes: (A + S r S) Δθ = Δa + S r S Δθ_held, S the columns' norms.
+    const VectorXd moved =
+        solve(held_by.total_without(first, end), -1, kLeastSteady, held_by.ridge_).theta - held;
+    for (std::size_t c = 0; c < follows.size(); ++c) {
+      const auto at = static_cast<Index>(c);
+      if (follows[c]) rest(at, columns_) += ridge_[at] * rest(at, at) * moved[at];
+    }
+    const VectorXd change = solve(rest, -1, kLeastSteady, ridge_).theta - theta;
     if (change.allFinite()) changes.col(blocks++) = change;
   }
   return statistics::jackknife_covariance(changes.leftCols(blocks));
+}
+
+/// Moments of all rows but those of some blocks.
+MatrixXd Problem::total_without(std::size_t first, std::size_t end) const {
+  MatrixXd rest = total_;
+  for (std::size_t b = first; b < end; ++b) {
+    for (int j = 0; j < num_joints(); ++j) {
+      const auto s = static_cast<std::size_t>(j);
+      add_moments(*moments_[b][s], places_[s], -weight(j), rest);
+    }
+  }
+  return rest;
 }
 
 MatrixXd Engine::effect_torque(std::size_t index) const {
@@ -67,7 +84,14 @@ MatrixXd Engine::effect_torque(std::size_t index) const {
 model::FitRecord Engine::parameter_record() const {
   model::FitRecord record;
   int blocks = 0;
-  const MatrixXd covariance = problem_->covariance(blocks);
+  std::vector<bool> follows(static_cast<std::size_t>(base_.columns()));
+  for (int c = 0; c < base_.columns(); ++c) follows[static_cast<std::size_t>(c)] = !is_out(c);
+  MatrixXd covariance = problem_->covariance(*fit_->fitted, follows, blocks);
+  for (int c = 0; c < base_.columns(); ++c) {  // a column that the model does without is 0 and not known to be so
+    if (!is_out(c)) continue;
+    covariance.row(c).setZero();
+    covariance.col(c).setZero();
+  }
   const double factor = statistics::interval_factor(blocks - 1);
   const VectorXd theta = problem_->theta(), own = base_.prior();
   std::vector<int>

@@ -16,8 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Least weight of the prior: keeps directions that the motion does not show where the prior has them.
-constexpr double kLeastSteady = 1e-8;
 
 }  // namespace
 

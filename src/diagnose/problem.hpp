@@ -105,8 +105,10 @@ class Problem {
 
   /// p × p: covariance of theta() by the jackknife over groups of neighbouring blocks, which holds for residuals that are
   /// correlated within them.
-  /// @param blocks  out: groups with rows that count
-  Eigen::MatrixXd covariance(int& blocks) const;
+  /// @param held_by  fit that the values come from at which base columns are held: they are known no better than it knows them
+  /// @param follows  which of the base columns are held at its values, and not at 0
+  /// @param blocks   out: groups with rows that count
+  Eigen::MatrixXd covariance(const Problem& held_by, const std::vector<bool>& follows, int& blocks) const;
 
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
   /// n: rms residual of each joint's rows fitted on their own, with parameters that no other joint has a say in [N·m].
@@ -164,6 +166,7 @@ class Problem {
   bool has_same_rows(const Problem* like, const Block& block, int joint) const;
   void sum_folds();
   void sum_base();
+  Eigen::MatrixXd total_without(std::size_t first, std::size_t end) const;
   /// Xᵀ C of some rows of a joint, p_j × k.
   /// @param C  rows × k; 0 where a row does not count
   Eigen::MatrixXd rows_times(int joint, Eigen::Index begin, Eigen::Index count,

@@ -62,6 +62,7 @@ model::Robot with_base(const model::Robot& written, const BaseModel& base, const
   robot.couplings = written.couplings;
   robot.cables = written.cables;
   robot.torque_delay = written.torque_delay;
+  put_offset_into_pull(robot);
   return robot;
 }
 
@@ -303,6 +304,22 @@ Refit refit(const WrittenModel& written, const BaseModel& base, const Logs& trai
                       100.0 * part, ratio)};
 }
 
+void put_offset_into_pull(model::Robot& robot) {
+  const auto taken = [&](int joint, double stiffness, double& neutral) {
+    double& offset = robot.joints[static_cast<std::size_t>(joint)].actuation.friction_offset;
+    const double all = stiffness > 0.0 ? std::exchange(offset, 0.0) : 0.0;
+    if (all != 0.0) neutral -= all / stiffness;
+    return all;
+  };
+  for (JointCable<double>& cable : robot.cables) {
+    const double more = taken(cable.driven, cable.stiffness, cable.neutral);
+    robot.joints[static_cast<std::size_t>(cable.driving)].actuation.friction_offset -= cable.ratio * more;
+  }
+  for (JointEffect<double>& effect : robot.effects) {
+    if (effect.kind == joint_effect_kind<Spring>()) taken(effect.joint, effect.parameters[0], effect.parameters[1]);
+  }
+}
+
 model::FitRecord with_values_of(const model::Robot& again, const model::Robot& once, const BaseModel& base,
                                 model::FitRecord parameters) {
   const VectorXd beta = base.parameters(again);
@@ -318,6 +335,8 @@ model::FitRecord with_values_of(const model::Robot& again, const model::Robot& o
       return record.coefficient == 0 ? joint.coulomb_friction : joint.viscous_friction;
     };
     if (friction(once) > 0.0) record.value *= friction(again) / friction(once);
+    if (effect.kind == joint_effect_kind<Spring>() && record.coefficient == 1)
+      record.value = -effect.parameters[0] * effect.parameters[1];
   }
   return parameters;
 }

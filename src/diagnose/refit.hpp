@@ -25,6 +25,10 @@ struct Refit {
 Refit refit(const WrittenModel& written, const BaseModel& base, const std::vector<data::Log>& train,
             const JudgedMotion& trained, const std::vector<data::Log>& validate, const Reading& reading);
 
+/// Puts the offset of a joint into the spring or cable that contains it, which changes no torque:
+/// k (x - x0) + off = k (x - (x0 - off/k)). What a cable so pulls more at its driving joint is taken from that one's offset.
+void put_offset_into_pull(model::Robot& robot);
+
 /// Parameters of a fit with the values of a robot that was fitted again, intervals and covariance as they were.
 /// @param once  the robot that they are of
 model::FitRecord with_values_of(const model::Robot& again, const model::Robot& once, const BaseModel& base,

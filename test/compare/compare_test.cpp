@@ -13,6 +13,8 @@
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/host/error.hpp"
 #include "heft/identify/identify.hpp"
+#include "heft/regression/base_parameters.hpp"
+#include "heft/regression/regression_columns.hpp"
 #include "heft/report/comparison.hpp"
 #include "heft/report/fleet.hpp"
 #include "support/arms.hpp"
@@ -225,6 +227,34 @@ TEST(Compare, SaysNothingChangedOfTwoLogsOfOneArm) {
   EXPECT_THAT(named(comparison), IsEmpty());
   EXPECT_GT(comparison.changes.size(), 15U);
   EXPECT_THAT(report::brief(comparison), HasSubstr("Nothing changed"));
+}
+
+// Much of a model that diagnose writes is held at what identify finds: it is known no better than identify knows it.
+TEST(Compare, SaysNothingChangedOfTwoDiagnosesOfOneArm) {
+  const regression::RegressionColumns columns(arm(), {true, true, true, true, {}});
+  const regression::BaseParameters base = regression::find_base_parameters(columns);
+  const Eigen::VectorXd truth = base.regrouping * columns.values(arm());
+  int intervals = 0, outside = 0;
+  std::vector<model::ModelFile> files;
+  for (unsigned seed = 20; seed < 30; ++seed) {
+    files.push_back(diagnose::diagnose(arm(), logs(arm(), seed)).model_file());
+    files.back().provenance.logs = {"log-" + std::to_string(seed) + ".csv"};
+    const std::vector<model::BaseParameterRecord>& found = files.back().fit->base_parameters;
+    for (int c = 0; c < base.count(); ++c) {
+      const model::BaseParameterRecord& one = found[static_cast<std::size_t>(c)];
+      ASSERT_EQ(one.name, base.name(columns, c));
+      if (!(one.std > 0.0)) continue;  // an effect contains it
+      ++intervals;
+      outside += std::abs(one.value - truth[c]) > one.half_width ? 1 : 0;
+    }
+  }
+  EXPECT_GT(intervals, 230);
+  EXPECT_LT(outside, intervals / 10);  // 5 % expected; parameters of one fit err together
+  for (std::size_t k = 0; k + 1 < files.size(); k += 2) {
+    const Comparison comparison = compare(files[k], files[k + 1]);
+    EXPECT_THAT(named(comparison), IsEmpty()) << "pair " << k / 2;
+    EXPECT_GT(comparison.changes.size(), 10U);
+  }
 }
 
 TEST(Compare, SurvivesTheWayThroughAFile) {

@@ -8,6 +8,7 @@
 #include "heft/core/effects/arm_effects.hpp"
 #include "heft/diagnose/diagnose.hpp"
 #include "heft/model/dynamics.hpp"
+#include "refit.hpp"
 #include "support/two_link_log.hpp"
 
 namespace heft::diagnose {
@@ -82,6 +83,28 @@ TEST(Cable, OfTheWrittenModelPullsNoFurtherThanItWasSeen) {
   EXPECT_NEAR(at_border[0], cable.ratio * at_border[1], 1e-9);
   EXPECT_NEAR(beyond[1], at_border[1], 1e-9);
   EXPECT_NEAR(beyond[0], at_border[0], 1e-9);
+}
+
+// A fit to all logs finds the offset of a joint next to the effects that contain one.
+TEST(Refit, PutsAnOffsetIntoTheSpringOrCableThatContainsIt) {
+  for (const bool spring : {true, false}) {
+    model::Robot robot = level_arm();
+    robot.joints[0].actuation.friction_offset = 0.4;
+    robot.joints[1].actuation.friction_offset = -0.7;
+    if (spring) {
+      robot.effects.push_back({joint_effect_kind<Spring>(), 1, {kStiffness, kNeutral}});
+    } else {
+      robot.cables.push_back({.driving = 0, .driven = 1, .ratio = kRatio, .stiffness = kStiffness, .neutral = kNeutral});
+    }
+    model::Robot again = robot;
+    put_offset_into_pull(again);
+    EXPECT_EQ(again.joints[1].actuation.friction_offset, 0.0);
+    for (const double q : {-0.8, 0.1, 0.9}) {
+      const Eigen::Vector2d at(q, 0.5 - q), still = Eigen::Vector2d::Zero();
+      const auto torque = [&](const model::Robot& of) { return model::Dynamics(of).joint_torque(at, still, still); };
+      EXPECT_LT((torque(again) - torque(robot)).cwiseAbs().maxCoeff(), 1e-12);
+    }
+  }
 }
 
 TEST(Cable, IsNotNamedWhereThereIsNone) { EXPECT_TRUE(diagnosed(0.0).findings.empty()); }
