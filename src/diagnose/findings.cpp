@@ -42,7 +42,8 @@ Rival rival_of(const Candidate& candidate, const model::Robot& robot, int tried)
   if (candidate.effect.is<ElasticJoint>()) c = c.tail(std::max<Index>(0, c.size() - 1)).eval();
   Finding described(candidate.effect);
   describe(candidate, c, robot, described);
-  return {candidate.effect, candidate.joint, bic_of(candidate, tried), std::move(described.parameters)};
+  return {candidate.effect, candidate.joint, bic_of(candidate, tried), std::move(described.parameters),
+          described.driven_joint};
 }
 
 /// Other explanations of the same joint, or of the whole arm.

@@ -77,28 +77,32 @@ std::string what_is_left(const std::vector<diagnose::Unexplained>& unexplained) 
 
 std::vector<std::string> names_of(const std::vector<diagnose::Rival>& rivals) {
   std::vector<std::string> names;
-  for (const diagnose::Rival& rival : rivals) names.push_back(effect_in_place(rival.effect, rival.joint));
+  for (const diagnose::Rival& rival : rivals) names.push_back(effect_in_place(rival.effect, rival.joint, rival.driven_joint));
   return names;
 }
 
 /// "presliding (friction hysteresis) in joints 1, 3 and 5", one entry a kind, the one with the strongest effect first.
 std::vector<std::string> kinds_in_place(const std::vector<Finding>& findings) {
-  std::vector<EffectKind> kinds;
-  std::vector<std::set<int>> joints;
+  struct Entry {
+    EffectKind kind;
+    std::set<int> joints;
+    std::string of_pair;  ///< an effect of two joints stands alone
+  };
+  std::vector<Entry> entries;
   for (const Finding& finding : findings) {
-    const auto at = std::find(kinds.begin(), kinds.end(), finding.effect);
-    const auto place = static_cast<std::size_t>(at - kinds.begin());
-    if (at == kinds.end()) {
-      kinds.push_back(finding.effect);
-      joints.emplace_back();
+    if (finding.driven_joint >= 0) {
+      entries.push_back({finding.effect, {}, effect_in_place(finding.effect, finding.joint, finding.driven_joint)});
+      continue;
     }
-    if (finding.joint >= 0) joints[place].insert(finding.joint);
+    auto at = std::find_if(entries.begin(), entries.end(), [&](const Entry& e) { return e.kind == finding.effect; });
+    if (at == entries.end()) at = entries.insert(at, {finding.effect, {}, {}});
+    if (finding.joint >= 0) at->joints.insert(finding.joint);
   }
   std::vector<std::string> words;
-  for (std::size_t k = 0; k < kinds.size(); ++k) {
-    words.push_back(
-        effect_name(kinds[k]) +
-        (joints[k].empty() ? "" : " in " + host::joints_in_words({joints[k].begin(), joints[k].end()})));
+  for (const auto& [kind, joints, of_pair] : entries) {
+    words.push_back(!of_pair.empty()  ? of_pair
+                    : joints.empty() ? effect_name(kind)
+                                     : effect_name(kind) + " in " + host::joints_in_words({joints.begin(), joints.end()}));
   }
   return words;
 }

@@ -51,6 +51,7 @@ nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, b
     entry["parameters"] = nlohmann::ordered_json::object();
     for (const auto& [name, value] : rival.parameters)
       entry["parameters"][name] = host::number_or_null(value);
+    if (rival.driven_joint >= 0) entry["driven_joint"] = rival.driven_joint + 1;
     json.push_back(std::move(entry));
   }
   return json;

@@ -95,7 +95,7 @@ std::string finding_in_place(const Diagnosis& diagnosis, const Finding& finding)
       diagnosis.findings.begin(), diagnosis.findings.end(),
       [&](const Finding& other) { return other.effect == finding.effect && other.joint == finding.joint; });
   const bool one_of_two = same > 1 && joint_effect_has_memory(finding.effect.joint_effect());
-  return effect_in_place(finding.effect, finding.joint) + (one_of_two ? ", one of two distances" : "");
+  return effect_in_place(finding.effect, finding.joint, finding.driven_joint) + (one_of_two ? ", one of two distances" : "");
 }
 
 std::vector<const Finding*> by_kind(const Diagnosis& diagnosis) {
@@ -153,7 +153,7 @@ std::string rivals_in_words(const std::vector<diagnose::Rival>& rivals, bool wit
   std::vector<std::string> parts;
   for (const diagnose::Rival& rival : rivals) {
     parts.push_back(
-        effect_in_place(rival.effect, rival.joint) +
+        effect_in_place(rival.effect, rival.joint, rival.driven_joint) +
         (with_score ? fmt::format(" (ΔBIC {})", minus(fmt::format("{:.0f}", rival.delta_bic))) : ""));
   }
   return fmt::format("{}", fmt::join(parts, "; "));

@@ -136,7 +136,11 @@ std::string effect_name(EffectKind effect) {
   return std::string(effect.visit([](auto type) { return name(type); }));
 }
 
-std::string effect_in_place(EffectKind effect, int joint) {
+std::string effect_in_place(EffectKind effect, int joint, int driven) {
+  if (driven >= 0) {
+    const std::string what = effect.is<Cable>() ? "a cable over" : effect_name(effect) + " of";
+    return fmt::format("{} joints {} and {}", what, joint + 1, driven + 1);
+  }
   return joint < 0 ? effect_name(effect) : fmt::format("{} in joint {}", effect_name(effect), joint + 1);
 }
 

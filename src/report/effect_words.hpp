@@ -12,8 +12,9 @@ namespace heft::report {
 
 /// "Stribeck friction", "a spring": follows "lacks".
 std::string effect_name(EffectKind effect);
-/// "Stribeck friction in joint 2", "a delay of the torque channel".
-std::string effect_in_place(EffectKind effect, int joint);
+/// "Stribeck friction in joint 2", "a delay of the torque channel", "a cable over joints 1 and 2".
+/// @param joint, driven  counted from 0; -1: the whole arm, an effect of one joint
+std::string effect_in_place(EffectKind effect, int joint, int driven = -1);
 /// The term that the effect adds.
 std::string effect_equation(const diagnose::Finding& finding);
 /// The motion that would tell the effect from its rivals.

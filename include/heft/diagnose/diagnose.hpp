@@ -30,6 +30,7 @@ struct Rival {
   double delta_bic{0.0};  ///< as in Finding
   /// As fitted in the place of the effect, by the names of its kParameters, SI.
   std::vector<std::pair<std::string, double>> parameters{};
+  int driven_joint{-1};  ///< as in Finding
 };
 
 /// Where an effect was seen: smallest and largest values of its joint's rows that count in the logs that it was fitted to and
@@ -47,8 +48,9 @@ struct Finding {
 
   EffectKind effect;
   int joint{-1};  ///< counted from 0; -1: the whole arm
-  int driven_joint{
-      -1};  ///< wrist coupling: the joint whose motor turns with `joint` as well; -1: other effects
+  /// Wrist coupling: the joint whose motor turns with `joint` as well; cable: the other joint that it runs over; -1: other
+  /// effects.
+  int driven_joint{-1};
   std::vector<std::pair<std::string, double>> parameters;  ///< by the names of the effect's kParameters, SI
   std::vector<std::pair<std::string, std::string>> words;  ///< parameters that are no numbers ("event")
   std::vector<std::pair<double, double>> events;           ///< contact: begin and length [s]
