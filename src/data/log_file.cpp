@@ -344,14 +344,19 @@ std::string LogFile::note(const std::vector<std::size_t>& used) const {
     kept += fmt::format("{}{}", kept.empty() ? "" : ", ", column.name);
   }
   const std::vector<std::string>& dropped = text_ != nullptr ? text_->dropped() : dropped_;
-  if (kept.empty() && dropped.empty()) return {};
-  std::string text = fmt::format("{}: ", path_);
-  if (!kept.empty()) text += fmt::format("columns carried along without use: {}", kept);
+  std::vector<std::string> parts;
+  if (!kept.empty()) parts.push_back(fmt::format("columns carried along without use: {}", kept));
   if (!dropped.empty()) {
-    text += fmt::format("{}columns ignored because they do not hold numbers only: {}",
-                        kept.empty() ? "" : "; ", fmt::join(dropped, ", "));
+    parts.push_back(
+        fmt::format("columns ignored because they do not hold numbers only: {}", fmt::join(dropped, ", ")));
   }
-  return text;
+  for (std::size_t k = 0; k < kChannels.size(); ++k) {
+    const std::string_view prefix = kChannels[k].prefix;
+    const int missing = first_missing(prefix, num_joints_);
+    if (missing == 0 || highest(prefix) == 0) continue;
+    parts.push_back(fmt::format("columns {0}.. ignored because {0}{1} is missing", prefix, missing));
+  }
+  return parts.empty() ? "" : fmt::format("{}: {}", path_, fmt::join(parts, "; "));
 }
 
 void LogFile::close() {

@@ -114,6 +114,14 @@ TEST(Log, KeepsUnknownColumnsAndSaysSoOnce) {
   EXPECT_THAT(notes[0], HasSubstr("ignored because they do not hold numbers only: mode ('auto' in line 2)"));
 }
 
+TEST(Log, SaysWhichJointOfAGroupOfColumnsIsMissing) {
+  std::vector<std::string> notes;
+  const Log log = read("time,q1,q2,temp1,qd2\n0,1,5,20,2\n1,1,6,21,2\n", {}, &notes);
+  EXPECT_EQ(log.temperature.size(), 0);
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_THAT(notes[0], HasSubstr("columns qd.. ignored because qd1 is missing; columns temp.. ignored because temp2 is missing"));
+}
+
 TEST(Log, SaysNothingOfColumnsThatSomeQuestionUses) {
   std::vector<std::string> notes;
   const Log log = read("time,q1,tauref1,iref1,qlink1\n0,1,5,1,2\n1,1,6,2,2\n", {}, &notes);
