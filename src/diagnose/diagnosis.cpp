@@ -11,6 +11,7 @@
 #include "heft/data/sample_times.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/couplings.hpp"
+#include "other_load.hpp"
 #include "refit.hpp"
 #include "search.hpp"
 #include "start.hpp"
@@ -108,6 +109,27 @@ struct AsAnyone {
   }
 };
 
+/// Fits what was found to all logs, where they are of one arm with one load.
+/// @param asked  whether it is wanted
+void fit_again(const WrittenModel& written, const BaseModel& base, const std::vector<data::Log>& train,
+               const JudgedMotion& trained, const std::vector<data::Log>& validate, bool asked, Diagnosis& result) {
+  if (const auto other = other_load(written, base, result.parameters, trained)) {
+    result.logs_contradict = true;
+    result.contradiction = in_words(*other);
+    result.notes.push_back(result.contradiction +
+                           ": the model written is fitted to the training logs alone, and what it predicts of the others is wrong "
+                           "by that; give logs with the same load to judge on");
+    return;
+  }
+  if (!asked) return;
+  Refit again = refit(written, base, train, trained, validate, reading_of(result));
+  result.refitted = std::move(again.refitted);
+  if (result.refitted)
+    result.refitted->parameters = with_values_of(result.refitted->robot, result.after, base, result.parameters);
+  result.logs_contradict = again.contradicts;
+  result.notes.push_back(std::move(again.note));
+}
+
 }  // namespace
 
 Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& asked) {
@@ -167,17 +189,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, judged_before);
 
   const JudgedMotion& trained = written.is_ordinary() ? ordinary_train : *start.train_as_filed;
-  if (options.refit) {
-    Refit again = refit(written, *identified.base, train_logs.as_logged(), trained, validation_logs.as_logged(),
-                        reading_of(result));
-    result.refitted = std::move(again.refitted);
-    if (result.refitted) {
-      result.refitted->parameters =
-          with_values_of(result.refitted->robot, result.after, *identified.base, result.parameters);
-    }
-    result.logs_contradict = again.contradicts;
-    result.notes.push_back(std::move(again.note));
-  }
+  fit_again(written, *identified.base, train_logs.as_logged(), trained, validation_logs.as_logged(), options.refit, result);
 
   search.check_joints();
   result.not_explained = search.wrong_joints();

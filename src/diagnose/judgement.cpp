@@ -87,7 +87,9 @@ host::Judgement Diagnosis::judgement() const {
   }
   if (diagnosis.logs_contradict)
     judgement.add(host::Verdict::kDoubtful,
-                  "training and validation logs contradict each other, as if the arm carried something else in one of them");
+                  "training and validation logs contradict each other" +
+                      (diagnosis.contradiction.empty() ? ", as if the arm carried something else in one of them"
+                                                       : ": " + diagnosis.contradiction));
   const std::vector<int> worse = joints_made_worse(diagnosis);
   if (!worse.empty()) {
     judgement.add(

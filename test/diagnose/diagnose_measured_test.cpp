@@ -1,5 +1,7 @@
 // Diagnosis of measured robots and of the example cases, judged on logs or stretches that the fit has not seen.
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -102,6 +104,26 @@ TEST(MeasuredUr10e, NoAcceptedEffectRaisesTheErrorOnARunNotSeen) {
   EXPECT_GT(share(d.validate_before.rmse_in_band, d.validate_torque.rmse_in_band), 5.0);
   EXPECT_LT(share(d.validate_after.rmse_in_band, d.validate_identified.rmse_in_band), 50.0);
   EXPECT_LT(share(d.validate_after.rmse_in_band_moving, d.validate_torque.rmse_in_band_moving), 2.6);
+}
+
+// The load was weighed: 2.805 kg.
+TEST(MeasuredUr10e, LoadThatOnlyTheValidationLogCarriesIsSaidInKilograms) {
+  const fs::path folder = fs::path(HEFT_DATA_DIR) / "ur10e-dynamic-calibration";
+  HEFT_NEEDS_MEASURED_DATA(folder);
+  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
+  const Diagnosis d = diagnose(robot, {log_of(folder / "exc-8h-20s.csv", 6)},
+                               {log_of(folder / "exc-14h-50s-load2p805kg.csv", 6)});
+  EXPECT_TRUE(d.logs_contradict);
+  EXPECT_FALSE(d.refitted.has_value());
+  const std::string before = "the arm carries ";
+  const auto note = std::find_if(d.notes.begin(), d.notes.end(),
+                                 [&](const std::string& text) { return text.find(before) != std::string::npos; });
+  ASSERT_NE(note, d.notes.end());
+  double mass = 0.0, half_width = 0.0;
+  ASSERT_EQ(std::sscanf(note->c_str() + note->find(before) + before.size(), "%lf ± %lf kg more", &mass, &half_width), 2)
+      << *note;
+  EXPECT_NEAR(mass, 2.805, half_width);
+  EXPECT_LT(half_width, 0.5);
 }
 
 TEST(MeasuredXMate3, NoJointPaysForTheEffectOfAnother) {

@@ -239,8 +239,10 @@ struct Diagnosis {
   /// not seen, unless it was not asked for. All errors here are of `after`.
   std::optional<Refitted> refitted;
   /// A fit to all logs would predict the training logs worse by as much as the validation logs gain, as where the arm carries
-  /// something in one of them. Not looked at without `refit`.
+  /// something in one of them, or the validation logs show another load at the last link. Without `refit` only that is
+  /// looked at.
   bool logs_contradict{false};
+  std::string contradiction;  ///< how, in words: a load that one of them has; empty: not known
   /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
   model::FitRecord parameters;
   std::vector<Ceiling> ceilings;    ///< one a joint
