@@ -25,9 +25,9 @@ struct Sums {
 };
 
 struct Gathered {
-  std::vector<Sums> groups;   ///< of neighbouring rows, which err together
+  std::vector<Sums> groups;  ///< of neighbouring rows, which err together
   Sums all;
-  MatrixXd by_base;           ///< Σ w xᵀ W, W the base columns
+  MatrixXd by_base;               ///< Σ w xᵀ W, W the base columns
   std::vector<MatrixXd> columns;  ///< x of each joint, 0 in rows that do not count
 };
 

@@ -9,6 +9,7 @@
 #include "heft/core/effects/effects.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/parallel.hpp"
+#include "heft/model/motion_torque.hpp"
 #include "heft/model/without_effects.hpp"
 #include "heft/regression/triangular_factor.hpp"
 #include "heft/statistics/jackknife.hpp"
