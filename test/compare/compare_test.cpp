@@ -30,9 +30,7 @@ using ::testing::IsEmpty;
 
 /// Three revolute joints with friction, the last link eccentric.
 model::Robot arm() {
-  model::Robot robot = test::six_joint_arm();
-  robot.joints.resize(3);
-  robot.tip_link = robot.joints.back().link_name;
+  model::Robot robot = test::three_joint_arm();
   for (std::size_t j = 0; j < 3; ++j) {
     robot.joints[j].actuation = {0.3, 6.0 - static_cast<double>(j), 4.0, 0.2};
     robot.joints[j].velocity_limit = 2.0;
@@ -43,16 +41,9 @@ model::Robot arm() {
 }
 
 data::LogSet logs(const model::Robot& robot, unsigned seed) {
-  const auto log = [&](unsigned of) {
-    test::SyntheticSettings settings;
-    settings.duration = 30.0;
-    settings.noise = 0.01;
-    settings.motion_seed = settings.noise_seed = of;
-    return test::synthetic_log(robot, settings);
-  };
   std::vector<JointSpec> joints = robot.joint_specs();
   for (JointSpec& joint : joints) joint = {joint.type};
-  return data::log_set(joints, {log(seed)}, {log(seed + 500)});
+  return data::log_set(joints, {test::synthetic_log(robot, seed, 0.01)}, {test::synthetic_log(robot, seed + 500, 0.01)});
 }
 
 model::ModelFile identified(const model::Robot& robot, unsigned seed) {

@@ -59,9 +59,7 @@ TEST(Separate, SpringIsFurtherFromAnOffsetTheMoreItDiffersFromInertia) {
 }
 
 model::Robot three_joint_arm() {
-  model::Robot robot = test::six_joint_arm();
-  robot.joints.resize(3);
-  robot.tip_link = robot.joints.back().link_name;
+  model::Robot robot = test::three_joint_arm();
   for (model::RobotJoint& joint : robot.joints) {
     joint.lower = -2.8;
     joint.upper = 2.8;

@@ -24,13 +24,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::SizeIs;
 
-data::Log log_of(const model::Robot& robot, unsigned seed) {
-  test::SyntheticSettings settings;
-  settings.duration = 12.0;
-  settings.noise = 0.01;
-  settings.motion_seed = settings.noise_seed = seed;
-  return test::synthetic_log(robot, settings);
-}
+data::Log log_of(const model::Robot& robot, unsigned seed) { return test::synthetic_log(robot, seed, 0.01, 12.0); }
 
 /// Limits as wide as the synthetic motion needs.
 std::vector<JointSpec> joints_of(const model::Robot& robot) {

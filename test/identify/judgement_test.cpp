@@ -30,13 +30,7 @@ host::Judgement judged_on_unseen(double noise, Method method, bool held_out = tr
   if (noise == 0.0) {
     for (model::RobotJoint& joint : robot.joints) joint.actuation = {};
   }
-  const auto log = [&](unsigned seed) {
-    test::SyntheticSettings settings;
-    settings.noise = noise;
-    settings.motion_seed = settings.noise_seed = seed;
-    return test::synthetic_log(robot, settings);
-  };
-  const data::MotionStream train(log(1)), unseen(log(2));
+  const data::MotionStream train(test::synthetic_log(robot, 1, noise)), unseen(test::synthetic_log(robot, 2, noise));
   FitOptions options;
   options.method = method;
   options.structure.rotor_inertia = false;

@@ -132,6 +132,14 @@ inline model::Robot six_joint_arm() {
   return robot;
 }
 
+/// Its first three joints.
+inline model::Robot three_joint_arm() {
+  model::Robot robot = six_joint_arm();
+  robot.joints.resize(3);
+  robot.tip_link = robot.joints.back().link_name;
+  return robot;
+}
+
 /// Two revolute joints about z, a prismatic joint downwards, a revolute wrist about it.
 inline model::Robot scara_arm() {
   model::Robot robot;

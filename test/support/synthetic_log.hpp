@@ -94,6 +94,17 @@ inline data::Log synthetic_log(const model::Robot& robot, const SyntheticSetting
   return log;
 }
 
+/// One with motion and noise of a seed.
+/// @param noise     share of the largest torque of each joint
+/// @param duration  [s]
+inline data::Log synthetic_log(const model::Robot& robot, unsigned seed, double noise, double duration = 30.0) {
+  SyntheticSettings settings;
+  settings.duration = duration;
+  settings.noise = noise;
+  settings.motion_seed = settings.noise_seed = seed;
+  return synthetic_log(robot, settings);
+}
+
 /// The robot with a body at its last link.
 inline model::Robot carrying(model::Robot robot, const InertialParameters<double>& load) {
   for (std::size_t i = 0; i < 10; ++i) robot.joints.back().link[i] += load[i];
