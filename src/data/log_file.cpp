@@ -352,9 +352,9 @@ std::string LogFile::note(const std::vector<std::size_t>& used) const {
   }
   for (std::size_t k = 0; k < kChannels.size(); ++k) {
     const std::string_view prefix = kChannels[k].prefix;
-    const int missing = first_missing(prefix, num_joints_);
-    if (missing == 0 || highest(prefix) == 0) continue;
-    parts.push_back(fmt::format("columns {0}.. ignored because {0}{1} is missing", prefix, missing));
+    if (complete_[k] || highest(prefix) == 0) continue;
+    parts.push_back(
+        fmt::format("columns {0}.. ignored because {0}{1} is missing", prefix, first_missing(prefix, num_joints_)));
   }
   return parts.empty() ? "" : fmt::format("{}: {}", path_, fmt::join(parts, "; "));
 }
