@@ -174,4 +174,10 @@ VectorXd BaseModel::prior() const {
 
 MatrixXd BaseModel::link_share(int link) const { return base_.regrouping.middleCols(10 * link, 10); }
 
+std::vector<MatrixXd> BaseModel::columns_of(const BaseRows& rows, const MatrixXd& share) const {
+  std::vector<MatrixXd> all;
+  for (std::size_t j = 0; j < rows.size(); ++j) all.emplace_back(rows[j] * share(places_[j], Eigen::all));
+  return all;
+}
+
 }  // namespace heft::diagnose

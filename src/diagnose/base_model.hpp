@@ -91,6 +91,9 @@ class BaseModel {
   Eigen::VectorXd prior() const;
   /// What ten parameters of a link add to the base parameters, b × 10.
   Eigen::MatrixXd link_share(int link) const;
+  /// Columns of k quantities that add to the base parameters, of each joint m × k.
+  /// @param share  b × k, what each adds
+  std::vector<Eigen::MatrixXd> columns_of(const BaseRows& rows, const Eigen::MatrixXd& share) const;
 
  private:
   void put_motor_columns(const Motion& motion, std::size_t joint, Eigen::Index first, Eigen::Index count,

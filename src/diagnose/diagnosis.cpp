@@ -113,10 +113,10 @@ struct AsAnyone {
 /// @param asked  whether it is wanted
 void fit_again(const WrittenModel& written, const BaseModel& base, const std::vector<data::Log>& train,
                const JudgedMotion& trained, const std::vector<data::Log>& validate, bool asked, Diagnosis& result) {
-  if (const auto other = other_load(written, base, result.parameters, trained)) {
+  result.other_load = other_load(written, base, result.parameters, trained);
+  if (result.other_load) {
     result.logs_contradict = true;
-    result.contradiction = in_words(*other);
-    result.notes.push_back(result.contradiction +
+    result.notes.push_back(in_words(*result.other_load) +
                            ": the model written is fitted to the training logs alone, and what it predicts of the others is wrong "
                            "by that; give logs with the same load to judge on");
     return;

@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include "heft/validate/judgement.hpp"
+#include "other_load.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -88,8 +89,8 @@ host::Judgement Diagnosis::judgement() const {
   if (diagnosis.logs_contradict)
     judgement.add(host::Verdict::kDoubtful,
                   "training and validation logs contradict each other" +
-                      (diagnosis.contradiction.empty() ? ", as if the arm carried something else in one of them"
-                                                       : ": " + diagnosis.contradiction));
+                      (diagnosis.other_load ? ": " + in_words(*diagnosis.other_load)
+                                            : ", as if the arm carried something else in one of them"));
   const std::vector<int> worse = joints_made_worse(diagnosis);
   if (!worse.empty()) {
     judgement.add(

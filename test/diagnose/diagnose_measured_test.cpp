@@ -122,6 +122,8 @@ TEST(MeasuredUr10e, LoadThatOnlyTheValidationLogCarriesIsSaidInKilograms) {
   double mass = 0.0, half_width = 0.0;
   ASSERT_EQ(std::sscanf(note->c_str() + note->find(before) + before.size(), "%lf ± %lf kg more", &mass, &half_width), 2)
       << *note;
+  ASSERT_TRUE(d.other_load.has_value());
+  EXPECT_NEAR(d.other_load->mass, mass, 0.05);  // two digits
   EXPECT_NEAR(mass, 2.805, half_width);
   EXPECT_LT(half_width, 0.5);
 }

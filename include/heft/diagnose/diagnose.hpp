@@ -193,6 +193,11 @@ inline constexpr double kRelevantStructure = 0.03;
 /// An error of this many times that of the identified model is worse [1]: what lies below is the scatter from log to log.
 inline constexpr double kWorse = 1.01;
 
+/// Mass at the last link that the validation logs show on top of the training logs' [kg].
+struct OtherLoad {
+  double mass{0.0}, half_width{0.0};  ///< of an interval that holds it in 99.9 %
+};
+
 /// The diagnosed model with its effects as they are, and its base between what it was and a fit to all logs.
 struct Refitted {
   model::Robot robot;
@@ -242,7 +247,7 @@ struct Diagnosis {
   /// something in one of them, or the validation logs show another load at the last link. Without `refit` only that is
   /// looked at.
   bool logs_contradict{false};
-  std::string contradiction;  ///< how, in words: a load that one of them has; empty: not known
+  std::optional<OtherLoad> other_load;  ///< that load
   /// Base parameters and effect coefficients of `after` with intervals and covariance; its other fields are not set.
   model::FitRecord parameters;
   std::vector<Ceiling> ceilings;    ///< one a joint

@@ -17,15 +17,7 @@ using Eigen::VectorXd;
 /// Columns of inertial parameters of the last link, all rows, for every joint.
 /// @param share  b × k, what these add to the base parameters
 Columns last_link_columns(const Workbench& bench, const MatrixXd& share) {
-  const int n = bench.table->num_joints;
-  Columns columns;
-  columns.joints = all_joints(n);
-  for (int j = 0; j < n; ++j) {
-    const auto s = static_cast<std::size_t>(j);
-    const auto& places = bench.base->places()[s];
-    columns.values.push_back((*bench.rows)[s] * share(places, Eigen::all));
-  }
-  return columns;
+  return {.joints = all_joints(bench.table->num_joints), .values = bench.base->columns_of(*bench.rows, share)};
 }
 
 /// The columns from a row on.
