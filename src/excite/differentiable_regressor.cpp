@@ -6,9 +6,7 @@
 #include <numeric>
 #include <vector>
 
-#include "heft/core/dynamics/inverse_dynamics.hpp"
-#include "heft/core/dynamics/regressor.hpp"
-#include "heft/model/sized.hpp"
+#include "heft/model/batch_dynamics.hpp"
 #include "regressor_slope.hpp"
 
 namespace heft::excite {
@@ -36,53 +34,13 @@ VectorXd link_parameters(const model::Robot& robot) {
   return links;
 }
 
-/// What the links are at one instant. All that has to be compiled for each number of joints: the rest sums over samples, whose
-/// number is known at run time.
-class LinkRows {
- public:
-  virtual ~LinkRows() = default;
-  /// @param q,qd,qdd  n
-  /// @param rows      out, n × 10n, see LinkRegressor
-  /// @param tau       out, n: their torque [N·m, N]
-  virtual void at(const VectorXd& q, const VectorXd& qd, const VectorXd& qdd, MatrixXd& rows,
-                  VectorXd& tau) const = 0;
-};
-
-template <int N>
-class SizedLinkRows final : public LinkRows {
- public:
-  explicit SizedLinkRows(const model::Robot& robot)
-      : arm_(model::to_arm_model<N>(robot)), links_(link_parameters(robot)) {}
-
-  void at(const VectorXd& q, const VectorXd& qd, const VectorXd& qdd, MatrixXd& rows,
-          VectorXd& tau) const override {
-    const JointVector<double, N> position = q, velocity = qd, acceleration = qdd;
-    rows.resize(N, 10 * N);
-    Eigen::Map<LinkRegressor<double, N>, Eigen::Aligned16> Y(rows.data());
-    link_regressor(arm_, joint_trigonometry<DynamicArm<double, N>>(position), position, velocity,
-                   acceleration, Y);
-    tau = Y * links_;
-  }
-
- private:
-  DynamicArm<double, N> arm_;
-  Eigen::Matrix<double, 10 * N, 1> links_;
-};
-
-std::unique_ptr<LinkRows> make_link_rows(const model::Robot& robot) {
-  const auto make = [&](auto n) -> std::unique_ptr<LinkRows> {
-    return std::make_unique<SizedLinkRows<n>>(robot);
-  };
-  return model::with_joint_count(robot.num_joints(), robot.name, make);
-}
-
 class ChosenColumns final : public DifferentiableRegressor {
  public:
   using Rows = std::vector<MatrixXd>;
 
   ChosenColumns(const RegressionColumns& columns, const std::vector<int>& chosen, const VectorXd& sign_width)
       : n_(columns.num_joints()),
-        link_rows_(make_link_rows(columns.robot())),
+        batch_(columns.robot()),
         slope_(columns.robot()),
         links_(link_parameters(columns.robot())),
         fitted_(columns.robot().couplings),
@@ -102,6 +60,10 @@ class ChosenColumns final : public DifferentiableRegressor {
       const auto felt = std::find_if(order_.begin(), order_.end(), [&](int c) { return last_row(c) >= i; });
       first_.push_back(felt - order_.begin());
     }
+    for (Index i = 0; i < n_; ++i) {
+      std::vector<int>& felt = link_columns_.emplace_back(static_cast<std::size_t>(10 * (n_ - i)));
+      std::iota(felt.begin(), felt.end(), 10 * static_cast<int>(i));
+    }
     for (const model::RobotJoint& joint : columns.robot().joints) actuation_.push_back(joint.actuation);
   }
 
@@ -110,20 +72,16 @@ class ChosenColumns final : public DifferentiableRegressor {
     const Index m = q.rows(), count = static_cast<Index>(columns_.size());
     rows.resize(static_cast<std::size_t>(n_));
     for (Index j = 0; j < n_; ++j) rows[static_cast<std::size_t>(j)].setZero(m, count - first(j));
-    tau.resize(m, n_);
-    MatrixXd links;
-    VectorXd position, velocity, acceleration, torque;
-    for (Index s = 0; s < m; ++s) {
-      position = q.row(s);
-      velocity = qd.row(s);
-      acceleration = qdd.row(s);
-      link_rows_->at(position, velocity, acceleration, links, torque);
-      tau.row(s) = torque;
+    Rows links;
+    batch_.regressor_rows(q, qd, qdd, link_columns_, links);
+    tau.setZero(m, n_);
+    for (Index i = 0; i < n_; ++i) {
+      const MatrixXd& felt = links[static_cast<std::size_t>(i)];
+      for (Index k = 0; k < felt.cols(); ++k) tau.col(i) += felt.col(k) * links_[10 * i + k];
       for (std::size_t c = 0; c < columns_.size(); ++c) {
         const Column& column = columns_[c];
-        if (column.kind != ColumnKind::kLink) continue;
-        for (Index i = 0; i <= column.joint; ++i)
-          entry(rows, i, s, c) = links(i, 10 * column.joint + column.entry);
+        if (column.kind == ColumnKind::kLink && column.joint >= i)
+          column_of(rows, i, c) = felt.col(10 * (column.joint - i) + column.entry);
       }
     }
     add_drive_torque(qd, qdd, tau);
@@ -274,11 +232,12 @@ class ChosenColumns final : public DifferentiableRegressor {
   }
 
   Index n_;
-  std::unique_ptr<LinkRows> link_rows_;
+  model::BatchDynamics batch_;
   RegressorSlope slope_;
   VectorXd links_;
   std::vector<JointActuation<double>> actuation_;
   std::vector<Column> columns_;                  ///< in their order
+  std::vector<std::vector<int>> link_columns_;   ///< of the arm's regressor, for each joint: of the links that it moves
   std::vector<GearCoupling<double>> fitted_;     ///< with the robot's values, for the torque
   std::vector<GearCoupling<double>> couplings_;  ///< of the structure, for the columns
   VectorXd sign_width_;

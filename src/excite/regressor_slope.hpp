@@ -10,7 +10,7 @@
 
 #include "heft/core/arm_model.hpp"
 #include "heft/model/robot.hpp"
-#include "heft/model/sized.hpp"
+#include "heft/model/dynamics.hpp"
 
 namespace heft::excite {
 
