@@ -6,7 +6,7 @@
 
 #include "../arm_search.hpp"
 #include "../deflection.hpp"
-#include "heft/model/dynamics.hpp"
+#include "heft/model/batch_dynamics.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -17,14 +17,11 @@ using Eigen::VectorXd;
 
 /// Mass matrices along the motion: for each joint its column of M, m × n.
 std::vector<MatrixXd> inertia_of(const Workbench& bench) {
-  const Index m = bench.table->rows();
   const int n = bench.table->num_joints;
-  const model::Dynamics dynamics(*bench.robot);
-  std::vector<MatrixXd> inertia(static_cast<std::size_t>(n), MatrixXd(m, n));
-  for (Index i = 0; i < m; ++i) {
-    const MatrixXd M = dynamics.mass_matrix(bench.motion->q.row(i).transpose());
-    for (int j = 0; j < n; ++j) inertia[static_cast<std::size_t>(j)].row(i) = M.col(j).transpose();
-  }
+  MatrixXd all(bench.table->rows(), n * n);
+  model::BatchDynamics(*bench.robot).mass_matrix(bench.motion->q, all);
+  std::vector<MatrixXd> inertia;
+  for (int j = 0; j < n; ++j) inertia.push_back(all.middleCols(n * j, n));
   return inertia;
 }
 
