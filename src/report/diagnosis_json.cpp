@@ -189,6 +189,9 @@ nlohmann::ordered_json diagnosis_json(const Diagnosis& diagnosis, const Diagnosi
   json["refit"] = nullptr;
   if (const auto& refitted = diagnosis.refitted)
     json["refit"] = {{"part", refitted->part}, {"error_ratio", refitted->ratio}};
+  json["other_load"] = nullptr;
+  if (const auto& load = diagnosis.other_load)
+    json["other_load"] = {{"mass", load->mass}, {"half_width", load->half_width}};
   json["errors_that_rise"] = errors_that_rise(diagnosis);
   json["candidates_tried"] = diagnosis.candidates;
   json["train_seconds"] = diagnosis.seconds;

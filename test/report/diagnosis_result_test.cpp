@@ -378,6 +378,15 @@ TEST(DiagnosisJson, NothingFoundIsAnEmptyList) {
   EXPECT_TRUE(json.at("effects").is_array());
   EXPECT_TRUE(json.at("effects").empty());
   EXPECT_TRUE(json.at("unexplained").empty());
+  EXPECT_TRUE(json.at("other_load").is_null());
+}
+
+TEST(DiagnosisJson, HasTheLoadOfTheValidationLogsAsANumber) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnosis.other_load = {2.8, 0.28};
+  const auto json = report::diagnosis_json(diagnosis, kContext);
+  EXPECT_EQ(json.at("other_load").at("mass"), 2.8);
+  EXPECT_EQ(json.at("other_load").at("half_width"), 0.28);
 }
 
 TEST(DiagnosisCeiling, SaysHowMuchOfWhatIsExplainableIsExplained) {
