@@ -69,6 +69,10 @@ inline void check_effects(const Robot& robot) {
       throw ModelError(fmt::format("robot \"{}\": stiffness {} of joint {}; expected a positive one",
                                    robot.name, elasticity.stiffness, elasticity.joint + 1));
     }
+    if (!(elasticity.gap >= 0)) {
+      throw ModelError(fmt::format("robot \"{}\": play {} of joint {}; expected 0 or more", robot.name,
+                                   elasticity.gap, elasticity.joint + 1));
+    }
   }
 }
 

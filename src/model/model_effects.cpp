@@ -82,13 +82,15 @@ void read(ElasticJoint, const EffectEntry& entry, ModelFile& model) {
   const Node stiffness = entry.parameters.at("stiffness", "N·m/rad (N/m)");
   const Elasticity<double> elasticity{entry.node.joint("joint", entry.num_joints), stiffness.number(),
                                       entry.parameters.number_or_zero("damping"),
-                                      entry.parameters.number_or_zero("motor_inertia")};
+                                      entry.parameters.number_or_zero("motor_inertia"),
+                                      entry.parameters.number_or_zero("gap")};
   if (!(elasticity.stiffness > 0)) {
     stiffness.fail(fmt::format("found {}", elasticity.stiffness), "a positive number");
   }
   if (elasticity.damping < 0) {
     entry.parameters.at("damping", "").fail(fmt::format("found {}", elasticity.damping), "0 or more");
   }
+  if (elasticity.gap < 0) entry.parameters.at("gap", "").fail(fmt::format("found {}", elasticity.gap), "0 or more");
   for (const Elasticity<double>& other : model.elasticities) {
     if (other.joint == elasticity.joint) {
       entry.node.fail(fmt::format("found a second elasticity of joint {}", elasticity.joint + 1),
@@ -190,12 +192,12 @@ void read_joint_effect(Type, const EffectEntry& entry, ModelFile& model) {
 
 void add_entries(ElasticJoint, const ModelFile& model, Json& json) {
   for (const Elasticity<double>& elasticity : model.elasticities) {
-    json.push_back({{"kind", ElasticJoint::kId},
-                    {"joint", elasticity.joint + 1},
-                    {"parameters",
-                     {{"stiffness", elasticity.stiffness},
-                      {"damping", elasticity.damping},
-                      {"motor_inertia", elasticity.motor_inertia}}}});
+    Json parameters = {{"stiffness", elasticity.stiffness},
+                       {"damping", elasticity.damping},
+                       {"motor_inertia", elasticity.motor_inertia}};
+    if (elasticity.gap > 0.0) parameters["gap"] = elasticity.gap;
+    json.push_back(
+        {{"kind", ElasticJoint::kId}, {"joint", elasticity.joint + 1}, {"parameters", std::move(parameters)}});
   }
 }
 

@@ -35,14 +35,28 @@ struct Deflection {
   Deflections<kSize> e, ed;
 };
 
-/// M ë = r(t) - K e - D ė from `state` over h, r going from `r0` to `r1` in a straight line. Classical Runge-Kutta.
+/// Springs and dampers of the elastic joints, and their play.
 template <int kSize>
-void integrate(const Coupled<kSize>& inverse_mass, const Deflections<kSize>& K, const Deflections<kSize>& D,
-               const Deflections<kSize>& r0, const Deflections<kSize>& r1, double h, int steps,
-               Deflection<kSize>& state) {
+struct Springs {
+  using Vector = Deflections<kSize>;
+  Vector K, D, gap;
+
+  /// S(e, ė)
+  Vector torque(const Vector& e, const Vector& ed) const {
+    Vector torque = e;
+    for (Index i = 0; i < e.size(); ++i)
+      torque[i] = spring_torque(Elasticity<double>{0, K[i], D[i], 0.0, gap[i]}, e[i], ed[i]);
+    return torque;
+  }
+};
+
+/// M ë = r(t) - S(e, ė) from `state` over h, r going from `r0` to `r1` in a straight line. Classical Runge-Kutta.
+template <int kSize>
+void integrate(const Coupled<kSize>& inverse_mass, const Springs<kSize>& springs, const Deflections<kSize>& r0,
+               const Deflections<kSize>& r1, double h, int steps, Deflection<kSize>& state) {
   using Vector = Deflections<kSize>;
   const auto acceleration = [&](double share, const Vector& e, const Vector& ed) -> Vector {
-    const Vector torque = r0 + share * (r1 - r0) - K.cwiseProduct(e) - D.cwiseProduct(ed);
+    const Vector torque = r0 + share * (r1 - r0) - springs.torque(e, ed);
     return inverse_mass.lazyProduct(torque);
   };
   const double dt = h / steps;
@@ -71,11 +85,12 @@ struct MotionTorque::Impl {
                                    robot.name, robot.torque_delay));
     }
     const auto count = static_cast<Index>(robot.elasticities.size());
-    K.resize(count), D.resize(count);
+    K.resize(count), D.resize(count), gap.resize(count);
     for (Index i = 0; i < count; ++i) {
       const Elasticity<double>& elasticity = robot.elasticities[static_cast<std::size_t>(i)];
       K[i] = elasticity.stiffness;
       D[i] = elasticity.damping;
+      gap[i] = elasticity.gap;
     }
     reset();
   }
@@ -115,7 +130,8 @@ struct MotionTorque::Impl {
   void deflect(double h) {
     using Vector = Deflections<kSize>;
     const Index count = K.size();
-    const Vector stiffness = K, damping = D;
+    const Springs<kSize> springs{K, D, gap};
+    const Vector &stiffness = springs.K, &damping = springs.D;
     const auto rigid = [&](const Vector& deflection, const Vector& rate) -> Vector {
       put_link(deflection, rate);
       load = dynamics.inverse_dynamics(link_q, link_qd, motor_qdd);
@@ -128,7 +144,7 @@ struct MotionTorque::Impl {
       constexpr int kRounds = 4;
       Vector torque = rigid(state.e, state.ed);
       for (int round = 0; round < kRounds; ++round) {
-        state.e = torque.cwiseQuotient(stiffness);
+        state.e = torque.cwiseQuotient(stiffness) + 0.5 * torque.cwiseSign().cwiseProduct(springs.gap);
         torque = rigid(state.e, state.ed);
       }
       return torque;
@@ -153,9 +169,9 @@ struct MotionTorque::Impl {
           const Vector last = r;
           // The torque at this row needs the deflection there: first with the torque held, then along a line.
           Deflection<kSize> ahead = state;
-          integrate<kSize>(inverse, stiffness, damping, last, last, h, steps, ahead);
+          integrate<kSize>(inverse, springs, last, last, h, steps, ahead);
           torque = rigid(ahead.e, ahead.ed);
-          integrate<kSize>(inverse, stiffness, damping, last, torque, h, steps, state);
+          integrate<kSize>(inverse, springs, last, torque, h, steps, state);
         }
       }
     }
@@ -165,7 +181,7 @@ struct MotionTorque::Impl {
     }
     put_link(state.e, state.ed);
     mass = dynamics.mass_matrix(link_q);
-    const Vector left = torque - stiffness.cwiseProduct(state.e) - damping.cwiseProduct(state.ed);
+    const Vector passed_on = springs.torque(state.e, state.ed), left = torque - passed_on;
     const Eigen::LLT<Coupled<kSize>> factor(elastic_part<kSize>(mass));
     if (!at_rest && factor.info() == Eigen::Success) second = factor.solve(left);
     // rigid(x, ẋ, ẍ) = rigid(x, ẋ, θ̈) - M_e ë; at an elastic joint it is the torque of spring and damper.
@@ -173,9 +189,7 @@ struct MotionTorque::Impl {
       load -= mass.col(joint(i)) * second[i];
       link_qdd[joint(i)] = motor_qdd[joint(i)] - second[i];
     }
-    for (Index i = 0; i < count; ++i) {
-      load[joint(i)] = stiffness[i] * state.e[i] + damping[i] * state.ed[i];
-    }
+    for (Index i = 0; i < count; ++i) load[joint(i)] = passed_on[i];
     e = state.e, ed = state.ed, r = torque;
     M_before = mass;
   }
@@ -264,7 +278,7 @@ struct MotionTorque::Impl {
   const Robot& robot;  // of `dynamics`
   /// Only then does a row depend on more than its own instant.
   bool along() const { return !robot.effects.empty() || !robot.elasticities.empty(); }
-  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1> K, D;
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1> K, D, gap;
 
   // State.
   bool started{false};

@@ -43,11 +43,11 @@ model::Robot bodies_of(model::Robot robot) {
     double& rotor = robot.joints[static_cast<std::size_t>(e.joint)].actuation.rotor_inertia;
     e.motor_inertia += rotor;
     rotor = 0.0;
-    if (!(e.stiffness > 0.0 && e.motor_inertia > 0.0 && e.damping >= 0.0)) {
-      refuse(
-          fmt::format("elasticities, joint {}", e.joint + 1),
-          fmt::format("stiffness {}, motor inertia {}, damping {}", e.stiffness, e.motor_inertia, e.damping),
-          "stiffness and motor inertia above 0, damping at least 0");
+    if (!(e.stiffness > 0.0 && e.motor_inertia > 0.0 && e.damping >= 0.0 && e.gap >= 0.0)) {
+      refuse(fmt::format("elasticities, joint {}", e.joint + 1),
+             fmt::format("stiffness {}, motor inertia {}, damping {}, gap {}", e.stiffness, e.motor_inertia,
+                         e.damping, e.gap),
+             "stiffness and motor inertia above 0, damping and gap at least 0");
     }
   }
   for (const GearCoupling<double>& c : robot.couplings) {
@@ -267,7 +267,7 @@ void Plant::solve_with_load_friction(double t, const double* q, const double* qd
 double Plant::spring_torque(int k, const double* q, const double* qd) const {
   const Elasticity<double>& e = elastic_[static_cast<std::size_t>(k)];
   const int link = n_ + k;
-  return e.stiffness * (q[e.joint] - q[link]) + e.damping * (qd[e.joint] - qd[link]);
+  return heft::spring_torque(e, q[e.joint] - q[link], qd[e.joint] - qd[link]);
 }
 
 void Plant::solve_bodies(double t, const double* q, const double* qd) {
@@ -344,10 +344,12 @@ void Plant::settle_links(double t, double* q, double* qd) {
   if (elastic_.empty()) return;
   if (gravity_) dynamics_.set_gravity(gravity_(t));
   Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(q, n_);
-  // x = θ − g(x)/K, a contraction for any spring that holds its arm.
+  // x = θ − g(x)/K, a contraction for any spring that holds its arm. Play lies on the side that gravity bends to.
+  const Eigen::VectorXd side = dynamics_.gravity_torque(x).unaryExpr([](double g) { return g > 0.0 ? 0.5 : g < 0.0 ? -0.5 : 0.0; });
   for (int pass = 0; pass < 200; ++pass) {
     const Eigen::VectorXd gravity = dynamics_.gravity_torque(x);
-    for (const Elasticity<double>& e : elastic_) x[e.joint] = q[e.joint] - gravity[e.joint] / e.stiffness;
+    for (const Elasticity<double>& e : elastic_)
+      x[e.joint] = q[e.joint] - gravity[e.joint] / e.stiffness - side[e.joint] * e.gap;
   }
   for (std::size_t k = 0; k < elastic_.size(); ++k) {
     q[static_cast<std::size_t>(n_) + k] = x[elastic_[k].joint];
@@ -376,7 +378,7 @@ double Plant::potential_energy(const Eigen::VectorXd& q) const {
   const Eigen::VectorXd x = link_side(q);
   double energy = dynamics_.potential_energy(x);
   for (const Elasticity<double>& e : elastic_) {
-    const double stretch = q[e.joint] - x[e.joint];
+    const double stretch = bent(q[e.joint] - x[e.joint], e.gap);
     energy += 0.5 * e.stiffness * stretch * stretch;
   }
   for (const JointCable<double>& c : cables_) {

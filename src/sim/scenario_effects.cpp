@@ -116,6 +116,7 @@ void read(ElasticJoint, const SettingsReader& reader, Reading& reading) {
   e.stiffness = reader.number("stiffness", Range::kPositive);
   e.damping = reader.number_or("damping", 0.0, Range::kNotNegative);
   e.motor_inertia = reader.number("motor_inertia", Range::kPositive);
+  e.gap = reader.number_or("gap", 0.0, Range::kNotNegative);
   robot.elasticities.push_back(e);
 }
 

@@ -481,7 +481,8 @@ TEST_P(Unknown, EndsInUnexplainedAndIsPinnedOnNothing) {
 INSTANTIATE_TEST_SUITE_P(
     OffTheList, Unknown,
     testing::Values(std::tuple{"vibrating_base", "scara4"}, std::tuple{"vibrating_base", "arm6"},
-                    std::tuple{"time_sine", "scara4"}, std::tuple{"random_walk", "scara4"}),
+                    std::tuple{"time_sine", "scara4"}, std::tuple{"random_walk", "scara4"},
+                    std::tuple{"backlash", "scara4"}, std::tuple{"backlash", "arm6"}),
     [](const auto& p) { return std::string(std::get<0>(p.param)) + "_" + std::get<1>(p.param); });
 
 }  // namespace

@@ -258,7 +258,7 @@ ModelFile with_effects() {
   model.effects[2].seen.load = {-20.0 / 3.0, 4.0};  // the others without limits
   model.effects[3].seen.temperature = {20.0, 125.0 / 3.0};
   model.cables = {{0, 1, -2.0 / 3.0, 8.0 / 7.0, 0.1, {-0.2, 1.0 / 3.0}}, {1, 0, 0.5, 2.0, -0.3}};
-  model.elasticities = {{1, 9000.0 / 7.0, 0.1, 1.0 / 3.0}};
+  model.elasticities = {{1, 9000.0 / 7.0, 0.1, 1.0 / 3.0, 0.01 / 7.0}};
   model.torque_delay = 0.0021;
   return model;
 }
@@ -290,6 +290,7 @@ TEST(ModelFile, CarriesEveryEffectToTheRobot) {
     EXPECT_EQ(robot.elasticities[0].stiffness, 9000.0 / 7.0);
     EXPECT_EQ(robot.elasticities[0].damping, 0.1);
     EXPECT_EQ(robot.elasticities[0].motor_inertia, 1.0 / 3.0);
+    EXPECT_EQ(robot.elasticities[0].gap, 0.01 / 7.0);
     EXPECT_EQ(robot.torque_delay, 0.0021);
     ASSERT_EQ(robot.cables.size(), 2U);
     EXPECT_EQ(robot.cables[0].driving, 0);
@@ -365,6 +366,9 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
               AllOf(HasSubstr("/effects/0/parameters/sharp"), HasSubstr("found 1.5"), HasSubstr("0 to 1")));
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"damping": 1}}])"),
               HasSubstr("/effects/0/parameters/stiffness: missing"));
+  EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1, "gap": -0.1}}])"),
+              AllOf(HasSubstr("/effects/0/parameters/gap"), HasSubstr("found -0.1"), HasSubstr("0 or more")));
+  EXPECT_EQ(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1, "gap": 0.1}}])"), "");
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": -1}}])"),
               AllOf(HasSubstr("/effects/0/parameters/stiffness"), HasSubstr("found -1")));
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1}},

@@ -209,6 +209,8 @@ TEST(UndeclaredEffects, RefusesEffectsThatDoNotFitTheArm) {
   s.robot = test::slider(1.0);
   s.robot.elasticities = {{0, -1.0, 0.0, 1.0}};
   EXPECT_THROW(simulate(s), ModelError);
+  s.robot.elasticities = {{0, 1.0, 0.0, 1.0, -0.1}};
+  EXPECT_THROW(simulate(s), ModelError);
   s.robot.elasticities = {{0, 1.0, 0.0, 1.0}, {0, 1.0, 0.0, 1.0}};
   EXPECT_THROW(simulate(s), ModelError);
   s.robot.elasticities.clear();
@@ -399,6 +401,23 @@ TEST(ElasticJoint, FreeSwingKeepsItsEnergyAndDampingTakesIt) {
   for (Eigen::Index k = 1; k < taken.size(); ++k) EXPECT_LT(taken[k], taken[k - 1] + 2e-7);
 }
 
+TEST(ElasticJoint, FreeSwingKeepsItsEnergyWithPlay) {
+  SimulationSettings s;
+  s.robot = test::six_joint_arm();
+  s.robot.elasticities = {{1, 8000.0, 0.0, 0.9, 0.02}, {4, 300.0, 0.0, 0.04, 0.03}};
+  s.duration = 2.0;
+  s.log_rate = 200.0;
+  s.initial_position.resize(6);
+  s.initial_position << 0.0, -1.0, 0.8, 0.3, 0.5, 0.0;
+  s.log_truth = true;
+  const data::Log log = simulate(s).log;
+  const VectorXd energy = extra(log, "kinetic_energy") + extra(log, "potential_energy");
+  EXPECT_LT((energy.array() - energy[0]).abs().maxCoeff(), 2e-4);
+  const VectorXd bend = log.q.col(4) - extra(log, "qlink5");
+  EXPECT_GT(bend.maxCoeff(), 0.015);
+  EXPECT_LT(bend.minCoeff(), -0.015) << "or no flank was left";
+}
+
 /// Mean angular frequency with which a series passes its level upwards.
 double angular_frequency(const VectorXd& time, const VectorXd& value, double level) {
   double first = -1.0, last = -1.0;
@@ -465,6 +484,28 @@ TEST_P(ElasticJointBy, RingsAtTheFrequenciesOfTheClosedForm) {
   ASSERT_FALSE(slipped.events.empty());
   // K F/K (1 − cos ωt) = 4 N
   EXPECT_NEAR(slipped.events[0].time, std::acos(1.0 - 4.0 / force) / expected, 1e-6);
+}
+
+TEST_P(ElasticJointBy, BouncesBetweenTheFlanksOfItsPlay) {
+  // A link pushed off while the motor stands still: across the play with v, half a swing at each flank.
+  const double K = 2000.0, link = 2.0, force = 2.0, push = 0.05, gap = 0.01;
+  SimulationSettings s;
+  s.solver.method = GetParam();
+  s.robot = test::slider(link);
+  s.robot.elasticities = {{0, K, 0.0, 0.5, gap}};
+  s.duration = 4.0;
+  s.sample_rate = 2000.0;
+  s.initial_position = VectorXd::Zero(1);
+  s.log_truth = true;
+  s.loads.resize(1);
+  s.loads[0].effects = {std::make_shared<CoulombFriction>(100.0, 100.0)};
+  s.tool_wrench = [&](double t) { return Wrench{Vector3d(t < push ? force : 0.0, 0.0, 0.0), Vector3d::Zero()}; };
+  const data::Log log = simulate(s).log;
+  const double v = force / link * push;
+  const double period = 2.0 * gap / v + 2.0 * std::numbers::pi / std::sqrt(K / link);
+  const VectorXd place = extra(log, "qlink1");
+  EXPECT_NEAR(angular_frequency(log.time, place, 0.0), 2.0 * std::numbers::pi / period, 2e-3 * 2.0 * std::numbers::pi / period);
+  EXPECT_NEAR(place.maxCoeff(), 0.5 * gap + v * std::sqrt(link / K), 1e-5);
 }
 
 INSTANTIATE_TEST_SUITE_P(Solvers, ElasticJointBy, testing::Values(SolverMethod::kAdams, SolverMethod::kBdf),

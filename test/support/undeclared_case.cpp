@@ -15,6 +15,7 @@
 #include <Eigen/Geometry>
 
 #include "heft/model/dynamics.hpp"
+#include "heft/model/motion_torque.hpp"
 #include "heft/sim/simulator.hpp"
 #include "heft/urdf/urdf_import.hpp"
 
@@ -545,7 +546,7 @@ bool belongs_to_joint(const std::string& kind) {
   for (const char* name :
        {"stribeck", "offset", "viscous_nonlinear", "load_friction", "rotor_inertia", "elasticity", "spring",
         "ripple", "hysteresis", "friction_drift", "torque_scale", "friction_curve", "outside:time_sine",
-        "outside:neighbour", "outside:random_walk", "outside:backlash_kick"}) {
+        "outside:neighbour", "outside:random_walk", "outside:backlash_kick", "outside:backlash"}) {
     if (kind == name) return true;
   }
   return false;
@@ -962,6 +963,7 @@ class CaseMaker {
     }
     const double target = log_uniform(random_, 1.2, 4.5);
     if (kind == "elasticity") return add_elasticity(target);
+    if (kind == "outside:backlash") return add_backlash(target);
     if (kind == "hysteresis") return add_hysteresis(target, 0.0);
     if (kind == "hysteresis_in_part") return add_hysteresis(target, 0.4);
     for (int attempt = 0; attempt < 90; ++attempt) {
@@ -1067,6 +1069,53 @@ class CaseMaker {
     case_.effects.push_back(e);
     modelled_.elasticities.push_back(
         {e.joint, e.parameters["stiffness"], e.parameters["damping"], e.parameters["motor_inertia"]});
+  }
+
+  /// Play in a stiff gear, on a joint whose load changes sides often.
+  void add_backlash(double target) {
+    UndeclaredEffect e;
+    e.kind = "outside:backlash";
+    const model::Dynamics dynamics(case_.truth);
+    const MatrixXd rigid = along_motion([&](Eigen::Index k) { return rigid_torque(k, dynamics); });
+    int changes = 0;
+    do {
+      e.joint = pick(random_, n_);
+      const VectorXd load = rigid.col(e.joint);
+      changes = 0;
+      for (Eigen::Index k = 1; k < load.size(); ++k) changes += load[k] * load[k - 1] < 0.0;
+    } while (taken(e.joint) || changes < 20);
+    double inertia = 0.0;
+    constexpr Eigen::Index kPoses = 20;
+    for (Eigen::Index k = 0; k < kPoses; ++k) {
+      const Eigen::Index row = k * motion_.time.size() / kPoses;
+      inertia += dynamics.mass_matrix(motion_.q.row(row).transpose())(e.joint, e.joint) / kPoses;
+    }
+    const double w = kTwoPi * uniform(random_, 18.0, 28.0);
+    Elasticity<double> gear{e.joint, inertia * w * w, 2.0 * uniform(random_, 0.25, 0.5) * inertia * w,
+                            inertia * uniform(random_, 0.3, 1.0)};
+    const auto torque = [&](double gap) {
+      model::Robot robot = case_.truth;
+      robot.elasticities = {gear};
+      robot.elasticities[0].gap = gap;
+      return model::MotionTorque(robot).torque(motion_.time, motion_.q, motion_.qd, motion_.qdd, 1e-3);
+    };
+    const MatrixXd without = torque(0.0);
+    const double travel = motion_.q.col(e.joint).maxCoeff() - motion_.q.col(e.joint).minCoeff();
+    double best = 1e9;
+    for (double part = 2e-4; part < 1.5e-2; part *= 1.25) {
+      const double off = std::abs(std::log(left_over(torque(part * travel) - without)[e.joint] / target));
+      if (off < best) {
+        best = off;
+        gear.gap = part * travel;
+      }
+    }
+    e.parameters["gap"] = gear.gap;
+    e.parameters["stiffness"] = gear.stiffness;
+    e.parameters["damping"] = gear.damping;
+    e.parameters["motor_inertia"] = gear.motor_inertia;
+    e.main_joint = e.joint;
+    case_.effects.push_back(e);
+    modelled_.elasticities.push_back(gear);
   }
 
   /// @param sharp  part of the friction that turns over at once
@@ -1313,7 +1362,7 @@ const std::vector<std::string>& undeclared_kinds() {
 const std::vector<std::string>& outside_kinds() {
   static const std::vector<std::string> kinds{"outside:vibrating_base", "outside:time_sine",
                                               "outside:neighbour", "outside:random_walk",
-                                              "outside:backlash_kick"};
+                                              "outside:backlash_kick", "outside:backlash"};
   return kinds;
 }
 

@@ -112,8 +112,8 @@ std::string effects_text(const model::Robot& robot) {
     });
   }
   for (const Elasticity<double>& e : robot.elasticities) {
-    elasticities.push_back(fmt::format("{{{}, {}, {}, {}}}", e.joint, literal(e.stiffness),
-                                       literal(e.damping), literal(e.motor_inertia)));
+    elasticities.push_back(fmt::format("{{{}, {}, {}, {}{}}}", e.joint, literal(e.stiffness), literal(e.damping),
+                                       literal(e.motor_inertia), e.gap > 0.0 ? ", " + literal(e.gap) : ""));
   }
   return "  /// Motors that turn with two joints: driving, driven, ratio, rotor inertia, Coulomb, "
          "viscous.\n" +
@@ -123,7 +123,7 @@ std::string effects_text(const model::Robot& robot) {
                                list_text("JointCable", "kCables", cables)) +
          "  /// What else acts at joints, for heft::EffectFeedForward: kind, joint, parameters.\n" +
          list_text("JointEffect", "kEffects", effects) +
-         "  /// Elastic joints: joint, stiffness, damping, motor inertia.\n" +
+         "  /// Elastic joints: joint, stiffness, damping, motor inertia, play.\n" +
          list_text("Elasticity", "kElasticities", elasticities) +
          "  /// The torque channel reports the torque of this long ago [s].\n" +
          fmt::format("  static constexpr double kTorqueDelay = {};\n", literal(robot.torque_delay));

@@ -93,7 +93,7 @@ constexpr JointCable<To> converted(const JointCable<From>& c) noexcept {
 template <typename To, typename From>
 constexpr Elasticity<To> converted(const Elasticity<From>& e) noexcept {
   return {e.joint, static_cast<To>(e.stiffness), static_cast<To>(e.damping),
-          static_cast<To>(e.motor_inertia)};
+          static_cast<To>(e.motor_inertia), static_cast<To>(e.gap)};
 }
 
 /// The same of each entry.

@@ -37,9 +37,9 @@
 /// again.
 ///
 /// `effects` holds what acts in addition to rigid bodies, friction and couplings. Kinds are the joint effects of
-/// core/effects/effects.hpp with the parameters that they name, `elasticity` of a joint (`damping` and
-/// `motor_inertia` may be missing), `cable` over two joints and `delay` of the torque channel, for the whole arm. Other
-/// findings have places of their own: motors that turn with two joints in `gear_couplings`, a base that is not level in
+/// core/effects/effects.hpp with the parameters that they name, `elasticity` of a joint (`damping`, `motor_inertia` and
+/// `gap`, the play of its gear, may be missing), `cable` over two joints and `delay` of the torque channel, for the whole
+/// arm. Other findings have places of their own: motors that turn with two joints in `gear_couplings`, a base that is not level in
 /// `kinematics.gravity`, a body on the tool in the last of `links`.
 ///
 /// `fit.effect_coefficients` are the coefficients that an effect's torque is linear in, in the order of its columns in

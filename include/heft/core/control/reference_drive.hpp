@@ -181,7 +181,8 @@ class ReferenceDrive {
     bool started{false};  ///< the clock runs
   };
 
-  /// An estimated load comes in steps: the derivatives are those of the nominal arm.
+  /// An estimated load comes in steps: the derivatives are those of the nominal arm. Play is left out: no motor jumps across
+  /// it when the load changes sides.
   void bend(const Reference& reference, const Vector& load, const Scalar& dt, Motion& next,
             Vector& acceleration) const noexcept {
     Vector steady;

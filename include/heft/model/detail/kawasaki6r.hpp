@@ -75,7 +75,7 @@ struct Kawasaki6r {
   static constexpr std::array<heft::GearCoupling<double>, 0> kCouplings{};
   /// What else acts at joints, for heft::EffectFeedForward: kind, joint, parameters.
   static constexpr std::array<heft::JointEffect<double>, 0> kEffects{};
-  /// Elastic joints: joint, stiffness, damping, motor inertia.
+  /// Elastic joints: joint, stiffness, damping, motor inertia, play.
   static constexpr std::array<heft::Elasticity<double>, 0> kElasticities{};
   /// The torque channel reports the torque of this long ago [s].
   static constexpr double kTorqueDelay = 0;
