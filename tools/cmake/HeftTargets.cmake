@@ -204,9 +204,9 @@ function(heft_add_test name)
     target_link_libraries(test_${name} PRIVATE Eigen3::Eigen nlohmann_json::nlohmann_json)
     heft_reuse_headers(test_${name} heft_light_test_headers)
   elseif(NOT ARG_OPTIMISED)
-    heft_precompiled(heft_test_headers EFFORT -O1 LIBRARIES GTest::gtest GTest::gmock Eigen3::Eigen
+    heft_precompiled(heft_test_headers EFFORT -Og LIBRARIES GTest::gtest GTest::gmock Eigen3::Eigen
                      HEADERS <gmock/gmock.h> <gtest/gtest.h> <Eigen/Dense> <string> <vector>)
-    heft_effort(test_${name} -O1)
+    heft_effort(test_${name} -Og)
     target_link_libraries(test_${name} PRIVATE Eigen3::Eigen)
     heft_reuse_headers(test_${name} heft_test_headers)
   endif()
