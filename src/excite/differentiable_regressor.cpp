@@ -72,6 +72,8 @@ class ChosenColumns final : public DifferentiableRegressor {
     const Index m = q.rows(), count = static_cast<Index>(columns_.size());
     rows.resize(static_cast<std::size_t>(n_));
     for (Index j = 0; j < n_; ++j) rows[static_cast<std::size_t>(j)].setZero(m, count - first(j));
+    // The torque is summed over these rows, not taken from inverse dynamics, which rounds otherwise: the search ends in one of
+    // many optima, and another last bit leads it to another motion.
     Rows links;
     batch_.regressor_rows(q, qd, qdd, link_columns_, links);
     tau.setZero(m, n_);

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "heft/core/arm_model.hpp"
-#include "heft/model/robot.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/model/robot.hpp"
 
 namespace heft::excite {
 

@@ -344,12 +344,13 @@ void Plant::settle_links(double t, double* q, double* qd) {
   if (elastic_.empty()) return;
   if (gravity_) dynamics_.set_gravity(gravity_(t));
   Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(q, n_);
-  // x = θ − g(x)/K, a contraction for any spring that holds its arm. Play lies on the side that gravity bends to.
-  const Eigen::VectorXd side = dynamics_.gravity_torque(x).unaryExpr([](double g) { return g > 0.0 ? 0.5 : g < 0.0 ? -0.5 : 0.0; });
+  // x = θ − g(x)/K − sign(g(θ)) gap/2, a contraction for any spring that holds its arm. The side is that of the motor's
+  // position: within the play gravity may turn over, and the passes would go back and forth.
+  const Eigen::VectorXd side = dynamics_.gravity_torque(x).cwiseSign();
   for (int pass = 0; pass < 200; ++pass) {
     const Eigen::VectorXd gravity = dynamics_.gravity_torque(x);
     for (const Elasticity<double>& e : elastic_)
-      x[e.joint] = q[e.joint] - gravity[e.joint] / e.stiffness - side[e.joint] * e.gap;
+      x[e.joint] = q[e.joint] - gravity[e.joint] / e.stiffness - 0.5 * side[e.joint] * e.gap;
   }
   for (std::size_t k = 0; k < elastic_.size(); ++k) {
     q[static_cast<std::size_t>(n_) + k] = x[elastic_[k].joint];

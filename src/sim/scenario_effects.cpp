@@ -117,7 +117,7 @@ void read(ElasticJoint, const SettingsReader& reader, Reading& reading) {
   e.damping = reader.number_or("damping", 0.0, Range::kNotNegative);
   e.motor_inertia = reader.number("motor_inertia", Range::kPositive);
   e.gap = reader.number_or("gap", 0.0, Range::kNotNegative);
-  constexpr double kLargestGap = 0.5;  // [rad, m]: no gear has that, but degrees are soon more
+  constexpr double kLargestGap = 0.5;  // [rad, m], beyond any gear; a number in degrees soon is
   if (e.gap > kLargestGap) reader.refuse("gap", "", "at most 0.5 rad or m", "give it in rad or m");
   robot.elasticities.push_back(e);
 }

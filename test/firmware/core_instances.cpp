@@ -371,6 +371,8 @@ HEFT_INSTANTIATE_FACADES(double, SevenJointArm, 5);
 HEFT_INSTANTIATE_RUN_TIME_FACADES(float);
 HEFT_INSTANTIATE_JOINTS(float, 6);
 HEFT_INSTANTIATE_JOINTS(double, 7);
+template float spring_torque(const Elasticity<float>&, const float&, const float&) noexcept;
+template double spring_torque(const Elasticity<double>&, const double&, const double&) noexcept;
 template class RecursiveLeastSquares<float, 12>;
 template class DirectionalLeastSquares<float, 12, 6>;
 // Two states at a time, which a microcontroller computes one after the other.

@@ -546,7 +546,7 @@ bool belongs_to_joint(const std::string& kind) {
   for (const char* name :
        {"stribeck", "offset", "viscous_nonlinear", "load_friction", "rotor_inertia", "elasticity", "spring",
         "ripple", "hysteresis", "friction_drift", "torque_scale", "friction_curve", "outside:time_sine",
-        "outside:neighbour", "outside:random_walk", "outside:backlash_kick", "outside:backlash"}) {
+        "outside:neighbour", "outside:random_walk", "outside:backlash_kick"}) {
     if (kind == name) return true;
   }
   return false;
@@ -1030,6 +1030,27 @@ class CaseMaker {
     return false;
   }
 
+  /// Inertia about a joint, mean along the motion.
+  double mean_inertia(int joint, const model::Dynamics& dynamics) const {
+    double mean = 0.0;
+    constexpr Eigen::Index kPoses = 20;
+    for (Eigen::Index k = 0; k < kPoses; ++k) {
+      const Eigen::Index row = k * motion_.time.size() / kPoses;
+      mean += dynamics.mass_matrix(motion_.q.row(row).transpose())(joint, joint) / kPoses;
+    }
+    return mean;
+  }
+
+  /// @param e  with its kind and what only that kind has
+  void add_gear(UndeclaredEffect e, const Elasticity<double>& gear) {
+    e.parameters["stiffness"] = gear.stiffness;
+    e.parameters["damping"] = gear.damping;
+    e.parameters["motor_inertia"] = gear.motor_inertia;
+    e.main_joint = gear.joint;
+    case_.effects.push_back(std::move(e));
+    modelled_.elasticities.push_back(gear);
+  }
+
   void add_elasticity(double target) {
     UndeclaredEffect e;
     e.kind = "elasticity";
@@ -1038,12 +1059,7 @@ class CaseMaker {
       e.joint = pick(random_, n_ == 4 ? 2 : 3);
     } while (taken(e.joint));
     const model::Dynamics dynamics(case_.truth);
-    double load = 0.0;
-    constexpr Eigen::Index kPoses = 20;
-    for (Eigen::Index k = 0; k < kPoses; ++k) {
-      const Eigen::Index row = k * motion_.time.size() / kPoses;
-      load += dynamics.mass_matrix(motion_.q.row(row).transpose())(e.joint, e.joint) / kPoses;
-    }
+    const double load = mean_inertia(e.joint, dynamics);
     const double motor = load * uniform(random_, 0.05, 0.15);
     // To first order the deflection is τ/K, and its acceleration takes torque.
     const MatrixXd rigid =
@@ -1062,13 +1078,7 @@ class CaseMaker {
         w = kTwoPi * hz;
       }
     }
-    e.parameters["stiffness"] = load * w * w;
-    e.parameters["motor_inertia"] = motor;
-    e.parameters["damping"] = 2.0 * uniform(random_, 0.01, 0.04) * load * w;
-    e.main_joint = e.joint;
-    case_.effects.push_back(e);
-    modelled_.elasticities.push_back(
-        {e.joint, e.parameters["stiffness"], e.parameters["damping"], e.parameters["motor_inertia"]});
+    add_gear(e, {e.joint, load * w * w, 2.0 * uniform(random_, 0.01, 0.04) * load * w, motor});
   }
 
   /// Play in a stiff gear, on a joint whose load changes sides often.
@@ -1084,12 +1094,7 @@ class CaseMaker {
       changes = 0;
       for (Eigen::Index k = 1; k < load.size(); ++k) changes += load[k] * load[k - 1] < 0.0;
     } while (taken(e.joint) || changes < 20);
-    double inertia = 0.0;
-    constexpr Eigen::Index kPoses = 20;
-    for (Eigen::Index k = 0; k < kPoses; ++k) {
-      const Eigen::Index row = k * motion_.time.size() / kPoses;
-      inertia += dynamics.mass_matrix(motion_.q.row(row).transpose())(e.joint, e.joint) / kPoses;
-    }
+    const double inertia = mean_inertia(e.joint, dynamics);
     const double w = kTwoPi * uniform(random_, 18.0, 28.0);
     Elasticity<double> gear{e.joint, inertia * w * w, 2.0 * uniform(random_, 0.25, 0.5) * inertia * w,
                             inertia * uniform(random_, 0.3, 1.0)};
@@ -1110,12 +1115,7 @@ class CaseMaker {
       }
     }
     e.parameters["gap"] = gear.gap;
-    e.parameters["stiffness"] = gear.stiffness;
-    e.parameters["damping"] = gear.damping;
-    e.parameters["motor_inertia"] = gear.motor_inertia;
-    e.main_joint = e.joint;
-    case_.effects.push_back(e);
-    modelled_.elasticities.push_back(gear);
+    add_gear(e, gear);
   }
 
   /// @param sharp  part of the friction that turns over at once

@@ -17,7 +17,7 @@ struct Elasticity {
   Scalar gap{0};            ///< g, play from one flank of the teeth to the other, 0 or more [rad, m]
 };
 
-/// How far a spring with play is bent: e less what the flanks are apart [rad, m].
+/// Bend of a spring with play: how far e is beyond the flank that it touches, 0 between the flanks [rad, m].
 /// @param deflection  e = θ - x
 template <typename Scalar>
 constexpr Scalar bent(const Scalar& deflection, const Scalar& gap) noexcept {
