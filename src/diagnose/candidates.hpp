@@ -56,6 +56,9 @@ struct Candidate {
     return effect.is<PayloadChange>() || effect.is<FrictionDrift>() || effect.is<FrictionTemperature>();
   }
   bool has_memory() const { return joint_effect_has_memory(effect.joint_effect()); }
+  bool is_elastic() const { return effect.is<ElasticJoint>(); }
+  /// Its columns are made of the load torque.
+  bool takes_load() const { return effect.is<LoadFriction>() || effect.is<TorqueScale>(); }
   /// Friction that the low-pass alone could make up, as it leaves open when the joint turns back: so many times
   /// MotionTable::turn_seconds from there on it cannot. A curve over speed may bend anywhere, so that it follows the
   /// flanks of what is left there as well. 0: other effects.

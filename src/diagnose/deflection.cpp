@@ -1,6 +1,8 @@
 #include "deflection.hpp"
 
-#include <cmath>
+#include <Eigen/Cholesky>
+
+#include "heft/model/robot.hpp"
 
 namespace heft::diagnose {
 
@@ -30,6 +32,46 @@ Deflection deflection(const MotionTable& table, const Eigen::VectorXd& load, con
       continue;
     }
     d.acceleration[i] = (load[i] - damping * d.rate[i] - stiffness * d.value[i]) / inertia[i];
+  }
+  return d;
+}
+
+Deflections deflections(const MotionTable& table, const Eigen::MatrixXd& load, const Eigen::MatrixXd& inertia,
+                        const Eigen::VectorXd& stiffness, const Eigen::VectorXd& damping) {
+  constexpr int kMost = model::kMaxJoints;
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1>;
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
+  const Index m = table.rows(), k = load.cols();
+  const double h = 1.0 / table.sample_rate;
+  const Vector K = stiffness, D = damping, ahead = 0.5 * h * D + 0.25 * h * h * K;
+  Deflections d{Eigen::MatrixXd(m, k), Eigen::MatrixXd(m, k), Eigen::MatrixXd(m, k)};
+  Vector e, v, a;
+  Matrix M(k, k);
+  std::size_t run = 0;
+  for (Index i = 0; i < m; ++i) {
+    for (Index r = 0; r < k; ++r) {
+      for (Index c = 0; c <= r; ++c) M(r, c) = inertia(i, r * k + c);
+    }
+    const Eigen::LLT<Matrix> own(M);
+    if (own.info() != Eigen::Success) return {};
+    const Vector f = load.row(i);
+    if (run < table.run_begin.size() && table.run_begin[run] == i) {
+      ++run;
+      e = f.cwiseQuotient(K);
+      v.setZero(k);
+      a = own.solve(f - K.cwiseProduct(e));
+    } else {
+      // As for one joint.
+      M.diagonal() += ahead;
+      const Vector late = v + 0.5 * h * a, far = e + h * v + 0.25 * h * h * a;
+      const Vector next = Eigen::LLT<Matrix>(M).solve(f - D.cwiseProduct(late) - K.cwiseProduct(far));
+      v = late + 0.5 * h * next;
+      e = far + 0.25 * h * h * next;
+      a = next;
+    }
+    d.value.row(i) = e;
+    d.rate.row(i) = v;
+    d.acceleration.row(i) = a;
   }
   return d;
 }

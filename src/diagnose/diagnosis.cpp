@@ -167,10 +167,14 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.check_joints();  // before the search: no effect is sought in a wrong joint
   search.forward();
   search.backward();
+  search.progress(0.7);
   reject_overfitted(search, judged_before);
+  search.progress(0.75);
   identified.fit = Engine(identified.base, start.train->shared_table(), start.pairs).base_fit();
   reject_needless(search, identified);
+  search.progress(0.8);
   const WrittenModel written(search, identified);
+  search.progress(0.9);
   if (written.is_judged_on_a_repetition()) {
     result.notes.emplace_back(
         "the validation logs repeat the motion of the training logs: what the model does in other motion they cannot say, so "
@@ -188,6 +192,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
                    written.engine().predicted());
   scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, judged_before);
 
+  search.progress(0.95);
   const JudgedMotion& trained = written.is_ordinary() ? ordinary_train : *start.train_as_filed;
   fit_again(written, *identified.base, train_logs.as_logged(), trained, validation_logs.as_logged(), options.refit, result);
 

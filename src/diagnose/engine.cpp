@@ -6,10 +6,8 @@
 #include <numbers>
 
 #include "arm_search.hpp"
-#include "deflection.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/host/parallel.hpp"
-#include "heft/model/batch_dynamics.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "residual_structure.hpp"
 
@@ -39,9 +37,6 @@ Motion delayed(const MotionTable& table, double delay) {
   motion.link_qdd = motion.qdd;
   return motion;
 }
-
-/// Whether the columns of a joint effect are made of its load torque.
-bool takes_load(const Candidate& e) { return e.effect.is<LoadFriction>() || e.effect.is<TorqueScale>(); }
 
 }  // namespace
 
@@ -133,40 +128,16 @@ void Engine::build() {
     motion_.link_qdd = motion_.qdd;
   }
   if (elastic || other_rows || hold() != plain_hold_) plain_ = nullptr;
+  if (elastic && nearby_) {
+    refit_nearby();
+    return;
+  }
   refit(false);
   // Some effects are made of the load torque, or begin with the friction that holds a joint; the fit gives both.
   const bool loaded = std::any_of(accepted.begin(), accepted.end(), [](const Candidate& e) {
-    return takes_load(e) || e.effect.is<BaseTilt>() || e.has_memory();
+    return e.takes_load() || e.effect.is<BaseTilt>() || e.has_memory();
   });
-  for (int pass = 0; pass < (elastic ? 3 : loaded ? 2 : 0); ++pass) refit(elastic);
-}
-
-/// The links' motion where joints are elastic, from the torque that the present masses ask for.
-void Engine::deflect_links() {
-  const model::BatchDynamics dynamics(rigid_);
-  for (const Candidate& elastic : accepted) {
-    if (!elastic.effect.is<ElasticJoint>()) continue;
-    const int j = elastic.joint;
-    VectorXd inertia(table_.rows()), load(table_.rows());
-    constexpr Index kPiece = 256;  // rows of a job
-    host::for_each_parallel(
-        static_cast<std::size_t>((table_.rows() + kPiece - 1) / kPiece), [&](std::size_t piece) {
-          const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, table_.rows() - from);
-          const auto q = motion_.link_q.middleRows(from, count), qd = motion_.link_qd.middleRows(from, count);
-          MatrixXd asked = motion_.link_qdd.middleRows(from, count);
-          asked.col(j) = motion_.qdd.col(j).segment(from, count);
-          load.segment(from, count) = dynamics.inverse_dynamics(q, qd, asked).col(j);
-          // One entry of the mass matrix: what one more unit of acceleration asks for.
-          asked.col(j).array() += 1.0;
-          inertia.segment(from, count) =
-              dynamics.inverse_dynamics(q, qd, asked).col(j) - load.segment(from, count);
-        });
-    if (!(inertia.minCoeff() > 0.0)) continue;
-    const Deflection d = deflection(table_, load, inertia, elastic.shape, elastic.second);
-    motion_.link_q.col(j) = motion_.q.col(j) - d.value;
-    motion_.link_qd.col(j) = motion_.qd.col(j) - d.rate;
-    motion_.link_qdd.col(j) = motion_.qdd.col(j) - d.acceleration;
-  }
+  for (int pass = 0; pass < (elastic ? kElasticPasses : loaded ? 2 : 0); ++pass) refit(elastic);
 }
 
 void Engine::anchor(const VectorXd& values, const std::vector<bool>& columns, double weight) {
@@ -292,7 +263,7 @@ void Engine::refit(bool deflect) {
   // What the columns are made of is that of the fit before.
   std::vector<bool> joints(loaded_.size(), false);
   for (const Candidate& e : accepted) {
-    if (takes_load(e) && !joints.empty()) joints[static_cast<std::size_t>(e.joint)] = true;
+    if (e.takes_load() && !joints.empty()) joints[static_cast<std::size_t>(e.joint)] = true;
   }
   load_joints(joints);
   if (deflect) {
@@ -370,52 +341,6 @@ void Engine::find_holding_torque() {
           fitted(e)[0] * effect.columns.values[0].col(0).segment(begin, end - begin).mean();
     }
   }
-}
-
-void Engine::tune() {
-  // What is left, with each joint by its own noise: Σ rows ln(squared error).
-  const auto cost = [&] {
-    build();
-    const MatrixXd r = problem_->residual();
-    double sum = 0.0;
-    for (Index j = 0; j < r.cols(); ++j) {
-      sum += problem_->counted()[j] * std::log(std::max(1e-300, r.col(j).squaredNorm()));
-    }
-    return sum;
-  };
-  // Search along one number: steps up and down while they help, then half the step.
-  const auto better = [&](double& value, double step, int halvings, bool ratio, double& least) {
-    for (int h = 0; h < halvings; ++h) {
-      for (int k = 0; k < 6; ++k) {
-        const double here = value;
-        bool moved = false;
-        for (const double direction : {1.0, -1.0}) {
-          value = ratio ? here * std::exp(direction * step) : here + direction * step;
-          const double now = cost();
-          if (now < least) {
-            least = now;
-            moved = true;
-            break;
-          }
-          value = here;
-        }
-        if (!moved) break;
-      }
-      step *= 0.4;
-    }
-  };
-  for (Candidate& e : accepted) {
-    if (e.effect.is<ElasticJoint>()) {
-      double least = cost();
-      better(e.shape, 0.08, 3, true, least);
-      better(e.second, 0.7, 2, true, least);
-      better(e.shape, 0.02, 2, true, least);
-    } else if (e.effect.is<Delay>()) {
-      double least = cost();
-      better(e.shape, 4e-4, 3, false, least);
-    }
-  }
-  build();
 }
 
 void Engine::put(std::size_t index, Candidate candidate) {

@@ -44,6 +44,10 @@ class Engine {
   /// @param columns  b: which of them
   /// @param weight   part of each column's squared norm that the value weighs; far above 1 holds it there
   void anchor(const Eigen::VectorXd& values, const std::vector<bool>& columns, double weight);
+  /// The next build() finds the deflection of elastic joints from the fit of another model of the same table, which has
+  /// most of these effects.
+  /// @param fits  that it takes, 1 to 3: what the columns of effects are made of is that of the fit before
+  void begin_near(const Engine& other, int fits);
   /// Fits base and accepted effects again.
   void build();
   /// Puts a candidate in place of an accepted effect, or as one more: index accepted.size(). A second memory brings the
@@ -107,6 +111,10 @@ class Engine {
   std::ptrdiff_t second_memory(std::size_t index) const;
 
  private:
+  /// Passes of deflection and fit, each with what the other one has found last, from a fit of rigid joints: the error of what
+  /// is left falls to a sixth or less with each.
+  static constexpr int kElasticPasses = 3;
+
   Workbench bench() const;
   void load_all() const;
   void load_joints(const std::vector<bool>& joints) const;
@@ -118,7 +126,10 @@ class Engine {
   Eigen::VectorXd base_parameters() const;
   /// Of the columns.
   Eigen::VectorXd fitted(std::size_t index) const;
+  void refit_nearby();
   void deflect_links();
+  void put_deflections(const std::vector<const Candidate*>& elastic, const Eigen::MatrixXd& load,
+                       const Eigen::MatrixXd& inertia);
   Eigen::VectorXd hold() const;
   Eigen::VectorXd prior() const;
   bool is_out(int column) const;
@@ -156,6 +167,13 @@ class Engine {
   Eigen::VectorXd base_noise_, base_theta_;  ///< of the fit without effects
   double steady_{0.0};
   std::vector<int> first_column_;  ///< of each accepted effect; -1: has none
+  /// A fit that build() begins with, see begin_near().
+  struct Nearby {
+    model::Robot robot;
+    Eigen::MatrixXd held, load;  ///< see Workbench; no load: no effect takes it
+    int fits;
+  };
+  std::optional<Nearby> nearby_;
 };
 
 }  // namespace heft::diagnose

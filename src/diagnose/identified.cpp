@@ -25,6 +25,7 @@ std::unique_ptr<Engine> Identified::with_effects(const Engine& found, const std:
       if (effect.replaces >= 0) effect.replaces = base->coulomb(effect.joint);
     }
   }
+  engine->begin_near(found, 2);
   return engine;
 }
 

@@ -17,6 +17,9 @@ using Eigen::VectorXd;
 
 namespace {
 
+/// Parts of the time that have gone when effects were taken, and when each was looked at without the others.
+constexpr double kForward = 0.6, kBackward = 0.7;
+
 }  // namespace
 
 Search::Search(Start& start, const DiagnoseOptions& options) : start_(start), options_(options) {}
@@ -83,7 +86,7 @@ void Search::forward() {
       for (Candidate& c : pool) c.stale = true;
     }
     const double from = round / (round + 2.0), to = (round + 1.0) / (round + 3.0);
-    const auto done = [&](double part) { progress(from + (to - from) * part); };
+    const auto done = [&](double part) { progress(kForward * (from + (to - from) * part)); };
     for (Candidate& c : propose(engine(), again, done)) pool.push_back(std::move(c));
     sort_by_gain(pool);
     const VectorXd noise = engine().noise_floor();
@@ -202,7 +205,7 @@ Search::Without Search::without(std::size_t e) {
   ahead_.resize(engine().accepted.size());
   if (!ahead_[e]) {
     const double share = static_cast<double>(e) / static_cast<double>(ahead_.size());
-    progress(0.9 + 0.05 * share);
+    progress(kForward + (kBackward - kForward) * share);
     host::for_each_parallel(std::min(kTogether, ahead_.size() - e),
                             [&](std::size_t k) { ahead_[e + k] = found_without(e + k); });
   }
@@ -263,6 +266,7 @@ std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_hel
     if (own != without && (without < 0 || engine().first_memory(e) != without))
       other->accepted.push_back(engine().accepted[e]);
   }
+  other->begin_near(engine(), 2);
   other->build();
   return other;
 }

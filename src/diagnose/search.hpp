@@ -54,13 +54,14 @@ class Search {
   std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;
   const std::vector<std::string>& notes() const { return notes_; }
 
+  /// @param done  of the whole diagnosis, 0 to 1
+  void progress(double done) const;
   void trace(const std::string& what, const Eigen::MatrixXd& judged) const;
   void trace(const std::string& line) const;
   bool traces() const { return static_cast<bool>(options_.trace); }
 
  private:
   Engine& model() { return *start_.engine; }
-  void progress(double done) const;
   std::vector<Candidate> propose(const Engine& engine, int joint,
                                  const std::function<void(double)>& done = {}) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;

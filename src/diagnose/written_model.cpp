@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -58,21 +59,17 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
       identified_(identified) {
   repeated_ = part_repeated(search.start().judged->table(), search.start().train->table()) > kRepetition;
   limit_ = logs(true).errors_by_kind(logs(true).predicted(identified.robot), search.start().band);
-  const std::vector<bool> all(search.engine().accepted.size(), true);
   std::vector<Version> versions(repeated_ ? 1 : 2 * kWeights.size());
-  std::vector<std::shared_ptr<const Engine>> engines((versions.size() + 1) / 2);
-  host::for_each_parallel(engines.size(), [&](std::size_t w) { engines[w] = built(all, kWeights[w]); });
-  const auto find = [&](std::size_t v) {
-    const std::size_t w = v / 2;
-    versions[v] = {kWeights[w], v % 2 == 0, all, engines[w], {}, 0, 1.0, {}};
-    judge(versions[v]);
-    while (versions[v].worse > 0 && drop_one(versions[v])) {
-    }
+  std::vector<Robots> robots(kWeights.size());
+  const auto find = [&](std::size_t w) {
+    for (std::size_t v = 2 * w; v < std::min(versions.size(), 2 * w + 2); ++v)
+      versions[v] = found(kWeights[w], v % 2 == 0, robots[w]);
   };
+  const std::size_t weights = (versions.size() + 1) / 2;
   if (search.traces()) {  // in their order
-    for (std::size_t v = 0; v < versions.size(); ++v) find(v);
+    for (std::size_t w = 0; w < weights; ++w) find(w);
   } else {
-    host::for_each_parallel(versions.size(), find);
+    host::for_each_parallel(weights, find);
   }
   std::size_t best = 0;
   for (const bool ordinary : {true, false}) {
@@ -90,7 +87,8 @@ WrittenModel::WrittenModel(Search& search, const Identified& identified)
     }
   }
   chosen_ = std::move(versions[best]);
-  robot_ = robot_of(chosen_);
+  robot_ = made(chosen_, robots[best / 2]).robot;
+  engine_ = built(chosen_.kept, chosen_.weight);
   load_ = load_of(robot_, judged().table());
   for (JointEffect<double>& effect : robot_.effects) effect.seen = seen(effect.joint);
   for (JointCable<double>& cable : robot_.cables) cable.seen = seen(cable);
@@ -156,14 +154,30 @@ std::unique_ptr<Engine> WrittenModel::built(const std::vector<bool>& kept, doubl
 }
 
 /// Without an effect the held version is identify's model, in every digit.
-model::Robot WrittenModel::robot_of(const Version& version) const {
-  const bool none = version.weight == kHeld && version.engine->accepted.empty();
-  return none ? identified_.robot : version.engine->robot();
+WrittenModel::Made& WrittenModel::made(const Version& version, Robots& robots) const {
+  const auto known = robots.find(version.kept);
+  if (known != robots.end()) return known->second;
+  const std::unique_ptr<Engine> engine = built(version.kept, version.weight);
+  const bool none = version.weight == kHeld && engine->accepted.empty();
+  return robots.emplace(version.kept, Made{none ? identified_.robot : engine->robot(), {}}).first->second;
 }
 
-void WrittenModel::judge(Version& version) const {
+/// The version with all effects, less those that a joint pays for.
+WrittenModel::Version WrittenModel::found(double weight, bool ordinary, Robots& robots) const {
+  const std::vector<bool> all(search_.engine().accepted.size(), true);
+  Version version{weight, ordinary, all, {}, 0, 1.0, {}};
+  judge(version, robots);
+  while (version.worse > 0 && drop_one(version, robots)) {
+  }
+  return version;
+}
+
+void WrittenModel::judge(Version& version, Robots& robots) const {
   const JudgedMotion& motion = logs(version.ordinary);
-  version.errors = motion.errors_by_kind(motion.predicted(robot_of(version)), search_.start().band);
+  Made& model = made(version, robots);
+  std::vector<VectorXd>& errors = model.errors[version.ordinary];
+  if (errors.empty()) errors = motion.errors_by_kind(motion.predicted(model.robot), search_.start().band);
+  version.errors = errors;
   version.worse = 0;
   version.cost = 1.0;
   for (std::size_t r = 0; r < limit_.size(); ++r) {
@@ -177,7 +191,7 @@ void WrittenModel::judge(Version& version) const {
 
 /// Takes out of a version the effect that costs a joint that is worse most, the worst joint first.
 /// @return whether there was one
-bool WrittenModel::drop_one(Version& version) const {
+bool WrittenModel::drop_one(Version& version, Robots& robots) const {
   struct Place {
     double ratio;
     std::size_t row;
@@ -195,17 +209,17 @@ bool WrittenModel::drop_one(Version& version) const {
     search_.trace(fmt::format("  joint {}, kind {} of log {}: {:.4g}, identified {:.4g}", joint + 1,
                               row % JudgedMotion::kKinds, row / JudgedMotion::kKinds + 1,
                               version.errors[row][joint], limit_[row][joint]));
-    Version best;
+    std::optional<Version> best;
     double least = version.errors[row][joint] / kCosts;
     for (std::size_t e = 0; e < version.kept.size(); ++e) {
       if (!version.kept[e] || own_column(e) >= 0 || !reaches(e, joint)) continue;
-      Version tried = dropped(version, {e}, joint, row);
+      Version tried = dropped(version, {e}, joint, row, robots);
       if (!(tried.errors[row][joint] < least)) continue;
       least = tried.errors[row][joint];
       best = std::move(tried);
     }
-    if (best.engine == nullptr) continue;
-    version = std::move(best);
+    if (!best) continue;
+    version = std::move(*best);
     return true;
   }
   if (version.weight != kHeld) return false;
@@ -217,7 +231,7 @@ bool WrittenModel::drop_one(Version& version) const {
         own.push_back(e);
     }
     if (own.empty()) continue;
-    version = dropped(version, own, joint, row);
+    version = dropped(version, own, joint, row, robots);
     return true;
   }
   return false;
@@ -225,7 +239,7 @@ bool WrittenModel::drop_one(Version& version) const {
 
 /// A version without some effects, of which joint and row say why.
 WrittenModel::Version WrittenModel::dropped(const Version& version, const std::vector<std::size_t>& effects,
-                                            int joint, std::size_t row) const {
+                                            int joint, std::size_t row, Robots& robots) const {
   Version other = version;
   std::vector<std::size_t> all = effects;  // with the second memories of first ones
   for (std::size_t e = 0; e < other.kept.size(); ++e) {
@@ -240,8 +254,7 @@ WrittenModel::Version WrittenModel::dropped(const Version& version, const std::v
         e, fmt::format("predicts joint {} worse than the identified model on {}", joint + 1,
                        logs(true).table().runs[row / JudgedMotion::kKinds]));
   }
-  other.engine = built(other.kept, other.weight);
-  judge(other);
+  judge(other, robots);
   return other;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -30,7 +31,7 @@ class WrittenModel {
  public:
   WrittenModel(Search& search, const Identified& identified);
 
-  const Engine& engine() const { return *chosen_.engine; }
+  const Engine& engine() const { return *engine_; }
   /// With the motion that each effect was seen in: seen().
   const model::Robot& robot() const { return robot_; }
   /// Where a joint's rows of the training and validation logs lie that count: what an effect was fitted to, and judged on.
@@ -53,12 +54,18 @@ class WrittenModel {
   Eigen::VectorXd coefficients(std::size_t effect) const;
 
  private:
+  /// A robot and its errors by what is derived how, see JudgedMotion::errors_by_kind(); none: not asked for yet.
+  struct Made {
+    model::Robot robot;
+    std::map<bool, std::vector<Eigen::VectorXd>> errors;
+  };
+  /// Those of one weight by the effects kept: many of them are asked for more than once.
+  using Robots = std::map<std::vector<bool>, Made>;
   struct Version {
     double weight;  ///< of identify's values
     bool ordinary;
-    std::vector<bool> kept;  ///< effects of the search
-    std::shared_ptr<const Engine> engine;
-    std::vector<Eigen::VectorXd> errors;  ///< see JudgedMotion::errors_by_kind()
+    std::vector<bool> kept;               ///< effects of the search
+    std::vector<Eigen::VectorXd> errors;  ///< see Made
     int worse;                            ///< joints that are, kinds of motion and logs counted
     double cost;                          ///< product of how much worse they are [1]
     std::vector<std::pair<std::size_t, std::string>> dropped;  ///< effects, and why
@@ -67,11 +74,12 @@ class WrittenModel {
   const JudgedMotion& logs(bool ordinary) const;
   std::unique_ptr<Engine> built(const std::vector<bool>& kept, double weight) const;
   std::vector<bool> anchored(const Engine& engine) const;
-  model::Robot robot_of(const Version& version) const;
-  void judge(Version& version) const;
-  bool drop_one(Version& version) const;
-  Version dropped(const Version& version, const std::vector<std::size_t>& effects, int joint,
-                  std::size_t row) const;
+  Made& made(const Version& version, Robots& robots) const;
+  Version found(double weight, bool ordinary, Robots& robots) const;
+  void judge(Version& version, Robots& robots) const;
+  bool drop_one(Version& version, Robots& robots) const;
+  Version dropped(const Version& version, const std::vector<std::size_t>& effects, int joint, std::size_t row,
+                  Robots& robots) const;
   double better_than(const Version& other, const Version& than) const;
   int own_column(std::size_t effect) const {
     return identified_.own_column(search_.engine().accepted[effect]);
@@ -83,7 +91,8 @@ class WrittenModel {
   std::vector<Eigen::VectorXd> limit_;  ///< errors of identify's model
   bool repeated_;
   Version chosen_;
-  model::Robot robot_;    ///< of the chosen version
+  std::unique_ptr<const Engine> engine_;  ///< of the chosen version
+  model::Robot robot_;                    ///< the same
   Eigen::MatrixXd load_;  ///< its rigid-body torque along the validation logs, m × n
 };
 

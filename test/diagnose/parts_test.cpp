@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 #include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 
 #include "deflection.hpp"
 #include "heft/data/motion_stream.hpp"
@@ -51,6 +53,61 @@ TEST(Deflection, FollowsTheResonanceOfALinearOscillator) {
   const double amplitude = 1.0 / std::hypot(K - M * w * w, D * w);
   EXPECT_NEAR(e.value.tail(4000).maxCoeff(), amplitude, 2e-3 * amplitude);
   EXPECT_NEAR(e.acceleration.tail(4000).maxCoeff(), w * w * amplitude, 4e-3 * w * w * amplitude);
+}
+
+/// M, by its lower part, in every row.
+MatrixXd even_inertia(const MotionTable& table, const Eigen::Matrix2d& M) {
+  MatrixXd inertia(table.rows(), 4);
+  inertia.rowwise() = Eigen::RowVector4d(M(0, 0), std::nan(""), M(1, 0), M(1, 1));
+  return inertia;
+}
+
+TEST(Deflections, OfTwoJointsThatShareInertiaAreThoseOfTheirModes) {
+  // M ë + K e = f cos(w t) from static equilibrium: e = A cos(w t) + Σ φ (φᵀ M (K⁻¹ f - A)) cos(w_i t), (K - w² M) A = f,
+  // K φ = w_i² M φ, φᵀ M φ = 1. The forcing lies between the modes.
+  const MotionTable table = even_table(4000, 2, 4000.0, 8);
+  Eigen::Matrix2d M;
+  M << 2.0, 0.9, 0.9, 0.5;
+  const Eigen::Vector2d K(9000.0, 4000.0), f(20.0, -5.0);
+  const double w = 2.0 * std::numbers::pi * 9.0;
+  const Eigen::Matrix2d stiffness = K.asDiagonal();
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::Matrix2d> modes(stiffness, M);
+  const Eigen::Vector2d A = (stiffness - w * w * M).inverse() * f;
+  const Eigen::Vector2d part = modes.eigenvectors().transpose() * M * (f.cwiseQuotient(K) - A);
+  const VectorXd drive = (w * table.time).array().cos();
+  const Deflections e = deflections(table, drive * f.transpose(), even_inertia(table, M), K, VectorXd::Zero(2));
+  double largest = 0.0, worst = 0.0;
+  for (Index i = 0; i < table.rows(); ++i) {
+    const double t = table.time[i];
+    const Eigen::Vector2d ringing = part.array() * (t * modes.eigenvalues().array().sqrt()).cos();
+    const Eigen::Vector2d exact = A * std::cos(w * t) + modes.eigenvectors() * ringing;
+    largest = std::max(largest, exact.cwiseAbs().maxCoeff());
+    worst = std::max(worst, (e.value.row(i).transpose() - exact).cwiseAbs().maxCoeff());
+  }
+  EXPECT_LT(worst, 0.03 * largest) << "the rule is of second order: half of it is the phase of the faster mode";
+}
+
+TEST(Deflections, WithoutSharedInertiaAreThoseOfEachJoint) {
+  const MotionTable table = even_table(2000, 2, 500.0, 8);
+  const Eigen::Vector2d M(2.0, 0.5), K(9000.0, 4000.0), D(30.0, 5.0);
+  MatrixXd load(table.rows(), 2);
+  for (Index i = 0; i < table.rows(); ++i) load.row(i) << std::sin(20.0 * table.time[i]), std::cos(50.0 * table.time[i]);
+  const Deflections both = deflections(table, load, even_inertia(table, M.asDiagonal()), K, D);
+  for (Index j = 0; j < 2; ++j) {
+    const Deflection one = deflection(table, load.col(j), VectorXd::Constant(table.rows(), M[j]), K[j], D[j]);
+    EXPECT_TRUE(both.value.col(j).isApprox(one.value, 1e-12)) << "joint " << j + 1;
+    EXPECT_TRUE(both.rate.col(j).isApprox(one.rate, 1e-12)) << "joint " << j + 1;
+    EXPECT_TRUE(both.acceleration.col(j).isApprox(one.acceleration, 1e-12)) << "joint " << j + 1;
+  }
+}
+
+TEST(Deflections, OfAnInertiaThatIsPhysicallyImpossibleThereAreNone) {
+  const MotionTable table = even_table(100, 2, 500.0, 8);
+  Eigen::Matrix2d M;
+  M << 1.0, 1.1, 1.1, 1.0;
+  const Deflections none = deflections(table, MatrixXd::Ones(table.rows(), 2), even_inertia(table, M),
+                                       Eigen::Vector2d(9000.0, 4000.0), Eigen::Vector2d(1.0, 1.0));
+  EXPECT_EQ(none.value.rows(), 0);
 }
 
 TEST(Table, KnowsWhereTheLowPassLeavesOpenWhenAJointTurnsBack) {

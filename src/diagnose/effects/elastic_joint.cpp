@@ -136,7 +136,8 @@ std::vector<Candidate> propose_spring(const Workbench& bench, const std::vector<
   const std::vector<MatrixXd> inertia = inertia_of(bench);
   std::vector<Candidate> found;
   for (int j = 0; j < bench.table->num_joints; ++j) {
-    if (joints[static_cast<std::size_t>(j)])
+    const bool has_one = bench.motion->link_qdd.col(j) != bench.motion->qdd.col(j);
+    if (joints[static_cast<std::size_t>(j)] && !has_one)
       found.push_back(SpringSearch(bench, j, inertia[static_cast<std::size_t>(j)]).run());
   }
   return found;

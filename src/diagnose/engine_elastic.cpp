@@ -1,0 +1,142 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "deflection.hpp"
+#include "engine.hpp"
+#include "heft/host/parallel.hpp"
+#include "heft/model/batch_dynamics.hpp"
+
+namespace heft::diagnose {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+void Engine::begin_near(const Engine& other, int fits) {
+  const auto any = [&](auto is) { return std::any_of(accepted.begin(), accepted.end(), is); };
+  nearby_.reset();
+  if (!any([](const Candidate& e) { return e.is_elastic(); })) return;
+  nearby_ = Nearby{other.rigid_, other.held_, {}, fits};
+  if (any([](const Candidate& e) { return e.takes_load(); })) nearby_->load = other.load();
+}
+
+/// The passes of elastic joints from a fit nearby: as many deflections, fewer fits.
+void Engine::refit_nearby() {
+  rigid_ = nearby_->robot;
+  held_ = nearby_->held;
+  if (nearby_->load.size() > 0) lazy_load_ = nearby_->load;
+  loaded_.assign(static_cast<std::size_t>(table_.num_joints), true);
+  for (int pass = nearby_->fits; pass < kElasticPasses; ++pass) deflect_links();
+  for (int fit = 0; fit < nearby_->fits; ++fit) refit(true);
+}
+
+/// The links' motion where joints are elastic, from the torque that the present masses ask for.
+void Engine::deflect_links() {
+  std::vector<const Candidate*> elastic;
+  for (const Candidate& e : accepted) {
+    if (e.is_elastic()) elastic.push_back(&e);
+  }
+  const auto k = static_cast<Index>(elastic.size());
+  const auto joint = [&](Index a) { return elastic[static_cast<std::size_t>(a)]->joint; };
+  const model::BatchDynamics dynamics(rigid_);
+  MatrixXd load(table_.rows(), k), inertia(table_.rows(), k * k);
+  constexpr Index kPiece = 256;  // rows of a job
+  host::for_each_parallel(static_cast<std::size_t>((table_.rows() + kPiece - 1) / kPiece), [&](std::size_t piece) {
+    const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, table_.rows() - from);
+    const auto q = motion_.link_q.middleRows(from, count), qd = motion_.link_qd.middleRows(from, count);
+    MatrixXd asked = motion_.qdd.middleRows(from, count);
+    const MatrixXd torque = dynamics.inverse_dynamics(q, qd, asked);
+    for (Index b = 0; b < k; ++b) {
+      load.col(b).segment(from, count) = torque.col(joint(b));
+      // Entries of the mass matrix: what one more unit of acceleration asks for.
+      asked.col(joint(b)).array() += 1.0;
+      const MatrixXd more = dynamics.inverse_dynamics(q, qd, asked) - torque;
+      asked.col(joint(b)) = motion_.qdd.col(joint(b)).segment(from, count);
+      for (Index a = 0; a < k; ++a) inertia.col(a * k + b).segment(from, count) = more.col(joint(a));
+    }
+  });
+  put_deflections(elastic, load, inertia);
+}
+
+/// @param elastic        k joints, of which no two are the same
+/// @param load, inertia  see deflections()
+void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const MatrixXd& load, const MatrixXd& inertia) {
+  const auto k = static_cast<Index>(elastic.size());
+  Deflections all;
+  if (k > 1) {
+    VectorXd stiffness(k), damping(k);
+    for (Index a = 0; a < k; ++a) {
+      stiffness[a] = elastic[static_cast<std::size_t>(a)]->shape;
+      damping[a] = elastic[static_cast<std::size_t>(a)]->second;
+    }
+    all = deflections(table_, load, inertia, stiffness, damping);
+  }
+  for (Index a = 0; a < k; ++a) {
+    const Candidate& e = *elastic[static_cast<std::size_t>(a)];
+    const VectorXd own = inertia.col(a * k + a);
+    if (!(own.minCoeff() > 0.0)) continue;
+    const auto put = [&](const auto& value, const auto& rate, const auto& acceleration) {
+      motion_.link_q.col(e.joint) = motion_.q.col(e.joint) - value;
+      motion_.link_qd.col(e.joint) = motion_.qd.col(e.joint) - rate;
+      motion_.link_qdd.col(e.joint) = motion_.qdd.col(e.joint) - acceleration;
+    };
+    if (all.value.rows() > 0) {
+      put(all.value.col(a), all.rate.col(a), all.acceleration.col(a));
+    } else {  // alone, or with fitted masses that are physically impossible together
+      const Deflection one = deflection(table_, load.col(a), own, e.shape, e.second);
+      put(one.value, one.rate, one.acceleration);
+    }
+  }
+}
+
+void Engine::tune() {
+  // What is left, with each joint by its own noise: Σ rows ln(squared error).
+  const auto cost = [&] {
+    build();
+    const MatrixXd r = problem_->residual();
+    double sum = 0.0;
+    for (Index j = 0; j < r.cols(); ++j) {
+      sum += problem_->counted()[j] * std::log(std::max(1e-300, r.col(j).squaredNorm()));
+    }
+    return sum;
+  };
+  // Search along one number: steps up and down while they help, then half the step.
+  const auto better = [&](double& value, double step, int halvings, bool ratio, double& least) {
+    for (int h = 0; h < halvings; ++h) {
+      for (int k = 0; k < 6; ++k) {
+        const double here = value;
+        bool moved = false;
+        for (const double direction : {1.0, -1.0}) {
+          value = ratio ? here * std::exp(direction * step) : here + direction * step;
+          const double now = cost();
+          if (now < least) {
+            least = now;
+            moved = true;
+            break;
+          }
+          value = here;
+        }
+        if (!moved) break;
+      }
+      step *= 0.4;
+    }
+  };
+  build();
+  begin_near(*this, 1);
+  for (Candidate& e : accepted) {
+    if (e.effect.is<ElasticJoint>()) {
+      double least = cost();
+      better(e.shape, 0.08, 3, true, least);
+      better(e.second, 0.7, 2, true, least);
+      better(e.shape, 0.02, 2, true, least);
+    } else if (e.effect.is<Delay>()) {
+      double least = cost();
+      better(e.shape, 4e-4, 3, false, least);
+    }
+  }
+  nearby_.reset();
+  build();
+}
+
+}  // namespace heft::diagnose
