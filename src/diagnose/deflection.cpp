@@ -2,7 +2,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "heft/model/robot.hpp"
+#include "heft/model/dynamics.hpp"
 
 namespace heft::diagnose {
 

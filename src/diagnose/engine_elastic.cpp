@@ -95,6 +95,7 @@ void Engine::tune() {
   const auto cost = [&] {
     build();
     const MatrixXd r = problem_->residual();
+    if (!r.allFinite()) return std::numeric_limits<double>::infinity();
     double sum = 0.0;
     for (Index j = 0; j < r.cols(); ++j) {
       sum += problem_->counted()[j] * std::log(std::max(1e-300, r.col(j).squaredNorm()));
@@ -125,7 +126,7 @@ void Engine::tune() {
   build();
   begin_near(*this, 1);
   for (Candidate& e : accepted) {
-    if (e.effect.is<ElasticJoint>()) {
+    if (e.is_elastic()) {
       double least = cost();
       better(e.shape, 0.08, 3, true, least);
       better(e.second, 0.7, 2, true, least);

@@ -90,7 +90,10 @@ void read(ElasticJoint, const EffectEntry& entry, ModelFile& model) {
   if (elasticity.damping < 0) {
     entry.parameters.at("damping", "").fail(fmt::format("found {}", elasticity.damping), "0 or more");
   }
-  if (elasticity.gap < 0) entry.parameters.at("gap", "").fail(fmt::format("found {}", elasticity.gap), "0 or more");
+  if (elasticity.gap < 0 || elasticity.gap > kLargestGap) {
+    entry.parameters.at("gap", "").fail(fmt::format("found {}", elasticity.gap),
+                                        fmt::format("0 to {} rad or m", kLargestGap));
+  }
   for (const Elasticity<double>& other : model.elasticities) {
     if (other.joint == elasticity.joint) {
       entry.node.fail(fmt::format("found a second elasticity of joint {}", elasticity.joint + 1),

@@ -117,8 +117,8 @@ void read(ElasticJoint, const SettingsReader& reader, Reading& reading) {
   e.damping = reader.number_or("damping", 0.0, Range::kNotNegative);
   e.motor_inertia = reader.number("motor_inertia", Range::kPositive);
   e.gap = reader.number_or("gap", 0.0, Range::kNotNegative);
-  constexpr double kLargestGap = 0.5;  // [rad, m], beyond any gear; a number in degrees soon is
-  if (e.gap > kLargestGap) reader.refuse("gap", "", "at most 0.5 rad or m", "give it in rad or m");
+  if (e.gap > model::kLargestGap)
+    reader.refuse("gap", "", fmt::format("at most {} rad or m", model::kLargestGap), "give it in rad or m");
   robot.elasticities.push_back(e);
 }
 

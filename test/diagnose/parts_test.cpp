@@ -64,7 +64,7 @@ MatrixXd even_inertia(const MotionTable& table, const Eigen::Matrix2d& M) {
 
 TEST(Deflections, OfTwoJointsThatShareInertiaAreThoseOfTheirModes) {
   // M ë + K e = f cos(w t) from static equilibrium: e = A cos(w t) + Σ φ (φᵀ M (K⁻¹ f - A)) cos(w_i t), (K - w² M) A = f,
-  // K φ = w_i² M φ, φᵀ M φ = 1. The forcing lies between the modes.
+  // K φ = w_i² M φ, φᵀ M φ = 1.
   const MotionTable table = even_table(4000, 2, 4000.0, 8);
   Eigen::Matrix2d M;
   M << 2.0, 0.9, 0.9, 0.5;

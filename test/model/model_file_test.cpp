@@ -367,7 +367,10 @@ TEST(ModelFile, NamesWhatIsWrongWithAnEffect) {
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"damping": 1}}])"),
               HasSubstr("/effects/0/parameters/stiffness: missing"));
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1, "gap": -0.1}}])"),
-              AllOf(HasSubstr("/effects/0/parameters/gap"), HasSubstr("found -0.1"), HasSubstr("0 or more")));
+              AllOf(HasSubstr("/effects/0/parameters/gap"), HasSubstr("found -0.1"), HasSubstr("0 to 0.5 rad")));
+  EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1, "gap": 5}}])"),
+              AllOf(HasSubstr("/effects/0/parameters/gap"), HasSubstr("found 5"), HasSubstr("0 to 0.5 rad")))
+      << "given in degrees";
   EXPECT_EQ(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": 1, "gap": 0.1}}])"), "");
   EXPECT_THAT(message(R"([{"kind": "elasticity", "joint": 1, "parameters": {"stiffness": -1}}])"),
               AllOf(HasSubstr("/effects/0/parameters/stiffness"), HasSubstr("found -1")));

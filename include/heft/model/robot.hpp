@@ -30,6 +30,9 @@ struct RobotJoint {
   double effort_limit{std::numeric_limits<double>::infinity()};    ///< [N·m or N]
 };
 
+/// Largest play of a gear that files are believed [rad, m]: beyond any gear, while a number in degrees soon is above it.
+inline constexpr double kLargestGap = 0.5;
+
 /// A serial robot: the chain from a base link to a tip link, base first.
 struct Robot {
   std::string name;
