@@ -111,8 +111,8 @@ class Engine {
   std::ptrdiff_t second_memory(std::size_t index) const;
 
  private:
-  /// Passes of deflection and fit, each with what the other one has found last, from a fit of rigid joints: the error of what
-  /// is left falls to a sixth or less with each.
+  /// Passes of deflection and fit, each with what the other one has found last, from a fit of rigid joints. Where masses are
+  /// well known the error of what is left falls to a sixth or less with each.
   static constexpr int kElasticPasses = 3;
 
   Workbench bench() const;
