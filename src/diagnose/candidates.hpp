@@ -92,6 +92,7 @@ struct Workbench {
   /// logs × n: torque that friction holds a resting joint with when the log begins; not finite where it moves
   const Eigen::MatrixXd* held;
   std::vector<FirstMemory> memories;  ///< n: what each joint's friction remembers already
+  std::vector<bool> springs;          ///< n: joints that are elastic already
   /// Pairs of joints that may share a motor, with the ratio.
   std::span<const GearCoupling<double>> pairs;
 };

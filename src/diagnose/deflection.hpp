@@ -20,14 +20,16 @@ struct Deflection {
 Deflection deflection(const MotionTable& table, const Eigen::VectorXd& load, const Eigen::VectorXd& inertia,
                       double stiffness, double damping);
 
+/// Deflections of k joints and their derivatives, m × k each.
+struct Deflections {
+  Eigen::MatrixXd value, rate, acceleration;
+};
+
 /// The same of k elastic joints at once: M(t) ë + D ė + K e = load(t) with what their links share of the inertia.
 /// @param load       rigid-body torque of each at the motors' motion, m × k [N·m]
 /// @param inertia    M along the motion by its lower part, m × k²: entry (a, b) in column a k + b
 /// @param stiffness, damping  k [N·m/rad, N·m·s/rad]
-/// @return value, rate, acceleration, m × k each; no rows where M is not positive definite in each row
-struct Deflections {
-  Eigen::MatrixXd value, rate, acceleration;
-};
+/// @return no rows where M is not positive definite in each row
 Deflections deflections(const MotionTable& table, const Eigen::MatrixXd& load, const Eigen::MatrixXd& inertia,
                         const Eigen::VectorXd& stiffness, const Eigen::VectorXd& damping);
 

@@ -167,7 +167,6 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.check_joints();  // before the search: no effect is sought in a wrong joint
   search.forward();
   search.backward();
-  search.progress(0.7);
   reject_overfitted(search, judged_before);
   search.progress(0.75);
   identified.fit = Engine(identified.base, start.train->shared_table(), start.pairs).base_fit();

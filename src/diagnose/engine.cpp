@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "arm_search.hpp"
 #include "heft/core/friction/friction.hpp"
@@ -85,12 +86,14 @@ Engine::Engine(std::shared_ptr<const BaseFit> fit)
 
 Workbench Engine::bench() const {
   std::vector<FirstMemory> memories(static_cast<std::size_t>(table_.num_joints));
+  std::vector<bool> springs(memories.size(), false);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
+    if (accepted[e].is_elastic()) springs[static_cast<std::size_t>(accepted[e].joint)] = true;
     if (!accepted[e].has_memory() || first_memory(e) >= 0) continue;
     memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
   }
   return {problem_.get(),      &base_, &table_, &motion_, rows_.get(), &rigid_, &lazy_load_, &held_,
-          std::move(memories), pairs_};
+          std::move(memories), std::move(springs), pairs_};
 }
 
 void Engine::build() {
@@ -104,7 +107,7 @@ void Engine::build() {
   }
   for (const Candidate& e : accepted) {
     if (e.effect.is<Delay>()) delay += e.shape;
-    elastic = elastic || e.effect.is<ElasticJoint>();
+    elastic = elastic || e.is_elastic();
     for (std::size_t k = 0; k < e.events.size(); ++k) {
       const auto run = static_cast<std::size_t>(e.event_runs[k]);
       for (Index i = table_.run_begin[run]; i < table_.run_begin[run + 1]; ++i) {
@@ -128,8 +131,8 @@ void Engine::build() {
     motion_.link_qdd = motion_.qdd;
   }
   if (elastic || other_rows || hold() != plain_hold_) plain_ = nullptr;
-  if (elastic && nearby_) {
-    refit_nearby();
+  if (const std::optional<Nearby> nearby = std::exchange(nearby_, {}); elastic && nearby) {
+    refit_near(*nearby);
     return;
   }
   refit(false);
@@ -157,7 +160,7 @@ bool Engine::is_out(int column) const {
 int contained_column(const Candidate& e, const BaseModel& base) {
   if (e.effect.is<Spring>()) return base.offset(e.joint);
   if (e.effect.is<Cable>()) return base.offset(e.pair.driven);
-  return e.effect.is<ElasticJoint>() && e.columns.count() > 1 ? base.rotor(e.joint) : -1;
+  return e.is_elastic() && e.columns.count() > 1 ? base.rotor(e.joint) : -1;
 }
 
 /// Where a base column that is held is held.
@@ -230,7 +233,7 @@ void Engine::find_columns() {
 std::optional<Columns> Engine::appended(std::size_t index, bool deflect) const {
   const Candidate& effect = accepted[index];
   if (effect.effect.is<Delay>() || effect.effect.is<Contact>()) return {};  // in the motion, in the rows
-  if (effect.effect.is<ElasticJoint>() && deflect) {
+  if (effect.is_elastic() && deflect) {
     // The deflection is in the link's motion now; what is left is the motor's inertia.
     if (effect.columns.count() < 2) return {};
     return Columns{{effect.joint}, {MatrixXd(motion_.qdd.col(effect.joint))}};
@@ -390,7 +393,7 @@ VectorXd Engine::coefficients(std::size_t index) const {
 VectorXd Engine::fitted(std::size_t index) const {
   if (first_column_[index] < 0) return {};
   const Candidate& e = accepted[index];
-  const int count = e.replaces >= 0 || e.effect.is<ElasticJoint>() ? 1 : e.columns.count();
+  const int count = e.replaces >= 0 || e.is_elastic() ? 1 : e.columns.count();
   return problem_->theta().segment(first_column_[index], count);
 }
 
@@ -461,7 +464,7 @@ MatrixXd Engine::predicted(Index begin, Index count) const {
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     const Candidate& effect = accepted[e];
     if (first_column_[e] < 0) continue;
-    if (effect.effect.is<ElasticJoint>()) {
+    if (effect.is_elastic()) {
       tau.col(effect.joint) += motion_.qdd.col(effect.joint).segment(begin, count) * fitted(e)[0];
       continue;
     }

@@ -126,7 +126,8 @@ class Engine {
   Eigen::VectorXd base_parameters() const;
   /// Of the columns.
   Eigen::VectorXd fitted(std::size_t index) const;
-  void refit_nearby();
+  struct Nearby;
+  void refit_near(const Nearby& nearby);
   void deflect_links();
   void put_deflections(const std::vector<const Candidate*>& elastic, const Eigen::MatrixXd& load,
                        const Eigen::MatrixXd& inertia);
@@ -167,7 +168,7 @@ class Engine {
   Eigen::VectorXd base_noise_, base_theta_;  ///< of the fit without effects
   double steady_{0.0};
   std::vector<int> first_column_;  ///< of each accepted effect; -1: has none
-  /// A fit that build() begins with, see begin_near().
+  /// A fit that the next build() begins with, see begin_near().
   struct Nearby {
     model::Robot robot;
     Eigen::MatrixXd held, load;  ///< see Workbench; no load: no effect takes it

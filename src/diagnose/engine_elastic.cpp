@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "deflection.hpp"
 #include "engine.hpp"
@@ -22,13 +24,13 @@ void Engine::begin_near(const Engine& other, int fits) {
 }
 
 /// The passes of elastic joints from a fit nearby: as many deflections, fewer fits.
-void Engine::refit_nearby() {
-  rigid_ = nearby_->robot;
-  held_ = nearby_->held;
-  if (nearby_->load.size() > 0) lazy_load_ = nearby_->load;
+void Engine::refit_near(const Nearby& nearby) {
+  rigid_ = nearby.robot;
+  held_ = nearby.held;
+  if (nearby.load.size() > 0) lazy_load_ = nearby.load;
   loaded_.assign(static_cast<std::size_t>(table_.num_joints), true);
-  for (int pass = nearby_->fits; pass < kElasticPasses; ++pass) deflect_links();
-  for (int fit = 0; fit < nearby_->fits; ++fit) refit(true);
+  for (int pass = nearby.fits; pass < kElasticPasses; ++pass) deflect_links();
+  for (int fit = 0; fit < nearby.fits; ++fit) refit(true);
 }
 
 /// The links' motion where joints are elastic, from the torque that the present masses ask for.
@@ -91,8 +93,11 @@ void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const
 }
 
 void Engine::tune() {
+  begin_near(*this, 1);
+  const std::optional<Nearby> begin = std::exchange(nearby_, {});  // of every trial: none depends on those before
   // What is left, with each joint by its own noise: Σ rows ln(squared error).
   const auto cost = [&] {
+    nearby_ = begin;
     build();
     const MatrixXd r = problem_->residual();
     if (!r.allFinite()) return std::numeric_limits<double>::infinity();
@@ -123,8 +128,6 @@ void Engine::tune() {
       step *= 0.4;
     }
   };
-  build();
-  begin_near(*this, 1);
   for (Candidate& e : accepted) {
     if (e.is_elastic()) {
       double least = cost();
@@ -136,7 +139,6 @@ void Engine::tune() {
       better(e.shape, 4e-4, 3, false, least);
     }
   }
-  nearby_.reset();
   build();
 }
 

@@ -39,7 +39,7 @@ void describe(const Candidate& own, const VectorXd& c, const model::Robot& robot
 Rival rival_of(const Candidate& candidate, const model::Robot& robot, int tried) {
   VectorXd c = candidate.trial.coefficients;
   // Its first coefficient is of the deflection, which the shape says as well; the second is the motor's inertia.
-  if (candidate.effect.is<ElasticJoint>()) c = c.tail(std::max<Index>(0, c.size() - 1)).eval();
+  if (candidate.is_elastic()) c = c.tail(std::max<Index>(0, c.size() - 1)).eval();
   Finding described(candidate.effect);
   describe(candidate, c, robot, described);
   return {candidate.effect, candidate.joint, bic_of(candidate, tried), std::move(described.parameters),

@@ -59,7 +59,7 @@ MatrixXd Engine::effect_torque(std::size_t index) const {
   if (effect.effect.is<Delay>() || effect.effect.is<Contact>() || effect.effect.is<PayloadChange>())
     return {};
   MatrixXd torque = MatrixXd::Zero(table_.rows(), table_.num_joints);
-  if (effect.effect.is<ElasticJoint>()) {
+  if (effect.is_elastic()) {
     // With its deflection less with a rigid joint that has the same motor.
     const VectorXd beta = base_parameters();
     Motion rigid = motion_;

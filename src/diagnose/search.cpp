@@ -138,7 +138,7 @@ void Search::take(const Candidate& candidate) {
     model().put(accepted.size(), candidate);
   }
   model().build();
-  if (candidate.effect.is<ElasticJoint>() || candidate.effect.is<Delay>()) model().tune();
+  if (candidate.is_elastic() || candidate.effect.is<Delay>()) model().tune();
   find_memory_again(candidate.joint);
   trace("with " + name_of(candidate), start_.judged->predicted(engine().robot()));
   // What was out of reach may be explained now.
@@ -188,6 +188,7 @@ void Search::backward() {
   for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
     if (check(e)) ++e;
   }
+  progress(kBackward);
 }
 
 Search::Without Search::found_without(std::size_t e) const {

@@ -136,8 +136,7 @@ std::vector<Candidate> propose_spring(const Workbench& bench, const std::vector<
   const std::vector<MatrixXd> inertia = inertia_of(bench);
   std::vector<Candidate> found;
   for (int j = 0; j < bench.table->num_joints; ++j) {
-    const bool has_one = bench.motion->link_qdd.col(j) != bench.motion->qdd.col(j);
-    if (joints[static_cast<std::size_t>(j)] && !has_one)
+    if (joints[static_cast<std::size_t>(j)] && !bench.springs[static_cast<std::size_t>(j)])
       found.push_back(SpringSearch(bench, j, inertia[static_cast<std::size_t>(j)]).run());
   }
   return found;
