@@ -35,6 +35,12 @@ ArmSearch search_of(WristCoupling);
 ArmSearch search_of(Cable);
 ArmSearch search_of(Contact);
 
+/// Springs of two joints as one candidate, whose parts they are: joints that share inertia swing together, and a spring that is
+/// sought alone stands in for that of the other one.
+/// @param first   the spring of one joint, found alone
+/// @param others  n: joints that may have the second one
+std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& first, const std::vector<bool>& others);
+
 /// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.
 Columns tilt_columns(const Workbench& bench);
 
@@ -52,8 +58,8 @@ Trial judge(const Workbench& bench, const Candidate& candidate);
 /// Takes the best of several shapes where it is better than what there is.
 /// @param write  (joint, from, values): puts in some rows of a joint's columns, one a shape
 template <typename Shapes, typename Write>
-void take_best(const Workbench& bench, const Shapes& shapes, const Write& write, double& best,
-               double& best_gain) {
+void take_best(const Workbench& bench, const Shapes& shapes, const Write& write,
+               typename Shapes::value_type& best, double& best_gain) {
   std::vector<WideMoments> joints;
   for (int j = 0; j < bench.table->num_joints; ++j) {
     joints.push_back(bench.problem->wide_moments(

@@ -41,11 +41,13 @@ struct Candidate {
   std::vector<int> entries;  ///< payload change: inertial parameters that the coefficients are
   GearCoupling<double> pair;  ///< wrist coupling, cable: which joints, and the ratio
   double second{0.0};         ///< another shape (damping; next to a first memory: that one's distance)
+  double inertia{0.0};        ///< elastic joint: mean of M_jj that stiffness and damping go with
   double level{0.0};          ///< friction that it makes up in the last fit [N·m, N]
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by
   /// A second memory, which takes its part from the first one of its joint; as a candidate its columns are its own and
   /// those of the first one at the distance that goes with it.
   bool beside{false};
+  std::vector<Candidate> parts;  ///< springs of several joints that are taken together; empty: it is one effect
   std::string refused;                            ///< why it cannot be; empty: it can
   std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;            ///< contact [N]
@@ -92,7 +94,7 @@ struct Workbench {
   /// logs × n: torque that friction holds a resting joint with when the log begins; not finite where it moves
   const Eigen::MatrixXd* held;
   std::vector<FirstMemory> memories;  ///< n: what each joint's friction remembers already
-  std::vector<bool> springs;          ///< n: joints that are elastic already
+  std::vector<const Candidate*> springs;  ///< n: the one that a joint has already; none: nullptr
   /// Pairs of joints that may share a motor, with the ratio.
   std::span<const GearCoupling<double>> pairs;
 };

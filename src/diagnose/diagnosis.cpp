@@ -1,5 +1,8 @@
 #include "heft/diagnose/diagnose.hpp"
 
+#include <algorithm>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -109,6 +112,65 @@ struct AsAnyone {
   }
 };
 
+/// A search that has taken its effects, and the model before.
+struct Found {
+  std::unique_ptr<Start> start;
+  std::unique_ptr<Search> search;
+  model::Robot before;
+  MatrixXd train_before, judged_before;
+  std::unique_ptr<Start> lower;  ///< that behind the lower cut-off, where springs asked for another one
+};
+
+/// Searches for effects, behind a higher cut-off where springs ask for one.
+/// @param start_with  gives the start behind a least cut-off [Hz]
+Found found_by(const DiagnoseOptions& options, const std::function<Start(double least_cutoff)>& start_with) {
+  const auto begun = [&](double least_cutoff) {
+    Found found;
+    found.start = std::make_unique<Start>(start_with(least_cutoff));
+    found.search = std::make_unique<Search>(*found.start, options);
+    found.before = found.search->engine().robot();
+    found.train_before = found.search->engine().predicted();
+    found.judged_before = found.start->judged->predicted(found.before);
+    found.search->trace("base", found.judged_before);
+    found.search->check_joints();  // before the search: no effect is sought in a wrong joint
+    return found;
+  };
+  Found found = begun(0.0);
+  const double least_cutoff = found.search->forward(true);
+  if (least_cutoff == 0.0) return found;
+  Found behind = begun(least_cutoff);
+  behind.search->forward(false);
+  const std::vector<Candidate>& taken = behind.search->engine().accepted;
+  if (std::any_of(taken.begin(), taken.end(), [](const Candidate& e) { return e.is_elastic(); })) {
+    found.search.reset();
+    behind.lower = std::move(found.start);
+    return behind;
+  }
+  found.search->forward(false);
+  return found;
+}
+
+/// The model that is written. One behind a cut-off that lets springs swing takes the noise of light joints with it; where that
+/// costs more, it is judged, and read, behind the lower one.
+std::unique_ptr<WrittenModel> written_of(const Found& found, const Identified& identified) {
+  auto written = std::make_unique<WrittenModel>(*found.search, identified);
+  if (found.lower == nullptr) return written;
+  const auto error = [](const WrittenModel& model) {
+    return model.judged().rms_error(model.judged().predicted(model.robot())).array().max(1e-300).log().sum();
+  };
+  const auto exchange = [&] {
+    std::swap(found.start->cutoff, found.lower->cutoff);
+    std::swap(found.start->train_as_filed, found.lower->train_as_filed);
+    std::swap(found.start->judged_as_filed, found.lower->judged_as_filed);
+  };
+  const double least = error(*written);
+  exchange();
+  auto behind_lower = std::make_unique<WrittenModel>(*found.search, identified);
+  if (error(*behind_lower) < least) return behind_lower;
+  exchange();
+  return written;
+}
+
 /// Fits what was found to all logs, where they are of one arm with one load.
 /// @param asked  whether it is wanted
 void fit_again(const WrittenModel& written, const BaseModel& base, const std::vector<data::Log>& train,
@@ -147,32 +209,33 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
   AsAnyone as_anyone;
-  Start start = start_of(robot, train, validate, options,
-                         as_anyone.work(robot, train_logs, validation_logs, options.joint_sensor));
+  const Found found = found_by(options, [&, first = true](double least_cutoff) mutable {
+    return start_of(robot, train, validate, options,
+                    std::exchange(first, false)
+                        ? as_anyone.work(robot, train_logs, validation_logs, options.joint_sensor)
+                        : Beside{},
+                    least_cutoff);
+  });
+  const Start& start = *found.start;
+  Search& search = *found.search;
   const JudgedMotion &ordinary_train = *as_anyone.train, &ordinary_judged = *as_anyone.judged;
   Identified& identified = as_anyone.identified;
   identified.ordinary = &ordinary_judged;
-  Search search(start, options);
   const JudgedMotion &fitted = *start.train, &judged = *start.judged;
   result.notes.insert(result.notes.end(), start.notes.begin(), start.notes.end());
   result.joint_sensor = options.joint_sensor;
-  result.cutoff = start.cutoff;
   result.joint_cutoffs = start.cutoffs;
   result.sign_width = fitted.table().sign_width.maxCoeff();
-  result.before = search.engine().robot();
-  const MatrixXd train_before = search.engine().predicted();
-  const MatrixXd judged_before = judged.predicted(result.before);
-  search.trace("base", judged_before);
-
-  search.check_joints();  // before the search: no effect is sought in a wrong joint
-  search.forward();
+  result.before = found.before;
   search.backward();
-  reject_overfitted(search, judged_before);
+  reject_overfitted(search, found.judged_before);
   search.progress(0.75);
   identified.fit = Engine(identified.base, start.train->shared_table(), start.pairs).base_fit();
   reject_needless(search, identified);
   search.progress(0.8);
-  const WrittenModel written(search, identified);
+  const std::unique_ptr<WrittenModel> chosen = written_of(found, identified);
+  const WrittenModel& written = *chosen;
+  result.cutoff = start.cutoff;
   search.progress(0.9);
   if (written.is_judged_on_a_repetition()) {
     result.notes.emplace_back(
@@ -187,9 +250,9 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.ordinary_motion = written.is_ordinary();
   result.parameters = written.engine().parameter_record();
   const Scores scores{result, start.band};
-  scores.put_train({fitted, *start.train_as_filed, ordinary_train}, train_before,
+  scores.put_train({fitted, *start.train_as_filed, ordinary_train}, found.train_before,
                    written.engine().predicted());
-  scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, judged_before);
+  scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, found.judged_before);
 
   search.progress(0.95);
   const JudgedMotion& trained = written.is_ordinary() ? ordinary_train : *start.train_as_filed;

@@ -86,9 +86,9 @@ Engine::Engine(std::shared_ptr<const BaseFit> fit)
 
 Workbench Engine::bench() const {
   std::vector<FirstMemory> memories(static_cast<std::size_t>(table_.num_joints));
-  std::vector<bool> springs(memories.size(), false);
+  std::vector<const Candidate*> springs(memories.size(), nullptr);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
-    if (accepted[e].is_elastic()) springs[static_cast<std::size_t>(accepted[e].joint)] = true;
+    if (accepted[e].is_elastic()) springs[static_cast<std::size_t>(accepted[e].joint)] = &accepted[e];
     if (!accepted[e].has_memory() || first_memory(e) >= 0) continue;
     memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
   }
@@ -504,6 +504,11 @@ std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
   for (std::optional<Candidate>& one : single) found.push_back(std::move(*one));
   for (std::vector<Candidate>& some : arm) std::move(some.begin(), some.end(), std::back_inserter(found));
   return found;
+}
+
+std::vector<Candidate> Engine::spring_pairs(const Candidate& first, const std::vector<bool>& others) const {
+  load_all();
+  return diagnose::spring_pairs(bench(), first, others);
 }
 
 std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {

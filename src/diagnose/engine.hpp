@@ -59,6 +59,8 @@ class Engine {
   /// @param joints  n; `done` gets 0..1
   std::vector<Candidate> propose(const std::vector<bool>& joints,
                                  const std::function<void(double)>& done) const;
+  /// A spring together with one of another joint, see there.
+  std::vector<Candidate> spring_pairs(const Candidate& first, const std::vector<bool>& others) const;
   /// An effect of one joint in each of its forms, judged next to those in place.
   std::vector<Candidate> forms_of(const Candidate& effect) const;
   /// Judges a candidate again with the effects that are in place now.
@@ -79,6 +81,7 @@ class Engine {
   const std::shared_ptr<const BaseFit>& base_fit() const { return fit_; }
   const Problem& problem() const { return *problem_; }
   const MotionTable& table() const { return table_; }
+  const Motion& motion() const { return motion_; }
   /// Rows that count, m × n: those of the table, with the standstill of joints whose friction remembers and without
   /// contacts.
   const Eigen::MatrixXd& keep() const { return keep_; }
@@ -129,6 +132,7 @@ class Engine {
   struct Nearby;
   void refit_near(const Nearby& nearby);
   void deflect_links();
+  void hold_swing(const Eigen::MatrixXd& inertia);
   void put_deflections(const std::vector<const Candidate*>& elastic, const Eigen::MatrixXd& load,
                        const Eigen::MatrixXd& inertia);
   Eigen::VectorXd hold() const;

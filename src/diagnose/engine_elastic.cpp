@@ -1,8 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <optional>
-#include <utility>
 
 #include "deflection.hpp"
 #include "engine.hpp"
@@ -58,7 +55,25 @@ void Engine::deflect_links() {
       for (Index a = 0; a < k; ++a) inertia.col(a * k + b).segment(from, count) = more.col(joint(a));
     }
   });
+  hold_swing(inertia);
   put_deflections(elastic, load, inertia);
+}
+
+/// Springs go with the masses: what a log shows is the frequency that a link swings at, and how that dies out. With the stiffness
+/// held instead, masses that are off move the resonance away from where it is, and the next fit drives them further off.
+void Engine::hold_swing(const MatrixXd& inertia) {
+  Index a = 0;
+  const auto k = static_cast<Index>(std::sqrt(static_cast<double>(inertia.cols())) + 0.5);
+  for (Candidate& e : accepted) {
+    if (!e.is_elastic()) continue;
+    const auto own = inertia.col(a * k + a);
+    ++a;
+    if (!(own.minCoeff() > 0.0)) continue;
+    const double change = own.mean() / e.inertia;
+    e.shape *= change;
+    e.second *= change;
+    e.inertia = own.mean();
+  }
 }
 
 /// @param elastic        k joints, of which no two are the same
@@ -90,56 +105,6 @@ void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const
       put(one.value, one.rate, one.acceleration);
     }
   }
-}
-
-void Engine::tune() {
-  begin_near(*this, 1);
-  const std::optional<Nearby> begin = std::exchange(nearby_, {});  // of every trial: none depends on those before
-  // What is left, with each joint by its own noise: Σ rows ln(squared error).
-  const auto cost = [&] {
-    nearby_ = begin;
-    build();
-    const MatrixXd r = problem_->residual();
-    if (!r.allFinite()) return std::numeric_limits<double>::infinity();
-    double sum = 0.0;
-    for (Index j = 0; j < r.cols(); ++j) {
-      sum += problem_->counted()[j] * std::log(std::max(1e-300, r.col(j).squaredNorm()));
-    }
-    return sum;
-  };
-  // Search along one number: steps up and down while they help, then half the step.
-  const auto better = [&](double& value, double step, int halvings, bool ratio, double& least) {
-    for (int h = 0; h < halvings; ++h) {
-      for (int k = 0; k < 6; ++k) {
-        const double here = value;
-        bool moved = false;
-        for (const double direction : {1.0, -1.0}) {
-          value = ratio ? here * std::exp(direction * step) : here + direction * step;
-          const double now = cost();
-          if (now < least) {
-            least = now;
-            moved = true;
-            break;
-          }
-          value = here;
-        }
-        if (!moved) break;
-      }
-      step *= 0.4;
-    }
-  };
-  for (Candidate& e : accepted) {
-    if (e.is_elastic()) {
-      double least = cost();
-      better(e.shape, 0.08, 3, true, least);
-      better(e.second, 0.7, 2, true, least);
-      better(e.shape, 0.02, 2, true, least);
-    } else if (e.effect.is<Delay>()) {
-      double least = cost();
-      better(e.shape, 4e-4, 3, false, least);
-    }
-  }
-  build();
 }
 
 }  // namespace heft::diagnose

@@ -52,7 +52,7 @@ void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>&
                 const model::Robot& robot, Finding& f) {
   for (const Candidate& c : candidates) {
     const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint;
-    if (same_place(c, own) || elsewhere || !c.trial.valid || !c.refused.empty() || c.effect.is<Contact>())
+    if (same_place(c, own) || elsewhere || !c.parts.empty() || !c.trial.valid || !c.refused.empty() || c.effect.is<Contact>())
       continue;
     // An effect comes in several forms, the best first; it is a rival once.
     const auto listed = [&](const Rival& r) { return r.effect == c.effect && r.joint == c.joint; };
@@ -135,8 +135,11 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     const std::vector<Candidate>& candidates = evidence[e];
     const int tried = std::max(search.tried(), tried_of(candidates));
     Candidate with_rest = own;  // judged with everything else in place
+    bool together = false;  // a spring next to another one is judged with it
     for (const Candidate& c : candidates) {
-      if (same_effect(c, own) && c.trial.valid) with_rest.trial = c.trial;
+      if (!holds(c, own) || !c.trial.valid || (together && c.parts.empty())) continue;
+      with_rest.trial = c.trial;
+      together = !c.parts.empty();
     }
     const Trial& trial = with_rest.trial;
     Finding f(own.effect);

@@ -79,7 +79,14 @@ bool same_effect(const Candidate& a, const Candidate& b) {
          a.beside == b.beside;
 }
 
+bool holds(const Candidate& c, const Candidate& effect) {
+  return c.parts.empty() ? same_effect(c, effect)
+                         : std::any_of(c.parts.begin(), c.parts.end(), [&](const Candidate& p) { return same_place(p, effect); });
+}
+
 std::string name_of(const Candidate& c) {
+  if (!c.parts.empty())
+    return fmt::format("{} on joints {} and {}", c.effect.id(), c.parts[0].joint + 1, c.parts[1].joint + 1);
   return c.joint >= 0 ? fmt::format("{} on joint {}", c.effect.id(), c.joint + 1)
                       : std::string(c.effect.id());
 }
@@ -132,8 +139,35 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   return {};
 }
 
+namespace {
+
+/// Whether each of two springs adds much more to the other one than a simpler effect of its joint explains.
+bool both_needed(const std::vector<Candidate>& candidates, const Candidate& pair) {
+  const auto most = [&](int joint, bool elastic) {
+    double gain = 0.0;
+    for (const Candidate& c : candidates) {
+      if (c.parts.empty() && c.joint == joint && c.is_elastic() == elastic && c.refused.empty() && c.trial.valid)
+        gain = std::max(gain, c.trial.cv_gain);
+    }
+    return gain;
+  };
+  const auto needed = [&](int joint, int other) {
+    return pair.trial.cv_gain - most(other, true) > kMuchMore * most(joint, false);
+  };
+  const int a = pair.parts[0].joint, b = pair.parts[1].joint;
+  return needed(a, b) && needed(b, a);
+}
+
+}  // namespace
+
 const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const Candidate* best,
                                  const Round& round) const {
+  if (!best->parts.empty() && !both_needed(candidates, *best)) {
+    const auto single = std::find_if(candidates.begin(), candidates.end(),
+                                     [&](const Candidate& c) { return c.parts.empty() && objection(c, round).empty(); });
+    if (single == candidates.end()) return best;
+    best = &*single;
+  }
   const Candidate* simple = best;
   for (const Candidate& c : candidates) {
     const bool beside = best->effect.is<Cable>() && c.joint == best->pair.driven;

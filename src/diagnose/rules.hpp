@@ -40,6 +40,9 @@ inline constexpr double kShortestDelay = 0.5;
 inline constexpr double kQuickestWarming = 3.0;
 /// A simpler effect on the same joint with this part of the gain goes before.
 inline constexpr double kSimpler = 0.95;
+/// What a second spring must gain beside the first one, as a multiple of what a simpler effect in its joint does: the inertia of
+/// the motor that comes with it may be all that is missing there.
+inline constexpr double kMuchMore = 1.5;
 /// A formula goes before a free curve with this part of its gain; what it leaves, the curve may explain next.
 inline constexpr double kFormula = 0.7;
 /// Most that a joint's torque scale may be off, as a share: gains of drives and gears are known better.
@@ -67,6 +70,8 @@ double bic_of(const Candidate& c, int candidates);
 int tried_of(const std::vector<Candidate>& candidates);
 /// The same effect in the same place, and in the same form.
 bool same_effect(const Candidate& a, const Candidate& b);
+/// Whether a candidate is an effect, or has it as one of its parts.
+bool holds(const Candidate& c, const Candidate& effect);
 /// "spring on joint 2".
 std::string name_of(const Candidate& c);
 /// Those that gain most on left-out blocks first.

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <map>
+#include <numbers>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -16,6 +19,12 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
+
+/// "2", or "1+2" of an effect that has parts.
+std::string joints_of(const Candidate& c) {
+  return c.parts.empty() ? fmt::format("{}", c.joint + 1)
+                         : fmt::format("{}+{}", c.parts[0].joint + 1, c.parts[1].joint + 1);
+}
 
 /// Parts of the time that have gone when effects were taken, and when each was looked at without the others.
 constexpr double kForward = 0.6, kBackward = 0.7;
@@ -48,7 +57,7 @@ void Search::trace_pool(const std::vector<Candidate>& pool, const Rules::Round& 
     trace(
         fmt::format("  {:18s} j{} shape {:.4g} c [{:.4g}] gain {:.0f} t {:.1f} wald {:.0f} p {:.1e} fall "
                     "{:.3f} dBIC {:.0f} drift {:.2f} {}",
-                    c.effect.id(), c.joint + 1, c.shape, fmt::join(c.trial.coefficients, " "),
+                    c.effect.id(), joints_of(c), c.shape, fmt::join(c.trial.coefficients, " "),
                     c.trial.cv_gain, c.trial.cv_t, c.trial.wald, c.trial.p_value * round.tried,
                     c.trial.joint_before.size() > 0 ? fall(c.trial).maxCoeff() : 0.0, bic_of(c, round.tried),
                     c.trial.drift, rules().objection(c, round)));
@@ -63,21 +72,41 @@ void Search::check_joints() {
   }
 }
 
-/// Candidates of one joint and of the whole arm; joint -1: of all joints.
-std::vector<Candidate> Search::propose(const Engine& engine, int joint,
-                                       const std::function<void(double)>& done) const {
-  std::vector<bool> joints(static_cast<std::size_t>(start_.robot.num_joints()), joint < 0);
-  if (joint >= 0) joints[static_cast<std::size_t>(joint)] = true;
+/// Which joints are looked at; none given: all but those that are wrong.
+std::vector<bool> Search::looked_at(const std::vector<int>& of) const {
+  std::vector<bool> joints(static_cast<std::size_t>(start_.robot.num_joints()), of.empty());
+  for (const int j : of) joints[static_cast<std::size_t>(j)] = true;
   for (const NotExplained& u : wrong_joints_) joints[static_cast<std::size_t>(u.joint)] = false;
-  std::vector<Candidate> candidates = engine.propose(joints, done);
+  return joints;
+}
+
+/// Adds the spring that gains most together with those of other joints.
+/// @return whether there are any
+bool Search::add_spring_pairs(const Engine& engine, const std::vector<int>& of, std::vector<Candidate>& pool) const {
+  std::erase_if(pool, [](const Candidate& c) { return !c.parts.empty(); });  // of another round
+  const auto first = std::find_if(pool.begin(), pool.end(), [](const Candidate& c) {
+    return c.is_elastic() && c.refused.empty() && c.trial.valid;
+  });
+  if (first == pool.end() || !(fall(first->trial).maxCoeff() > kRelevantGain)) return false;
+  std::vector<Candidate> pairs = engine.spring_pairs(*first, looked_at(of));
+  if (pairs.empty()) return false;
+  std::move(pairs.begin(), pairs.end(), std::back_inserter(pool));
+  sort_by_gain(pool);
+  return true;
+}
+
+/// Candidates of some joints and of the whole arm; no joints: of all.
+std::vector<Candidate> Search::propose(const Engine& engine, const std::vector<int>& of,
+                                       const std::function<void(double)>& done) const {
+  std::vector<Candidate> candidates = engine.propose(looked_at(of), done);
   sort_by_gain(candidates);
   return candidates;
 }
 
-void Search::forward() {
+double Search::forward(bool may_stop) {
   std::vector<Candidate> pool;
   int again = -1;  // joint whose candidates have to be found again; -1: all
-  for (int round = 0; round < options_.most_effects;) {
+  for (auto round = static_cast<int>(engine().accepted.size()); round < options_.most_effects;) {
     const bool fresh = again < 0;
     if (fresh) {
       pool.clear();
@@ -87,29 +116,58 @@ void Search::forward() {
     }
     const double from = round / (round + 2.0), to = (round + 1.0) / (round + 3.0);
     const auto done = [&](double part) { progress(kForward * (from + (to - from) * part)); };
-    for (Candidate& c : propose(engine(), again, done)) pool.push_back(std::move(c));
+    const std::vector<int> of = fresh ? std::vector<int>{} : std::vector{again};
+    for (Candidate& c : propose(engine(), of, done)) pool.push_back(std::move(c));
     sort_by_gain(pool);
     const VectorXd noise = engine().noise_floor();
-    const Rules::Round now{tried_of(pool), noise, engine().accepted};
-    tried_ = std::max(tried_, now.tried);
+    Rules::Round now{tried_of(pool), noise, engine().accepted};
     const Candidate* best = best_of(pool, now);
+    const bool spring = best == nullptr ? fresh : rules().simplest(pool, best, now)->is_elastic();
+    if (spring && add_spring_pairs(engine(), {}, pool)) {
+      now.tried = tried_of(pool);
+      best = best_of(pool, now);
+    }
+    tried_ = std::max(tried_, now.tried);
     if (fresh) {
       refusals_.clear();  // those of the last full round count: with everything else in place
       for (const Candidate& c : pool) refuse(c, rules().objection(c, now));
     }
     trace_pool(pool, now);
     if (best == nullptr) {
-      if (fresh) return;
+      if (fresh) return 0.0;
       again = -1;  // one last look at everything
       continue;
     }
     const Candidate taken = *rules().simplest(pool, best, now);
     take(taken);
+    if (const double least = taken.is_elastic() && may_stop ? cutoff_for_springs() : 0.0; least > 0.0) return least;
     again = taken.effect.joint_effect() >= 0 ? taken.joint : -1;
     ++round;
   }
   notes_.push_back(
       fmt::format("stopped at {} effects; the residual may contain more", options_.most_effects));
+  return 0.0;
+}
+
+/// A cut-off that lets the swings of springs pass, where one was chosen without them that does not and the noise allows it;
+/// 0: none.
+double Search::cutoff_for_springs() const {
+  constexpr double kPasses = 3.0;  // times the frequency: 1 % of a swing is lost
+  // Rise of ln(rms error) of a joint without effects: noise, and what of the swing itself is left there.
+  constexpr double kAllowed = 0.2;
+  double wanted = 0.0;
+  for (const Candidate& e : engine().accepted) {
+    if (e.is_elastic()) wanted = std::max(wanted, kPasses * std::sqrt(e.shape / e.inertia) / (2.0 * std::numbers::pi));
+  }
+  const std::map<double, double>& tried = start_.residual_behind;
+  const auto present = tried.find(start_.cutoff);
+  if (wanted <= start_.cutoff || present == tried.end()) return 0.0;
+  auto found = tried.lower_bound(wanted);
+  if (found == tried.end()) --found;
+  const double rise = found->second - present->second;
+  if (found->first <= start_.cutoff || rise > kAllowed * start_.robot.num_joints()) return 0.0;
+  trace(fmt::format("springs swing at {:.3g} Hz: again behind {:.3g} Hz", wanted / kPasses, found->first));
+  return found->first;
 }
 
 /// The best that nothing speaks against; candidates judged before another effect was taken are judged again when their
@@ -128,17 +186,50 @@ const Candidate* Search::best_of(std::vector<Candidate>& pool, const Rules::Roun
   return nullptr;
 }
 
+/// With a spring in place the motor's inertia can be told from that of the link: it becomes the spring's own number.
+/// @return whether one was found
+bool Search::find_motors() {
+  bool found = false;
+  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
+    Candidate spring = engine().accepted[e];
+    if (!spring.is_elastic() || spring.columns.count() > 1) continue;
+    Candidate motor(RotorInertia{});
+    motor.joint = spring.joint;
+    motor.columns = {{spring.joint}, {MatrixXd(engine().motion().qdd.col(spring.joint))}};
+    motor.stale = true;
+    engine().judge_again(motor);
+    const Trial& trial = motor.trial;
+    if (!trial.valid || !(trial.coefficients[0] > 0.0 && trial.p_value < kLevel && trial.cv_t > kSteadyGain)) continue;
+    for (std::size_t k = 0; k < spring.columns.joints.size(); ++k) {
+      MatrixXd& values = spring.columns.values[k];
+      values.conservativeResize(Eigen::NoChange, 2);
+      values.col(1).setZero();
+      if (spring.columns.joints[k] == spring.joint) values.col(1) = motor.columns.values[0];
+    }
+    trace(fmt::format("motor of joint {}: {:.3g}", spring.joint + 1, trial.coefficients[0]));
+    model().put(e, std::move(spring));
+    model().build();
+    found = true;
+  }
+  return found;
+}
+
 void Search::take(const Candidate& candidate) {
   std::vector<Candidate>& accepted = model().accepted;
   const auto touched = std::find_if(accepted.begin(), accepted.end(),
                                     [](const Candidate& e) { return e.effect.is<Contact>(); });
   if (candidate.effect.is<Contact>() && touched != accepted.end()) {
     add_touches(candidate, *touched);
+  } else if (!candidate.parts.empty()) {
+    for (const Candidate& part : candidate.parts) model().put(accepted.size(), part);
   } else {
     model().put(accepted.size(), candidate);
   }
   model().build();
-  if (candidate.is_elastic() || candidate.effect.is<Delay>()) model().tune();
+  if (candidate.is_elastic() || candidate.effect.is<Delay>()) {
+    model().tune();
+    if (find_motors()) model().tune();
+  }
   find_memory_again(candidate.joint);
   trace("with " + name_of(candidate), start_.judged->predicted(engine().robot()));
   // What was out of reach may be explained now.
@@ -191,12 +282,33 @@ void Search::backward() {
   progress(kBackward);
 }
 
+std::ptrdiff_t Search::other_spring(std::size_t e) const {
+  const std::vector<Candidate>& accepted = engine().accepted;
+  if (!accepted[e].is_elastic()) return -1;
+  for (std::size_t k = 0; k < accepted.size(); ++k) {
+    if (k != e && accepted[k].is_elastic()) return static_cast<std::ptrdiff_t>(k);
+  }
+  return -1;
+}
+
+/// What could stand in the place of an accepted effect.
+/// @param rest  the model without it
+std::vector<Candidate> Search::in_place_of(std::size_t e, const Engine& rest) const {
+  const Candidate& own = engine().accepted[e];
+  const std::ptrdiff_t other = other_spring(e);
+  if (other < 0) return propose(rest, own.joint < 0 ? std::vector<int>{} : std::vector{own.joint});
+  std::vector<Candidate> found = propose(rest, {own.joint, engine().accepted[static_cast<std::size_t>(other)].joint});
+  add_spring_pairs(rest, {own.joint, engine().accepted[static_cast<std::size_t>(other)].joint}, found);
+  std::erase_if(found, [&](const Candidate& c) { return c.joint >= 0 && c.joint != own.joint && !c.is_elastic(); });
+  return found;
+}
+
 Search::Without Search::found_without(std::size_t e) const {
   const Candidate& own = engine().accepted[e];
   // A memory found with its joint's standstill is compared with it as well.
   const std::unique_ptr<Engine> rest = rebuilt(static_cast<std::ptrdiff_t>(e), engine().weights_held,
-                                               engine().masses_held, own.has_memory() ? own.joint : -1);
-  std::vector<Candidate> candidates = propose(*rest, own.joint);
+                                               engine().masses_held, own.has_memory() ? own.joint : -1, other_spring(e));
+  std::vector<Candidate> candidates = in_place_of(e, *rest);
   return {rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
 }
 
@@ -223,10 +335,18 @@ bool Search::check(std::size_t e) {
   const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, taken};
   const Candidate *same = nullptr, *best = nullptr;
   for (const Candidate& c : candidates) {
-    if (same_effect(c, own)) same = &c;
+    if (holds(c, own) && (same == nullptr || !c.parts.empty())) same = &c;
     if (best == nullptr && rules().objection(c, round).empty()) best = &c;
   }
   if (best != nullptr) best = rules().simplest(candidates, best, round);
+  if (best != nullptr && best->is_elastic()) {
+    // Springs are looked at together: this one stays if what does best has it, and goes if the other one does as well alone.
+    if (holds(*best, own)) {
+      same = best;
+    } else if (other_spring(e) >= 0) {
+      best = nullptr;
+    }
+  }
   if (own.effect.is<Contact>() || (best != nullptr && best == same)) {
     for (Candidate& c : candidates) c.columns = {};
     evidence_.push_back(std::move(candidates));
@@ -257,14 +377,14 @@ std::unique_ptr<Engine> Search::rebuilt_without(std::size_t index) const {
 }
 
 std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
-                                        int standing_counts) const {
+                                        int standing_counts, std::ptrdiff_t and_without) const {
   auto other = std::make_unique<Engine>(engine().base_fit());
   other->weights_held = weights_held;
   other->masses_held = masses_held;
   other->standing_counts = standing_counts;
   for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
     const auto own = static_cast<std::ptrdiff_t>(e);
-    if (own != without && (without < 0 || engine().first_memory(e) != without))
+    if (own != without && own != and_without && (without < 0 || engine().first_memory(e) != without))
       other->accepted.push_back(engine().accepted[e]);
   }
   other->begin_near(engine(), 2);
@@ -274,7 +394,8 @@ std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_hel
 
 std::vector<Candidate> Search::evidence(std::size_t effect) {
   if (evidence_.size() == engine().accepted.size()) return std::move(evidence_[effect]);
-  return propose(*rebuilt_without(effect), engine().accepted[effect].joint);
+  return in_place_of(effect, *rebuilt(static_cast<std::ptrdiff_t>(effect), engine().weights_held, engine().masses_held, -1,
+                                      other_spring(effect)));
 }
 
 void Search::take_over(std::unique_ptr<Engine> other) {

@@ -19,8 +19,10 @@ class Search {
  public:
   Search(Start& start, const DiagnoseOptions& options);
 
-  /// Takes the best candidate as long as there is one that nothing speaks against.
-  void forward();
+  /// Takes the best candidate as long as there is one that nothing speaks against. May be called again to go on.
+  /// @param may_stop  where a spring was taken that asks for another cut-off
+  /// @return the least cut-off that it asks for [Hz]; 0: all candidates were looked at
+  double forward(bool may_stop);
   /// Takes each effect out again: one that another has made needless goes, one that another does better is exchanged.
   void backward();
 
@@ -35,9 +37,12 @@ class Search {
   /// Another model of the same logs. What it is compared with keeps its own.
   /// @param without  effect to leave out; -1: none
   /// @param standing_counts  see Engine
+  /// @param and_without      another one to leave out
   std::unique_ptr<Engine> rebuilt(std::ptrdiff_t without, bool weights_held, bool masses_held,
-                                  int standing_counts = -1) const;
+                                  int standing_counts = -1, std::ptrdiff_t and_without = -1) const;
   std::unique_ptr<Engine> rebuilt_without(std::size_t index) const;
+  /// The first of the other springs than an accepted one, which are looked at together; -1: none.
+  std::ptrdiff_t other_spring(std::size_t effect) const;
   /// Possible forms of a memory, judged with everything else in place, the best first.
   /// @param standing  joints whose standstill counts beside that of the accepted memories, one after the other; see
   ///                  Engine::standing_counts
@@ -62,9 +67,14 @@ class Search {
 
  private:
   Engine& model() { return *start_.engine; }
-  std::vector<Candidate> propose(const Engine& engine, int joint,
+  double cutoff_for_springs() const;
+  std::vector<bool> looked_at(const std::vector<int>& of) const;
+  bool add_spring_pairs(const Engine& engine, const std::vector<int>& of, std::vector<Candidate>& pool) const;
+  std::vector<Candidate> in_place_of(std::size_t effect, const Engine& rest) const;
+  std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
                                  const std::function<void(double)>& done = {}) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
+  bool find_motors();
   void take(const Candidate& candidate);
   void find_memory_again(int joint);
   void refuse(const Candidate& c, const std::string& why);

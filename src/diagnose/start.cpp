@@ -66,10 +66,11 @@ VectorXd logs_of(const VectorXd& rms) { return rms.cwiseMax(1e-12).array().log()
 /// Chooses the low-pass of the motion.
 class Cutoffs {
  public:
-  Cutoffs(const std::vector<data::Log>& train, const DiagnoseOptions& options, const Beside& beside,
+  Cutoffs(const std::vector<data::Log>& train, const DiagnoseOptions& options, double least, const Beside& beside,
           Start& start)
       : train_(train),
         options_(options),
+        least_(least),
         beside_(beside),
         start_(start),
         base_(std::make_shared<const BaseModel>(start.robot, searched_structure())) {}
@@ -102,7 +103,7 @@ class Cutoffs {
   /// The cut-off that leaves the smallest residual: a low one loses motion, a high one lets encoder noise in.
   void choose_for_all(double from_motion) {
     // Motion that is cut off cannot say what the torque does in the band that was asked for.
-    const double lowest = options_.band < highest_ ? options_.band : 0.0;
+    const double asked = std::max(options_.band, least_), lowest = asked < highest_ ? asked : 0.0;
     std::vector<double> tried;
     for (double hz : {from_motion, 6.0, 12.0, 20.0, 32.0, 50.0}) {
       hz = std::max(hz, lowest);
@@ -125,6 +126,7 @@ class Cutoffs {
       double logs = logs_of(motions[k]->rms_error(engine->predicted())).sum();
       if (tried[k] == 0.0) logs = std::numeric_limits<double>::max();  // any other one says more
       const std::lock_guard<std::mutex> lock(guard);
+      start_.residual_behind[hz] = logs;
       if (best < tried.size() && (logs > least || (logs == least && k > best))) return;
       best = k;
       least = logs;
@@ -178,6 +180,7 @@ class Cutoffs {
 
   const std::vector<data::Log>& train_;
   const DiagnoseOptions& options_;
+  double least_;
   const Beside& beside_;
   Start& start_;
   std::shared_ptr<const BaseModel> base_;
@@ -189,7 +192,8 @@ class Cutoffs {
 }  // namespace
 
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
-               const std::vector<data::Log>& validate, const DiagnoseOptions& options, const Beside& beside) {
+               const std::vector<data::Log>& validate, const DiagnoseOptions& options, const Beside& beside,
+               double least_cutoff) {
   Start start;
   start.given = start.own = robot;
   start.pairs = pairs_of(robot, options);
@@ -204,7 +208,7 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
         fmt::join(taken_out, ", ")));
   }
   refuse_too_few_parameters(start.robot, train);
-  Cutoffs(train, options, beside, start).choose();
+  Cutoffs(train, options, least_cutoff, beside, start).choose();
   start.judged_as_filed = std::make_shared<const JudgedMotion>(start.robot, validate, Reading{start.cutoff});
   start.judged = start.one_cutoff()
                      ? start.judged_as_filed

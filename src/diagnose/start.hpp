@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,6 +25,8 @@ struct Start {
   std::shared_ptr<const JudgedMotion> train, judged;  ///< a cut-off for each joint
   /// The same logs with one cut-off for all joints, as they are read for a model file that holds it.
   std::shared_ptr<const JudgedMotion> train_as_filed, judged_as_filed;
+  /// Σ over joints of ln(rms error) without effects, by the cut-off tried [Hz]; empty where one was asked for.
+  std::map<double, double> residual_behind;
   std::unique_ptr<Engine> engine;  ///< fit without effects
   std::vector<std::string> notes;
 
@@ -34,9 +37,10 @@ struct Start {
 using Beside = std::vector<std::function<void(const Start&)>>;
 
 /// @param beside  done at the same time; of the start it sees what it is given as it comes: `given`, `robot`, `own`, `pairs`
+/// @param least_cutoff  for all joints [Hz]
 /// @throws DataError, NotIdentifiableError
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
                const std::vector<data::Log>& validate, const DiagnoseOptions& options,
-               const Beside& beside = {});
+               const Beside& beside = {}, double least_cutoff = 0.0);
 
 }  // namespace heft::diagnose

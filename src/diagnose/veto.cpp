@@ -199,8 +199,16 @@ void reject_needless(Search& search, const Identified& identified) {
       std::vector<bool> rest = all;
       rest[e] = false;
       const std::unique_ptr<Engine> without = fitted(rest);
+      if (search.other_spring(e) >= 0) {  // no columns of its own say what it does next to another one
+        found[e] = Doubtful{e, own.trial.cv_gain, kSteadyGain, error(*without)};
+        return;
+      }
       own.replaces = own.replaces >= 0 ? identified.base->coulomb(own.joint)
                                        : contained_column(own, *identified.base);
+      if (own.is_elastic() && own.replaces < 0) {
+        // Where this base holds the motor's inertia in that of the links, no column of it can be judged.
+        for (MatrixXd& values : own.columns.values) values.conservativeResize(Eigen::NoChange, 1);
+      }
       own.stale = true;
       without->judge_again(own);
       if (!own.trial.valid) own.trial.cv_gain = own.trial.cv_t = 0.0;
@@ -211,8 +219,9 @@ void reject_needless(Search& search, const Identified& identified) {
     if (found.empty()) return;
     const VectorXd with_all = error(*fitted(all));
     std::erase_if(found, [&](const auto& one) {
-      Index main = 0;
-      fall(accepted[one->effect].trial).maxCoeff(&main);
+      const Candidate& own = accepted[one->effect];
+      Index main = own.joint;
+      if (search.other_spring(one->effect) < 0) fall(own.trial).maxCoeff(&main);
       return one->t > kShown && with_all[main] < kClearlyLess * one->without[main];
     });
     // One at a time, the least gain first: what makes an effect needless may be another one that is.

@@ -170,7 +170,9 @@ struct JointCurves {
 };
 
 struct DiagnoseOptions {
-  double cutoff{0.0};  ///< of the low-pass on q [Hz]; 0: the one that leaves the smallest residual
+  /// Of the low-pass on q [Hz]; 0: the one that leaves the smallest residual, or the next one that lets the swing of a spring
+  /// pass that was found behind it.
+  double cutoff{0.0};
   double band{0.0};    ///< of the figures in band [Hz]; 0: validate::default_band
   int most_effects{20};
   /// Torque was measured behind the gear: no rotor inertia is looked for. So it is when the LogSet says so.

@@ -1,11 +1,14 @@
 // Springs between motors and links.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "../arm_search.hpp"
 #include "../deflection.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/model/batch_dynamics.hpp"
 
 namespace heft::diagnose {
@@ -25,119 +28,306 @@ std::vector<MatrixXd> inertia_of(const Workbench& bench) {
   return inertia;
 }
 
-/// One joint: the spring by the frequency at which its link swings with the motor locked, then the damping.
+/// A spring by the frequency at which its link swings with all motors locked, and the part of critical damping.
+struct Swing {
+  double hz{0.0}, ratio{0.02};
+};
+
+Swing swing_of(const Candidate& spring) {
+  return {std::sqrt(spring.shape / spring.inertia) / (2.0 * std::numbers::pi),
+          0.5 * spring.second / std::sqrt(spring.shape * spring.inertia)};
+}
+
+/// Springs of one joint or of two, next to those in place: the frequencies, then the damping.
 class SpringSearch {
  public:
-  /// @param inertia  the joint's column of M, m × n
-  SpringSearch(const Workbench& bench, int joint, const MatrixXd& inertia)
-      : bench_(bench), joint_(joint), inertia_(inertia), own_(inertia.col(joint)), mean_(own_.mean()) {}
-
-  Candidate run() const {
-    Candidate c(ElasticJoint{});
-    c.joint = joint_;
-    if (!(own_.minCoeff() > 0.0)) {
-      c.refused = "the fitted inertia about this joint is not positive";
-      return c;
+  /// @param inertia  see inertia_of()
+  /// @param joints   one or two, which have no spring
+  SpringSearch(const Workbench& bench, const std::vector<MatrixXd>& inertia, std::vector<int> joints)
+      : bench_(bench), inertia_(inertia), joints_(std::move(joints)) {
+    std::vector<double> stiffness, damping;
+    for (int j = 0; j < bench.table->num_joints; ++j) {
+      const Candidate* spring = bench.springs[static_cast<std::size_t>(j)];
+      if (spring == nullptr) continue;
+      elastic_.push_back(j);
+      stiffness.push_back(spring->shape);
+      damping.push_back(spring->second);
     }
-    double frequency = 0.0, ratio = 0.02;
-    c.tried = kSteps;
-    if (!search(frequency, ratio)) {
+    placed_ = static_cast<Index>(elastic_.size());
+    elastic_.insert(elastic_.end(), joints_.begin(), joints_.end());
+    stiffness_ = VectorXd::Zero(count());
+    damping_ = VectorXd::Zero(count());
+    std::copy(stiffness.begin(), stiffness.end(), stiffness_.begin());
+    std::copy(damping.begin(), damping.end(), damping_.begin());
+    for (const int j : joints_) mean_.push_back(column(j).col(j).mean());
+    set_up_motion();
+  }
+
+  /// @param near  two joints: the first one's spring found alone
+  Candidate run(const Swing& near = {}) const {
+    Candidate c(ElasticJoint{});
+    c.joint = joints_.front();
+    for (const int j : joints_) {
+      if (!(column(j).col(j).minCoeff() > 0.0)) {
+        c.refused = "the fitted inertia about this joint is not positive";
+        return c;
+      }
+    }
+    Found found;
+    if (joints_.size() > 1) {
+      search_two(near, found);
+    } else {
+      search_one(found);
+    }
+    c.tried = found.tried;
+    if (!(found.gain > 0.0)) {
       c.refused = "explains nothing";
       return c;
     }
-    c.shape = stiffness_of(frequency);
-    c.second = damping_of(c.shape, ratio);
-    const VectorXd acceleration = acceleration_of(c.shape, c.second);
-    c.columns = columns_of(acceleration, true);
-    c.trial = judge(bench_, c);
-    if (!c.trial.valid) {
-      c.columns = columns_of(acceleration, false);
-      c.trial = judge(bench_, c);
-    }
+    put_columns(found.swings, c);
     if (c.trial.valid && c.trial.coefficients[0] < 0.3)
       c.refused = "the joint would have to deflect against the load";
-    if (c.trial.valid && c.trial.coefficients.size() > 1 && c.trial.coefficients[1] < -2.0 * c.trial.std[1]) {
-      c.refused = "the motor's inertia would be negative";
+    for (Index k = 1; c.trial.valid && k < c.trial.coefficients.size(); ++k) {
+      if (c.trial.coefficients[k] < -2.0 * c.trial.std[k]) c.refused = "the motor's inertia would be negative";
     }
     return c;
   }
 
  private:
-  static constexpr int kSteps = 14;
+  static constexpr double kFrom = 3.0, kTo = 45.0;  // [Hz]
+  using Swings = std::array<Swing, 2>;  ///< of the joints; one joint: the first one counts
+  struct Found {
+    Swings swings{};
+    double gain{0.0};
+    int tried{0};
+  };
 
-  /// @return whether any spring explains something
-  bool search(double& frequency, double& ratio) const {
-    double best_gain = 0.0;
-    constexpr double kFrom = 3.0, kTo = 45.0;  // [Hz]
-    const double step = std::pow(kTo / kFrom, 1.0 / (kSteps - 1));
-    const auto take_best_of = [&](const auto& shapes, const auto& spring_of, double& best) {
-      MatrixXd accelerations(bench_.table->rows(), static_cast<Index>(shapes.size()));
-      for (std::size_t k = 0; k < shapes.size(); ++k) {
-        const auto [stiffness, damping] = spring_of(shapes[k]);
-        accelerations.col(static_cast<Index>(k)) = acceleration_of(stiffness, damping);
+  Index count() const { return static_cast<Index>(elastic_.size()); }
+  int elastic(Index a) const { return elastic_[static_cast<std::size_t>(a)]; }
+  /// A joint's column of M along the motion, m × n.
+  const MatrixXd& column(int joint) const { return inertia_[static_cast<std::size_t>(joint)]; }
+
+  /// What deflects the joints, and what those in place do without the others.
+  void set_up_motion() {
+    load_.resize(bench_.table->rows(), count());
+    shared_.resize(bench_.table->rows(), count() * count());
+    for (Index a = 0; a < count(); ++a) {
+      load_.col(a) = bench_.load->col(elastic(a));
+      for (Index b = 0; b < count(); ++b) shared_.col(a * count() + b) = column(elastic(b)).col(elastic(a));
+      // The load is that of the links; motors whose springs are in place accelerate more: τ(θ..) = τ(x..) + M ë.
+      for (Index b = 0; b < placed_; ++b) {
+        const int j = elastic(b);
+        load_.col(a) +=
+            shared_.col(a * count() + b).cwiseProduct(bench_.motion->qdd.col(j) - bench_.motion->link_qdd.col(j));
       }
-      const auto write = [&](int joint, Index from, Eigen::Ref<MatrixXd> values) {
-        values = -(accelerations.middleRows(from, values.rows()).array().colwise() *
-                   inertia_.col(joint).segment(from, values.rows()).array());
-      };
-      take_best(bench_, shapes, write, best, best_gain);
+    }
+    if (placed_ == 0) return;
+    MatrixXd own(bench_.table->rows(), placed_ * placed_);
+    for (Index a = 0; a < placed_; ++a) own.middleCols(a * placed_, placed_) = shared_.middleCols(a * count(), placed_);
+    before_ = deflections(*bench_.table, load_.leftCols(placed_), own, stiffness_.head(placed_), damping_.head(placed_))
+                  .acceleration;
+  }
+
+  /// Takes the best of several where it is better than what there is.
+  void take_best_of(const std::vector<Swings>& several, Found& found) const {
+    const auto tried = static_cast<Index>(several.size());
+    MatrixXd all(bench_.table->rows(), count() * tried);
+    for (Index s = 0; s < tried; ++s)
+      all.middleCols(count() * s, count()) = accelerations(several[static_cast<std::size_t>(s)]);
+    const auto write = [&](int joint, Index from, Eigen::Ref<MatrixXd> values) {
+      values.setZero();
+      for (Index s = 0; s < values.cols(); ++s) {
+        for (Index b = 0; b < count(); ++b) {
+          values.col(s).array() -= all.col(count() * s + b).segment(from, values.rows()).array() *
+                                   column(elastic(b)).col(joint).segment(from, values.rows()).array();
+        }
+      }
     };
-    const auto at_frequency = [&](double hz) {
-      return std::pair(stiffness_of(hz), damping_of(stiffness_of(hz), ratio));
-    };
-    std::array<double, kSteps> frequencies{};
-    for (int k = 0; k < kSteps; ++k) frequencies[static_cast<std::size_t>(k)] = kFrom * std::pow(step, k);
-    take_best_of(frequencies, at_frequency, frequency);
-    if (frequency == 0.0) return false;
-    double width = step;
+    take_best(bench_, several, write, found.swings, found.gain);
+    found.tried += static_cast<int>(tried);
+  }
+
+  void search_one(Found& found) const {
+    constexpr int kSteps = 14;
+    double width = std::pow(kTo / kFrom, 1.0 / (kSteps - 1));
+    std::vector<Swings> several;
+    for (int k = 0; k < kSteps; ++k) several.push_back({Swing{kFrom * std::pow(width, k)}});
+    take_best_of(several, found);
+    if (!(found.gain > 0.0)) return;
     for (int pass = 0; pass < 5; ++pass) {
       width = std::sqrt(width);
-      take_best_of(std::array{frequency / width, frequency * width}, at_frequency, frequency);
+      const double hz = found.swings[0].hz;
+      take_best_of({{Swing{hz / width}}, {Swing{hz * width}}}, found);
     }
-    const double stiffness = stiffness_of(frequency);
-    take_best_of(
-        std::array{0.005, 0.01, 0.04, 0.08},
-        [&](double other) { return std::pair(stiffness, damping_of(stiffness, other)); }, ratio);
-    return true;
+    find_damping(found);
+    found.tried = kSteps;  // what is found near the best is no new chance
   }
 
-  double stiffness_of(double hz) const { return std::pow(2.0 * std::numbers::pi * hz, 2) * mean_; }
-  double damping_of(double stiffness, double ratio) const {
-    return 2.0 * ratio * std::sqrt(stiffness * mean_);
+  /// @param near  of the first joint alone, which gives more than it does together with the other one
+  void search_two(const Swing& near, Found& found) const {
+    constexpr int kSteps = 12;
+    double width = std::pow(kTo / kFrom, 1.0 / (kSteps - 1));
+    std::vector<Swings> several;
+    for (const double stiffer : {1.0, 1.1, 1.22, 1.4, 1.7}) {
+      for (int k = 0; k < kSteps; ++k) several.push_back({Swing{near.hz * stiffer}, Swing{kFrom * std::pow(width, k)}});
+    }
+    take_best_of(several, found);
+    const int tried = found.tried;
+    if (!(found.gain > 0.0)) return;
+    width = std::sqrt(width);
+    for (int pass = 0; pass < 4; ++pass) {
+      width = std::sqrt(width);
+      several.clear();
+      for (const double a : {1.0 / width, 1.0, width}) {
+        for (const double b : {1.0 / width, 1.0, width})
+          several.push_back({Swing{found.swings[0].hz * a}, Swing{found.swings[1].hz * b}});
+      }
+      take_best_of(several, found);
+    }
+    find_damping(found);
+    found.tried = tried;
   }
 
-  VectorXd acceleration_of(double stiffness, double damping) const {
-    return deflection(*bench_.table, bench_.load->col(joint_), own_, stiffness, damping).acceleration;
+  void find_damping(Found& found) const {
+    std::vector<Swings> several;
+    for (const double ratio : {0.005, 0.01, 0.04, 0.08})
+      several.push_back({Swing{found.swings[0].hz, ratio}, Swing{found.swings[1].hz, ratio}});
+    take_best_of(several, found);
   }
 
-  /// @param acceleration  of the deflection
-  /// @param motor  with a column of the motor's inertia
-  Columns columns_of(const VectorXd& acceleration, bool motor) const {
+  double stiffness_of(const Swing& swing, std::size_t which) const {
+    return std::pow(2.0 * std::numbers::pi * swing.hz, 2) * mean_[which];
+  }
+  double damping_of(const Swing& swing, std::size_t which) const {
+    return 2.0 * swing.ratio * std::sqrt(stiffness_of(swing, which) * mean_[which]);
+  }
+
+  /// What the deflections of all springs accelerate by, less what those in place do alone, m × k.
+  MatrixXd accelerations(const Swings& swings) const {
+    VectorXd stiffness = stiffness_, damping = damping_;
+    for (std::size_t w = 0; w < joints_.size(); ++w) {
+      stiffness[placed_ + static_cast<Index>(w)] = stiffness_of(swings[w], w);
+      damping[placed_ + static_cast<Index>(w)] = damping_of(swings[w], w);
+    }
+    if (count() == 1) return deflection(*bench_.table, load_.col(0), shared_.col(0), stiffness[0], damping[0]).acceleration;
+    MatrixXd found = deflections(*bench_.table, load_, shared_, stiffness, damping).acceleration;
+    // Fitted masses that are physically impossible together.
+    if (found.rows() == 0) return MatrixXd::Zero(bench_.table->rows(), count());
+    if (before_.rows() > 0) found.leftCols(placed_) -= before_;
+    return found;
+  }
+
+  /// Puts columns of the springs into a candidate, with those of as many motors' inertias as this motion tells from the links',
+  /// and judges it. Two springs become its parts.
+  void put_columns(const Swings& swings, Candidate& c) const {
+    const MatrixXd acceleration = accelerations(swings);
+    using Motors = std::vector<bool>;
+    const std::vector<Motors> ways =
+        joints_.size() > 1 ? std::vector<Motors>{{true, true}, {false, true}, {true, false}, {false, false}}
+                           : std::vector<Motors>{{true}, {false}};
+    Motors motors;
+    for (const Motors& way : ways) {
+      motors = way;
+      c.columns = columns_of(acceleration, 0, count(), way);
+      c.trial = judge(bench_, c);
+      if (c.trial.valid) break;
+    }
+    if (joints_.size() == 1) {
+      put_shape(swings[0], 0, c);
+      return;
+    }
+    for (std::size_t w = 0; w < joints_.size(); ++w) {
+      Candidate part(ElasticJoint{});
+      part.joint = joints_[w];
+      put_shape(swings[w], w, part);
+      Motors own(joints_.size(), false);
+      own[w] = motors[w];
+      part.columns = columns_of(acceleration, placed_ + static_cast<Index>(w), 1, own);
+      part.trial = c.trial;
+      c.parts.push_back(std::move(part));
+    }
+    c.shape = c.parts.front().shape;
+  }
+
+  void put_shape(const Swing& swing, std::size_t which, Candidate& c) const {
+    c.shape = stiffness_of(swing, which);
+    c.second = damping_of(swing, which);
+    c.inertia = mean_[which];
+  }
+
+  /// @param acceleration  see accelerations()
+  /// @param from, springs  which of the deflections
+  /// @param motors        joints with a column of the motor's inertia
+  Columns columns_of(const MatrixXd& acceleration, Index from, Index springs, const std::vector<bool>& motors) const {
     const int n = bench_.table->num_joints;
     Columns columns;
     columns.joints = all_joints(n);
     for (int i = 0; i < n; ++i) {
-      MatrixXd value = MatrixXd::Zero(bench_.table->rows(), motor ? 2 : 1);
-      value.col(0) = -inertia_.col(i).cwiseProduct(acceleration);
-      if (motor && i == joint_) value.col(1) = bench_.motion->qdd.col(joint_);
+      MatrixXd value = MatrixXd::Zero(bench_.table->rows(), 1 + std::count(motors.begin(), motors.end(), true));
+      for (Index b = from; b < from + springs; ++b) value.col(0) -= column(elastic(b)).col(i).cwiseProduct(acceleration.col(b));
+      Index next = 1;
+      for (std::size_t w = 0; w < joints_.size(); ++w) {
+        if (!motors[w]) continue;
+        if (i == joints_[w]) value.col(next) = bench_.motion->qdd.col(i);
+        ++next;
+      }
       columns.values.push_back(std::move(value));
     }
     return columns;
   }
 
   const Workbench& bench_;
-  int joint_;
-  const MatrixXd& inertia_;
-  VectorXd own_;  ///< M_jj along the motion
-  double mean_;
+  const std::vector<MatrixXd>& inertia_;
+  std::vector<int> joints_, elastic_;  ///< the new ones; all of them, those in place first
+  Index placed_{0};                    ///< how many are in place
+  VectorXd stiffness_, damping_;       ///< of all; of the new ones 0
+  std::vector<double> mean_;           ///< of M_jj, of the new ones
+  MatrixXd load_, shared_;             ///< see deflections()
+  MatrixXd before_;                    ///< see accelerations()
+};
+
+/// A search with the masses of the given robot in place of the fitted ones: what swings draws a fit without springs away, as far as
+/// to inertias that are negative.
+class GivenMasses {
+ public:
+  explicit GivenMasses(const Workbench& bench)
+      : bench_(bench), robot_(bench.base->robot(bench.base->prior())) {
+    VectorXd links = bench.base->prior();
+    for (int c = 0; c < bench.base->columns(); ++c) {
+      if (!bench.base->is_link(c)) links[c] = 0.0;
+    }
+    load_ = bench.base->torque(*bench.rows, links);
+    bench_.robot = &robot_;
+    bench_.load = &load_;
+    inertia_ = inertia_of(bench_);
+  }
+  GivenMasses(const GivenMasses&) = delete;  // the workbench points into it
+  GivenMasses& operator=(const GivenMasses&) = delete;
+
+  Candidate run(int joint) const { return SpringSearch(bench_, inertia_, {joint}).run(); }
+
+ private:
+  Workbench bench_;
+  model::Robot robot_;
+  MatrixXd load_;
+  std::vector<MatrixXd> inertia_;
 };
 
 std::vector<Candidate> propose_spring(const Workbench& bench, const std::vector<bool>& joints) {
   const std::vector<MatrixXd> inertia = inertia_of(bench);
+  std::optional<GivenMasses> given;
   std::vector<Candidate> found;
   for (int j = 0; j < bench.table->num_joints; ++j) {
-    if (joints[static_cast<std::size_t>(j)] && !bench.springs[static_cast<std::size_t>(j)])
-      found.push_back(SpringSearch(bench, j, inertia[static_cast<std::size_t>(j)]).run());
+    if (!joints[static_cast<std::size_t>(j)] || bench.springs[static_cast<std::size_t>(j)] != nullptr) continue;
+    found.push_back(SpringSearch(bench, inertia, {j}).run());
+    if (found.back().refused.empty() && found.back().trial.valid) continue;
+    if (!given) given.emplace(bench);
+    Candidate other = given->run(j);
+    other.tried += found.back().tried;
+    // The deflection has to be about what these masses ask for: next to it stands the motor's inertia, which may be all
+    // that there is.
+    constexpr double kAtMost = 3.0;
+    if (other.refused.empty() && other.trial.valid && other.trial.coefficients[0] < kAtMost) found.back() = std::move(other);
   }
   return found;
 }
@@ -153,6 +343,20 @@ void describe_spring(const Candidate& effect, const VectorXd& c, const model::Ro
 }
 
 }  // namespace
+
+std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& first, const std::vector<bool>& others) {
+  const std::vector<MatrixXd> inertia = inertia_of(bench);
+  std::vector<int> joints;
+  for (int j = 0; j < bench.table->num_joints; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    if (others[at] && j != first.joint && bench.springs[at] == nullptr) joints.push_back(j);
+  }
+  std::vector<Candidate> found(joints.size(), Candidate(ElasticJoint{}));
+  host::for_each_parallel(joints.size(), [&](std::size_t k) {
+    found[k] = SpringSearch(bench, inertia, {first.joint, joints[k]}).run(swing_of(first));
+  });
+  return found;
+}
 
 ArmSearch search_of(ElasticJoint) { return {propose_spring, apply_spring, describe_spring}; }
 
