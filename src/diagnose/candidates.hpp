@@ -48,7 +48,7 @@ struct Candidate {
   /// those of the first one at the distance that goes with it.
   bool beside{false};
   std::vector<Candidate> parts;  ///< springs of several joints that are taken together; empty: it is one effect
-  std::string refused;                            ///< why it cannot be; empty: it can
+  std::string refused;           ///< why it cannot be; empty: it can
   std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;            ///< contact [N]
   std::vector<int> event_runs;

@@ -1,5 +1,7 @@
 #include "deflection.hpp"
 
+#include <utility>
+
 #include <Eigen/Cholesky>
 
 #include "heft/model/dynamics.hpp"
@@ -42,6 +44,10 @@ Deflections deflections(const MotionTable& table, const Eigen::MatrixXd& load, c
   using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1>;
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
   const Index m = table.rows(), k = load.cols();
+  if (k == 1 && inertia.minCoeff() > 0.0) {
+    Deflection one = deflection(table, load, inertia, stiffness[0], damping[0]);
+    return {std::move(one.value), std::move(one.rate), std::move(one.acceleration)};
+  }
   const double h = 1.0 / table.sample_rate;
   const Vector K = stiffness, D = damping, ahead = 0.5 * h * D + 0.25 * h * h * K;
   Deflections d{Eigen::MatrixXd(m, k), Eigen::MatrixXd(m, k), Eigen::MatrixXd(m, k)};

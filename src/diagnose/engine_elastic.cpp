@@ -80,15 +80,12 @@ void Engine::hold_swing(const MatrixXd& inertia) {
 /// @param load, inertia  see deflections()
 void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const MatrixXd& load, const MatrixXd& inertia) {
   const auto k = static_cast<Index>(elastic.size());
-  Deflections all;
-  if (k > 1) {
-    VectorXd stiffness(k), damping(k);
-    for (Index a = 0; a < k; ++a) {
-      stiffness[a] = elastic[static_cast<std::size_t>(a)]->shape;
-      damping[a] = elastic[static_cast<std::size_t>(a)]->second;
-    }
-    all = deflections(table_, load, inertia, stiffness, damping);
+  VectorXd stiffness(k), damping(k);
+  for (Index a = 0; a < k; ++a) {
+    stiffness[a] = elastic[static_cast<std::size_t>(a)]->shape;
+    damping[a] = elastic[static_cast<std::size_t>(a)]->second;
   }
+  const Deflections all = deflections(table_, load, inertia, stiffness, damping);
   for (Index a = 0; a < k; ++a) {
     const Candidate& e = *elastic[static_cast<std::size_t>(a)];
     const VectorXd own = inertia.col(a * k + a);
@@ -100,7 +97,7 @@ void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const
     };
     if (all.value.rows() > 0) {
       put(all.value.col(a), all.rate.col(a), all.acceleration.col(a));
-    } else {  // alone, or with fitted masses that are physically impossible together
+    } else {  // the fitted masses are physically impossible together
       const Deflection one = deflection(table_, load.col(a), own, e.shape, e.second);
       put(one.value, one.rate, one.acceleration);
     }

@@ -75,7 +75,7 @@ double left(const VectorXd& counted, const MatrixXd& residual) {
   return sum;
 }
 
-/// Step to the least of the linearised sum, Gauss and Newton's: (Σ wj Sj' Sj) p = -Σ wj Sj' rj with wj = rows / rj' rj.
+/// Gauss-Newton step: (Σ wj Sj' Sj) p = -Σ wj Sj' rj with wj = rows / rj' rj.
 /// @param slopes  of the residual, one a knob
 VectorXd step_of(const std::vector<Knob>& knobs, const std::vector<MatrixXd>& slopes, const VectorXd& counted,
                  const MatrixXd& residual) {

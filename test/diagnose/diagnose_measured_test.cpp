@@ -59,7 +59,7 @@ TEST_P(Example, IsNamedAndComesWithinTenPercentOfTheOracle) {
   }
 }
 
-TEST(ExampleElasticity, HasTheStiffnessOfTheTruthAndAMotorThatCanBe) {
+TEST(ExampleElasticity, HasTheTrueStiffnessAndAPositiveMotorInertia) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "undeclared-examples" / "example-elasticity";
   HEFT_NEEDS_MEASURED_DATA(folder);
   const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());

@@ -200,7 +200,7 @@ INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
                            return name;
                          });
 
-// Shown by a part of the logs only -----------------------------------------------------------------------------
+// Springs --------------------------------------------------------------------------------------------------
 
 class SpringsOfTwoJoints : public testing::TestWithParam<std::pair<std::string, std::uint64_t>> {};
 
@@ -249,6 +249,8 @@ TEST(MotorOfASpring, IsToldFromItsLinkOnceTheSpringIsInPlace) {
   EXPECT_NEAR(found.motor_inertia, truth.at("motor_inertia"), 0.15 * truth.at("motor_inertia"));
   EXPECT_NEAR(found.stiffness, truth.at("stiffness"), 0.03 * truth.at("stiffness"));
 }
+
+// Shown by a part of the logs only -----------------------------------------------------------------------------
 
 TEST(Stability, IsDeniedWhatOneHalfOfTheLogDoesNotShow) {
   UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);

@@ -209,7 +209,6 @@ class SpringSearch {
       stiffness[placed_ + static_cast<Index>(w)] = stiffness_of(swings[w], w);
       damping[placed_ + static_cast<Index>(w)] = damping_of(swings[w], w);
     }
-    if (count() == 1) return deflection(*bench_.table, load_.col(0), shared_.col(0), stiffness[0], damping[0]).acceleration;
     MatrixXd found = deflections(*bench_.table, load_, shared_, stiffness, damping).acceleration;
     // Fitted masses that are physically impossible together.
     if (found.rows() == 0) return MatrixXd::Zero(bench_.table->rows(), count());
@@ -286,8 +285,8 @@ class SpringSearch {
   MatrixXd before_;                    ///< see accelerations()
 };
 
-/// A search with the masses of the given robot in place of the fitted ones: what swings draws a fit without springs away, as far as
-/// to inertias that are negative.
+/// A search with the masses of the given robot in place of the fitted ones, which oscillations of a link can bias until an inertia
+/// is negative.
 class GivenMasses {
  public:
   explicit GivenMasses(const Workbench& bench)
