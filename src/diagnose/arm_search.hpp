@@ -41,6 +41,11 @@ ArmSearch search_of(Contact);
 /// @param others  n: joints that may have the second one
 std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& first, const std::vector<bool>& others);
 
+/// Another column of a spring's, its motor's inertia, and none of it.
+/// @param acceleration  of the motor, m
+void append_motor(Columns& columns, int joint, const Eigen::VectorXd& acceleration);
+void remove_motor(Columns& columns);
+
 /// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.
 Columns tilt_columns(const Workbench& bench);
 

@@ -59,6 +59,8 @@ struct Candidate {
   }
   bool has_memory() const { return joint_effect_has_memory(effect.joint_effect()); }
   bool is_elastic() const { return effect.is<ElasticJoint>(); }
+  /// A spring in place whose motor's inertia is a number of its own, not part of the link's.
+  bool has_motor() const { return is_elastic() && columns.count() > 1; }
   /// Its columns are made of the load torque.
   bool takes_load() const { return effect.is<LoadFriction>() || effect.is<TorqueScale>(); }
   /// Friction that the low-pass alone could make up, as it leaves open when the joint turns back: so many times

@@ -97,6 +97,8 @@ Workbench Engine::bench() const {
 }
 
 void Engine::build() {
+  if (!nearby_ && deflected_ && problem_->theta().allFinite()) begin_near(*this, 2);
+  link_load_ = {};
   MatrixXd keep = table_.keep;
   double delay = 0.0;
   bool elastic = false;
@@ -160,7 +162,7 @@ bool Engine::is_out(int column) const {
 int contained_column(const Candidate& e, const BaseModel& base) {
   if (e.effect.is<Spring>()) return base.offset(e.joint);
   if (e.effect.is<Cable>()) return base.offset(e.pair.driven);
-  return e.is_elastic() && e.columns.count() > 1 ? base.rotor(e.joint) : -1;
+  return e.has_motor() ? base.rotor(e.joint) : -1;
 }
 
 /// Where a base column that is held is held.
@@ -235,7 +237,7 @@ std::optional<Columns> Engine::appended(std::size_t index, bool deflect) const {
   if (effect.effect.is<Delay>() || effect.effect.is<Contact>()) return {};  // in the motion, in the rows
   if (effect.is_elastic() && deflect) {
     // The deflection is in the link's motion now; what is left is the motor's inertia.
-    if (effect.columns.count() < 2) return {};
+    if (!effect.has_motor()) return {};
     return Columns{{effect.joint}, {MatrixXd(motion_.qdd.col(effect.joint))}};
   }
   if (effect.replaces >= 0) return {};
@@ -263,6 +265,7 @@ void Engine::add_to_problem(bool deflect) {
 }
 
 void Engine::refit(bool deflect) {
+  deflected_ = deflect;
   // What the columns are made of is that of the fit before.
   std::vector<bool> joints(loaded_.size(), false);
   for (const Candidate& e : accepted) {

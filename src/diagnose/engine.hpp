@@ -130,11 +130,18 @@ class Engine {
   /// Of the columns.
   Eigen::VectorXd fitted(std::size_t index) const;
   struct Nearby;
+  /// What makes elastic joints deflect: see deflections().
+  struct LinkLoad {
+    std::vector<int> joints;  ///< k
+    Eigen::MatrixXd load, inertia;
+    bool is_possible() const;
+  };
   void refit_near(const Nearby& nearby);
   void deflect_links();
   void hold_swing(const Eigen::MatrixXd& inertia);
-  void put_deflections(const std::vector<const Candidate*>& elastic, const Eigen::MatrixXd& load,
-                       const Eigen::MatrixXd& inertia);
+  LinkLoad link_load(const model::Robot& robot, const std::vector<const Candidate*>& elastic) const;
+  LinkLoad possible_near(LinkLoad wanted, const std::vector<const Candidate*>& elastic) const;
+  void put_deflections(const std::vector<const Candidate*>& elastic, const LinkLoad& by);
   Eigen::VectorXd hold() const;
   Eigen::VectorXd prior() const;
   bool is_out(int column) const;
@@ -176,9 +183,12 @@ class Engine {
   struct Nearby {
     model::Robot robot;
     Eigen::MatrixXd held, load;  ///< see Workbench; no load: no effect takes it
+    LinkLoad link_load;
     int fits;
   };
   std::optional<Nearby> nearby_;
+  LinkLoad link_load_;     ///< of the last deflection since build()
+  bool deflected_{false};  ///< the last fit was one of elastic joints, with whose masses the next one begins
 };
 
 }  // namespace heft::diagnose

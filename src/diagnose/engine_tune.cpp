@@ -65,6 +65,16 @@ void turn(const std::vector<Knob>& knobs, const std::vector<Shape>& from, const 
   }
 }
 
+/// Steps no longer than what the slopes may be trusted for.
+/// @param reach  part of Knob::most
+VectorXd within_reach(VectorXd steps, const std::vector<Knob>& knobs, double reach) {
+  for (Index k = 0; k < steps.size(); ++k) {
+    const double most = reach * knobs[static_cast<std::size_t>(k)].most;
+    steps[k] = std::clamp(steps[k], -most, most);
+  }
+  return steps;
+}
+
 /// What is left, with each joint by its own noise: Σ rows ln(squared error).
 double left(const VectorXd& counted, const MatrixXd& residual) {
   if (!residual.allFinite()) return std::numeric_limits<double>::infinity();
@@ -77,9 +87,8 @@ double left(const VectorXd& counted, const MatrixXd& residual) {
 
 /// Gauss-Newton step: (Σ wj Sj' Sj) p = -Σ wj Sj' rj with wj = rows / rj' rj.
 /// @param slopes  of the residual, one a knob
-VectorXd step_of(const std::vector<Knob>& knobs, const std::vector<MatrixXd>& slopes, const VectorXd& counted,
-                 const MatrixXd& residual) {
-  const auto count = static_cast<Index>(knobs.size());
+VectorXd step_of(const std::vector<MatrixXd>& slopes, const VectorXd& counted, const MatrixXd& residual) {
+  const auto count = static_cast<Index>(slopes.size());
   const VectorXd weight = counted.cwiseQuotient(residual.colwise().squaredNorm().transpose().cwiseMax(1e-300));
   MatrixXd normal(count, count);
   VectorXd right(count);
@@ -89,10 +98,7 @@ VectorXd step_of(const std::vector<Knob>& knobs, const std::vector<MatrixXd>& sl
     right[a] = -weighted.cwiseProduct(residual).sum();
   }
   normal.diagonal() *= 1.001;  // knobs that do the same
-  VectorXd step = normal.ldlt().solve(right);
-  double part = 1.0;
-  for (Index k = 0; k < count; ++k) part = std::min(part, knobs[static_cast<std::size_t>(k)].most / std::abs(step[k]));
-  return part * step;
+  return normal.ldlt().solve(right);
 }
 
 }  // namespace
@@ -101,44 +107,42 @@ void Engine::tune() {
   const std::vector<Knob> knobs = knobs_of(accepted);
   if (knobs.empty()) return;
   const VectorXd nowhere = VectorXd::Zero(static_cast<Index>(knobs.size()));
-  std::vector<Shape> here;
-  std::optional<Nearby> begin;
-  const auto stay = [&] {
-    here = shapes_of(accepted);
-    begin_near(*this, 1);
-    begin = std::exchange(nearby_, {});  // of every trial: none depends on those before
-  };
-  const auto residual_at = [&](const VectorXd& steps) {
-    turn(knobs, here, steps, accepted);
-    nearby_ = begin;
-    build();
-    return problem_->residual();
-  };
-  stay();
-  MatrixXd residual = residual_at(nowhere);
-  double least = left(problem_->counted(), residual);
-  constexpr int kSteps = 6, kShorter = 3;
+  constexpr int kSteps = 10, kShorter = 3;
   constexpr double kWorthAStep = 10.0;  // of the sum: less is chance
-  for (int step = 0; step < kSteps && std::isfinite(least); ++step) {
-    stay();
+  double reach = 1.0;
+  for (int step = 0; step < kSteps; ++step) {
+    const std::vector<Shape> here = shapes_of(accepted);
+    begin_near(*this, 1);
+    // What every trial begins with: their residuals differ by what the masses still move otherwise.
+    std::optional<Nearby> begin = std::exchange(nearby_, {});
+    const auto residual_at = [&](const VectorXd& steps) {
+      turn(knobs, here, steps, accepted);
+      nearby_ = begin;
+      build();
+      return problem_->residual();
+    };
+    const MatrixXd residual = residual_at(nowhere);
+    const double least = left(problem_->counted(), residual);
+    if (!std::isfinite(least)) break;
     std::vector<MatrixXd> slopes;
     for (std::size_t k = 0; k < knobs.size(); ++k) {
       VectorXd probe = nowhere;
       probe[static_cast<Index>(k)] = knobs[k].probe;
       slopes.push_back((residual_at(probe) - residual) / knobs[k].probe);
     }
-    VectorXd steps = step_of(knobs, slopes, problem_->counted(), residual);
+    const VectorXd wanted = step_of(slopes, problem_->counted(), residual);
     double now = std::numeric_limits<double>::infinity();
-    for (int k = 0; k < kShorter && steps.allFinite() && !(now < least); ++k, steps *= 0.35) {
-      MatrixXd there = residual_at(steps);
-      now = left(problem_->counted(), there);
-      if (now < least) residual = std::move(there);
+    for (int k = 0; k < kShorter && wanted.allFinite() && !(now < least); ++k) {
+      now = left(problem_->counted(), residual_at(within_reach(wanted, knobs, reach)));
+      reach = now < least ? std::min(1.0, 2.0 * reach) : 0.35 * reach;
     }
     if (!(now < least)) {
       turn(knobs, here, nowhere, accepted);
+      if (begin) begin->fits = 2;
+      nearby_ = std::move(begin);
       break;
     }
-    if (std::exchange(least, now) - now < kWorthAStep) break;
+    if (least - now < kWorthAStep) break;
   }
   build();
 }

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "arm_search.hpp"
 #include "effects/contact.hpp"
 #include "heft/host/parallel.hpp"
 #include "joint_check.hpp"
@@ -186,29 +187,45 @@ const Candidate* Search::best_of(std::vector<Candidate>& pool, const Rules::Roun
   return nullptr;
 }
 
-/// With a spring in place the motor's inertia can be told from that of the link: it becomes the spring's own number.
-/// @return whether one was found
+/// Tunes springs and delays. With a spring in place the motor's inertia can be told from that of the link: it becomes the spring's
+/// own number, and stays that unless it ends below zero.
+void Search::tune() {
+  model().tune();
+  if (find_motors()) model().tune();
+  if (remove_impossible_motors()) model().tune();
+}
+
+/// @return whether there are more motors than before
 bool Search::find_motors() {
   bool found = false;
   for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
     Candidate spring = engine().accepted[e];
-    if (!spring.is_elastic() || spring.columns.count() > 1) continue;
+    if (!spring.is_elastic() || spring.has_motor()) continue;
     Candidate motor(RotorInertia{});
     motor.joint = spring.joint;
     motor.columns = {{spring.joint}, {MatrixXd(engine().motion().qdd.col(spring.joint))}};
     motor.stale = true;
     engine().judge_again(motor);
     const Trial& trial = motor.trial;
-    if (!trial.valid || !(trial.coefficients[0] > 0.0 && trial.p_value < kLevel && trial.cv_t > kSteadyGain)) continue;
-    for (std::size_t k = 0; k < spring.columns.joints.size(); ++k) {
-      MatrixXd& values = spring.columns.values[k];
-      values.conservativeResize(Eigen::NoChange, 2);
-      values.col(1).setZero();
-      if (spring.columns.joints[k] == spring.joint) values.col(1) = motor.columns.values[0];
-    }
+    if (!trial.valid || !(trial.coefficients[0] > 0.0 && trial.p_value < kLevel && trial.cv_gain > 0.0)) continue;
+    append_motor(spring.columns, spring.joint, motor.columns.values[0]);
     trace(fmt::format("motor of joint {}: {:.3g}", spring.joint + 1, trial.coefficients[0]));
     model().put(e, std::move(spring));
     model().build();
+    found = true;
+  }
+  return found;
+}
+
+/// @return whether there are fewer motors than before
+bool Search::remove_impossible_motors() {
+  bool found = false;
+  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
+    Candidate spring = engine().accepted[e];
+    if (!spring.has_motor() || engine().coefficients(e)[0] >= 0.0) continue;
+    trace(fmt::format("motor of joint {}: {:.3g}, removed", spring.joint + 1, engine().coefficients(e)[0]));
+    remove_motor(spring.columns);
+    model().put(e, std::move(spring));
     found = true;
   }
   return found;
@@ -226,10 +243,7 @@ void Search::take(const Candidate& candidate) {
     model().put(accepted.size(), candidate);
   }
   model().build();
-  if (candidate.is_elastic() || candidate.effect.is<Delay>()) {
-    model().tune();
-    if (find_motors()) model().tune();
-  }
+  if (candidate.is_elastic() || candidate.effect.is<Delay>()) tune();
   find_memory_again(candidate.joint);
   trace("with " + name_of(candidate), start_.judged->predicted(engine().robot()));
   // What was out of reach may be explained now.

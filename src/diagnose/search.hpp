@@ -74,7 +74,9 @@ class Search {
   std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
                                  const std::function<void(double)>& done = {}) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
+  void tune();
   bool find_motors();
+  bool remove_impossible_motors();
   void take(const Candidate& candidate);
   void find_memory_again(int joint);
   void refuse(const Candidate& c, const std::string& why);

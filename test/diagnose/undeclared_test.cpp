@@ -220,7 +220,8 @@ TEST_P(SpringsOfTwoJoints, AreBothNamedWithTheirStiffness) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Pairs, SpringsOfTwoJoints,
-                         testing::Values(std::pair("scara4", 11), std::pair("scara4", 14), std::pair("arm6", 12)),
+                         testing::Values(std::pair("scara4", 11), std::pair("scara4", 14), std::pair("arm6", 11),
+                                         std::pair("arm6", 12), std::pair("arm6", 13), std::pair("arm6", 14)),
                          [](const auto& p) { return fmt::format("{}_{}", p.param.second, p.param.first); });
 
 /// The only elastic joint that was found.
@@ -237,7 +238,8 @@ TEST(SpringAboveTheCutoff, IsSoughtAgainBehindOneThatLetsItsSwingPass) {
   // Without effects 12 Hz leaves the least, and the link swings at 7 Hz; 20 Hz is the next one tried.
   EXPECT_GE(d.cutoff, 20.0);
   EXPECT_NEAR(found.stiffness, truth.at("stiffness"), 0.03 * truth.at("stiffness"));
-  EXPECT_NEAR(found.damping, truth.at("damping"), 0.1 * truth.at("damping"));
+  // 2.4 N·m·s/rad, a resonance of quality 42: whatever shifts its phase looks like damping. Behind 12 Hz it is 6.
+  EXPECT_NEAR(found.damping, truth.at("damping"), 0.2 * truth.at("damping"));
 }
 
 TEST(MotorOfASpring, IsToldFromItsLinkOnceTheSpringIsInPlace) {
@@ -249,6 +251,33 @@ TEST(MotorOfASpring, IsToldFromItsLinkOnceTheSpringIsInPlace) {
   EXPECT_NEAR(found.motor_inertia, truth.at("motor_inertia"), 0.15 * truth.at("motor_inertia"));
   EXPECT_NEAR(found.stiffness, truth.at("stiffness"), 0.03 * truth.at("stiffness"));
 }
+
+/// Masses fitted along a motion that is still off are physically impossible for these at times, and would deflect nothing.
+class SpringOfMassesThatAreOff : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
+
+TEST_P(SpringOfMassesThatAreOff, HasItsNumbersAll) {
+  const auto& [kinds, arm, seed] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case(kinds, arm, seed);
+  const Diagnosis d = diagnosed(c);
+  EXPECT_EQ(d.findings.size(), c.effects.size()) << said(d);
+  const auto spring = std::find_if(c.effects.begin(), c.effects.end(),
+                                   [](const UndeclaredEffect& e) { return e.kind == "elasticity"; });
+  ASSERT_NE(spring, c.effects.end());
+  ASSERT_EQ(d.after.elasticities.size(), 1U) << said(d);
+  const Elasticity<double>& found = d.after.elasticities.front();
+  EXPECT_EQ(found.joint, spring->joint);
+  const auto& truth = spring->parameters;
+  EXPECT_NEAR(found.stiffness, truth.at("stiffness"), 0.03 * truth.at("stiffness"));
+  EXPECT_NEAR(found.damping, truth.at("damping"), 0.1 * truth.at("damping"));
+  EXPECT_NEAR(found.motor_inertia, truth.at("motor_inertia"), 0.15 * truth.at("motor_inertia"));
+}
+
+INSTANTIATE_TEST_SUITE_P(Pairs, SpringOfMassesThatAreOff,
+                         testing::Values(std::tuple{"elasticity+stribeck", "arm6", 12},
+                                         std::tuple{"elasticity", "arm7", 15}),
+                         [](const auto& p) {
+                           return fmt::format("{}_{}", std::get<2>(p.param), std::get<1>(p.param));
+                         });
 
 // Shown by a part of the logs only -----------------------------------------------------------------------------
 

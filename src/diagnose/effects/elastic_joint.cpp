@@ -254,23 +254,20 @@ class SpringSearch {
     c.inertia = mean_[which];
   }
 
-  /// @param acceleration  see accelerations()
+  /// @param acceleration   see accelerations()
   /// @param from, springs  which of the deflections
-  /// @param motors        joints with a column of the motor's inertia
+  /// @param motors         joints with a column of the motor's inertia
   Columns columns_of(const MatrixXd& acceleration, Index from, Index springs, const std::vector<bool>& motors) const {
     const int n = bench_.table->num_joints;
     Columns columns;
     columns.joints = all_joints(n);
     for (int i = 0; i < n; ++i) {
-      MatrixXd value = MatrixXd::Zero(bench_.table->rows(), 1 + std::count(motors.begin(), motors.end(), true));
+      MatrixXd value = MatrixXd::Zero(bench_.table->rows(), 1);
       for (Index b = from; b < from + springs; ++b) value.col(0) -= column(elastic(b)).col(i).cwiseProduct(acceleration.col(b));
-      Index next = 1;
-      for (std::size_t w = 0; w < joints_.size(); ++w) {
-        if (!motors[w]) continue;
-        if (i == joints_[w]) value.col(next) = bench_.motion->qdd.col(i);
-        ++next;
-      }
       columns.values.push_back(std::move(value));
+    }
+    for (std::size_t w = 0; w < joints_.size(); ++w) {
+      if (motors[w]) append_motor(columns, joints_[w], bench_.motion->qdd.col(joints_[w]));
     }
     return columns;
   }
@@ -342,6 +339,19 @@ void describe_spring(const Candidate& effect, const VectorXd& c, const model::Ro
 }
 
 }  // namespace
+
+void append_motor(Columns& columns, int joint, const VectorXd& acceleration) {
+  for (std::size_t k = 0; k < columns.joints.size(); ++k) {
+    MatrixXd& values = columns.values[k];
+    values.conservativeResize(Eigen::NoChange, values.cols() + 1);
+    values.rightCols(1).setZero();
+    if (columns.joints[k] == joint) values.rightCols(1) = acceleration;
+  }
+}
+
+void remove_motor(Columns& columns) {
+  for (MatrixXd& values : columns.values) values.conservativeResize(Eigen::NoChange, values.cols() - 1);
+}
 
 std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& first, const std::vector<bool>& others) {
   const std::vector<MatrixXd> inertia = inertia_of(bench);
