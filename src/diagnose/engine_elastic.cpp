@@ -82,12 +82,13 @@ bool Engine::LinkLoad::is_possible() const {
   return true;
 }
 
-/// A fit along a motion that is off may make masses that are physically impossible, which deflect nothing: half of the way to them
-/// or less, from those that deflected last, or from the given ones.
+/// A fit along a motion that is off may give masses that are physically impossible, which would deflect nothing. This goes half of
+/// the way to them or less, from those that deflected last or, where there are none, from the given ones.
 Engine::LinkLoad Engine::possible_near(LinkLoad wanted, const std::vector<const Candidate*>& elastic) const {
   const LinkLoad from = link_load_.joints == wanted.joints ? link_load_ : link_load(base_.robot(base_.prior()), elastic);
   for (const double part : {0.5, 0.25, 0.125}) {
-    LinkLoad there{from.joints, from.load + part * (wanted.load - from.load), from.inertia + part * (wanted.inertia - from.inertia)};
+    LinkLoad there{from.joints, from.load + part * (wanted.load - from.load),
+                   from.inertia + part * (wanted.inertia - from.inertia)};
     if (there.is_possible()) return there;
   }
   return from;

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "arm_search.hpp"
 #include "heft/host/parallel.hpp"
 
 namespace heft::diagnose {
@@ -205,10 +206,8 @@ void reject_needless(Search& search, const Identified& identified) {
       }
       own.replaces = own.replaces >= 0 ? identified.base->coulomb(own.joint)
                                        : contained_column(own, *identified.base);
-      if (own.is_elastic() && own.replaces < 0) {
-        // Where this base holds the motor's inertia in that of the links, no column of it can be judged.
-        for (MatrixXd& values : own.columns.values) values.conservativeResize(Eigen::NoChange, 1);
-      }
+      // Where this base holds the motor's inertia in that of the links, no column of it can be judged.
+      if (own.has_motor() && own.replaces < 0) remove_motor(own.columns);
       own.stale = true;
       without->judge_again(own);
       if (!own.trial.valid) own.trial.cv_gain = own.trial.cv_t = 0.0;

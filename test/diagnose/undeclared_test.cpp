@@ -252,10 +252,10 @@ TEST(MotorOfASpring, IsToldFromItsLinkOnceTheSpringIsInPlace) {
   EXPECT_NEAR(found.stiffness, truth.at("stiffness"), 0.03 * truth.at("stiffness"));
 }
 
-/// Masses fitted along a motion that is still off are physically impossible for these at times, and would deflect nothing.
-class SpringOfMassesThatAreOff : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
+/// Fits along a motion that is still off give these arms masses that are physically impossible, which would deflect nothing.
+class SpringWithImpossibleMassesOnTheWay : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
 
-TEST_P(SpringOfMassesThatAreOff, HasItsNumbersAll) {
+TEST_P(SpringWithImpossibleMassesOnTheWay, HasItsStiffnessDampingAndMotorInertia) {
   const auto& [kinds, arm, seed] = GetParam();
   const UndeclaredCase c = test::make_undeclared_case(kinds, arm, seed);
   const Diagnosis d = diagnosed(c);
@@ -272,7 +272,7 @@ TEST_P(SpringOfMassesThatAreOff, HasItsNumbersAll) {
   EXPECT_NEAR(found.motor_inertia, truth.at("motor_inertia"), 0.15 * truth.at("motor_inertia"));
 }
 
-INSTANTIATE_TEST_SUITE_P(Pairs, SpringOfMassesThatAreOff,
+INSTANTIATE_TEST_SUITE_P(Pairs, SpringWithImpossibleMassesOnTheWay,
                          testing::Values(std::tuple{"elasticity+stribeck", "arm6", 12},
                                          std::tuple{"elasticity", "arm7", 15}),
                          [](const auto& p) {
