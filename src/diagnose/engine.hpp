@@ -53,6 +53,9 @@ class Engine {
   /// Puts a candidate in place of an accepted effect, or as one more: index accepted.size(). A second memory brings the
   /// distance of the first one with it. build() comes after it.
   void put(std::size_t index, Candidate candidate);
+  /// Takes the motors' inertias that the fit has below zero out of their springs. build() comes after it.
+  /// @return joints
+  std::vector<int> remove_impossible_motors();
   /// Betters the shapes of elastic joints and delays, which the rest of the model has a part in.
   void tune();
   /// Candidates for one more effect, judged: those of the joints asked for and those of the whole arm.

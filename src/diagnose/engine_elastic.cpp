@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "arm_search.hpp"
 #include "deflection.hpp"
 #include "engine.hpp"
 #include "heft/host/parallel.hpp"
@@ -135,6 +136,19 @@ void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const
       put(one.value, one.rate, one.acceleration);
     }
   }
+}
+
+std::vector<int> Engine::remove_impossible_motors() {
+  std::vector<std::size_t> found;
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    if (accepted[e].has_motor() && coefficients(e)[0] < 0.0) found.push_back(e);
+  }
+  std::vector<int> joints;
+  for (const std::size_t e : found) {
+    remove_motor(accepted[e].columns);
+    joints.push_back(accepted[e].joint);
+  }
+  return joints;
 }
 
 }  // namespace heft::diagnose

@@ -192,7 +192,9 @@ const Candidate* Search::best_of(std::vector<Candidate>& pool, const Rules::Roun
 void Search::tune() {
   model().tune();
   if (find_motors()) model().tune();
-  if (remove_impossible_motors()) model().tune();
+  const std::vector<int> impossible = model().remove_impossible_motors();
+  for (const int joint : impossible) trace(fmt::format("motor of joint {} would be negative: removed", joint + 1));
+  if (!impossible.empty()) model().tune();
 }
 
 /// @return whether there are more motors than before
@@ -212,20 +214,6 @@ bool Search::find_motors() {
     trace(fmt::format("motor of joint {}: {:.3g}", spring.joint + 1, trial.coefficients[0]));
     model().put(e, std::move(spring));
     model().build();
-    found = true;
-  }
-  return found;
-}
-
-/// @return whether there are fewer motors than before
-bool Search::remove_impossible_motors() {
-  bool found = false;
-  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
-    Candidate spring = engine().accepted[e];
-    if (!spring.has_motor() || engine().coefficients(e)[0] >= 0.0) continue;
-    trace(fmt::format("motor of joint {}: {:.3g}, removed", spring.joint + 1, engine().coefficients(e)[0]));
-    remove_motor(spring.columns);
-    model().put(e, std::move(spring));
     found = true;
   }
   return found;

@@ -76,7 +76,6 @@ class Search {
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
   void tune();
   bool find_motors();
-  bool remove_impossible_motors();
   void take(const Candidate& candidate);
   void find_memory_again(int joint);
   void refuse(const Candidate& c, const std::string& why);

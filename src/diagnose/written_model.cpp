@@ -150,6 +150,8 @@ std::unique_ptr<Engine> WrittenModel::built(const std::vector<bool>& kept, doubl
   std::unique_ptr<Engine> engine = identified_.with_effects(search_.engine(), kept);
   if (weight > 0.0) engine->anchor(identified_.beta, anchored(*engine), weight);
   engine->build();
+  // Other masses than the search's ask for other motors.
+  while (!engine->remove_impossible_motors().empty()) engine->build();
   return engine;
 }
 

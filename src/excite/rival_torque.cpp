@@ -20,7 +20,7 @@ constexpr double kSignWidth = 0.005;
 
 double value_of(const Rival& rival, std::string_view name, double otherwise) {
   for (const auto& [key, value] : rival.parameters) {
-    if (key == name) return value;
+    if (key == name && std::isfinite(value)) return value;
   }
   return otherwise;
 }

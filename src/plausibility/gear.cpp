@@ -19,8 +19,8 @@ const std::vector<GearRange>& strain_wave_ranges() {
 
 GearCheck check_gear(EffectKind effect, const std::vector<std::pair<std::string, double>>& parameters,
                      const model::RobotJoint& joint) {
-  GearCheck check;
-  if (joint.joint.type != JointType::kRevolute) return check;
+  std::string plausible, implausible;
+  if (joint.joint.type != JointType::kRevolute) return {};
   for (const GearRange& range : strain_wave_ranges()) {
     if (effect.id() != range.effect) continue;
     const bool sized = std::isfinite(joint.effort_limit) && joint.effort_limit > 0.0;
@@ -31,17 +31,15 @@ GearCheck check_gear(EffectKind effect, const std::vector<std::pair<std::string,
       const bool within = value >= range.low * size && value <= range.high * size;
       const EffectParameter* unit = effect.parameter(name);
       const std::string in = unit == nullptr || unit->unit == "1" ? "" : " " + std::string(unit->unit);
-      if (!check.words.empty()) check.words += "; ";
-      check.words += fmt::format("{} {:.3g}{}, of strain-wave joints of this size {:.2g} to {:.2g} ({})",
-                                 name, value, in, range.low * size, range.high * size, range.source);
-      if (!within) {
-        check.outcome = GearCheck::Outcome::kImplausible;
-      } else if (check.outcome == GearCheck::Outcome::kUnknown) {
-        check.outcome = GearCheck::Outcome::kPlausible;
-      }
+      std::string& words = within ? plausible : implausible;
+      if (!words.empty()) words += "; ";
+      words += fmt::format("{} {:.3g}{}, of strain-wave joints of this size {:.2g} to {:.2g} ({})", name, value, in,
+                           range.low * size, range.high * size, range.source);
     }
   }
-  return check;
+  if (!implausible.empty()) return {GearCheck::Outcome::kImplausible, implausible};
+  if (!plausible.empty()) return {GearCheck::Outcome::kPlausible, plausible};
+  return {};
 }
 
 }  // namespace heft::plausibility

@@ -1,5 +1,6 @@
 #include "effect_words.hpp"
 
+#include <cmath>
 #include <filesystem>
 #include <vector>
 
@@ -168,8 +169,9 @@ std::string parameters_in_words(const Finding& finding, const model::Robot& robo
     }
     if (vector && key.starts_with("com_")) continue;
     const std::string unit = unit_of(finding.effect, key, prismatic);
-    parts.push_back(
-        fmt::format("{} {}{}{}", key, short_number(value), unit.empty() || unit == "°" ? "" : " ", unit));
+    parts.push_back(std::isfinite(value)
+                        ? fmt::format("{} {}{}{}", key, short_number(value), unit.empty() || unit == "°" ? "" : " ", unit)
+                        : fmt::format("{} not determined", key));
   }
   for (const auto& [key, value] : finding.words) parts.push_back(fmt::format("{} {}", key, value));
   if (finding.displacement == Displacement::kVelocity) parts.push_back("by the velocity as logged");

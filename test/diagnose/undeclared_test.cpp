@@ -22,7 +22,11 @@ namespace {
 using test::UndeclaredCase;
 using test::UndeclaredEffect;
 
-Diagnosis diagnosed(const UndeclaredCase& c) { return diagnose(c.robot, {c.train}, {c.validate}); }
+Diagnosis diagnosed(const UndeclaredCase& c) {
+  Diagnosis d = diagnose(c.robot, {c.train}, {c.validate});
+  for (const Elasticity<double>& e : d.after.elasticities) EXPECT_GE(e.motor_inertia, 0.0) << "joint " << e.joint + 1;
+  return d;
+}
 
 bool names(const Finding& finding, const UndeclaredEffect& effect) {
   if (finding.effect.id() != effect.kind) return false;

@@ -346,6 +346,10 @@ TEST(Gear, KnowsWhatAStrainWaveJointOfThatSizeCanBeLike) {
   EXPECT_EQ(stiffness(2.9e4), Outcome::kPlausible);  // and K3
   EXPECT_EQ(stiffness(500.0), Outcome::kImplausible);
   EXPECT_EQ(stiffness(5e5), Outcome::kImplausible);
+  const GearCheck soft = check_gear(ElasticJoint{}, {{"stiffness", 500.0}, {"motor_inertia", 0.5}}, joint);
+  EXPECT_THAT(soft.words, testing::AllOf(HasSubstr("stiffness 500"), testing::Not(HasSubstr("motor_inertia"))));
+  EXPECT_THAT(check_gear(ElasticJoint{}, {{"stiffness", 1.6e4}, {"motor_inertia", 0.5}}, joint).words,
+              testing::AllOf(HasSubstr("stiffness"), HasSubstr("motor_inertia")));
   EXPECT_EQ(check_gear(LoadFriction{}, {{"mu", 0.9}}, joint).outcome, Outcome::kImplausible);
   EXPECT_EQ(check_gear(Delay{}, {{"delay", 0.9}}, joint).outcome, Outcome::kUnknown);
   joint.effort_limit = std::numeric_limits<double>::infinity();

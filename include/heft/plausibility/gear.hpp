@@ -36,8 +36,9 @@ struct GearCheck {
   Outcome outcome{
       Outcome::
           kUnknown};  ///< kUnknown: no range for this effect, or the joint's largest torque is not stated
-  std::string
-      words;  ///< "stiffness 9000 N·m/rad, of strain-wave joints of this size 1600 to 4.5e4"; empty: unknown
+  /// "stiffness 9000 N·m/rad, of strain-wave joints of this size 1600 to 4.5e4"; of an implausible effect what is outside
+  /// its range alone; empty: unknown.
+  std::string words;
 };
 
 /// @param parameters  by the names of the effect's kParameters, SI

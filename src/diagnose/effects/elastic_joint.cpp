@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -334,8 +335,9 @@ void apply_spring(const Candidate& effect, const VectorXd& c, model::Robot& robo
 }
 
 void describe_spring(const Candidate& effect, const VectorXd& c, const model::Robot&, Finding& finding) {
-  finding.parameters = {
-      {"stiffness", effect.shape}, {"damping", effect.second}, {"motor_inertia", c.size() > 0 ? c[0] : 0.0}};
+  // Without a number of its own the motor's inertia is part of the link's.
+  const double motor = c.size() > 0 ? c[0] : std::numeric_limits<double>::quiet_NaN();
+  finding.parameters = {{"stiffness", effect.shape}, {"damping", effect.second}, {"motor_inertia", motor}};
 }
 
 }  // namespace
