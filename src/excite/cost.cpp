@@ -1,5 +1,7 @@
 /// What a motion reveals, as a number to make small, with its exact gradient (excitation.md).
+#include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -8,6 +10,7 @@
 #include "design_impl.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/numbers.hpp"
+#include "heft/host/parallel.hpp"
 
 namespace heft::excite {
 namespace {
@@ -277,16 +280,26 @@ bool ExcitationDesign::Impl::space_barrier(const Samples& at, double barrier, bo
   const Index rows = at.q.rows();
   const double share = 1.0 / static_cast<double>(rows);
   by_q = by_qd = MatrixXd::Zero(rows, n());
-  VectorXd gradient_q = VectorXd::Zero(n()), gradient_qd = VectorXd::Zero(n());
-  SpaceBarrier instant(bounds);
-  double logs = 0.0;
-  for (Index i = 0; i < rows; ++i) {
-    if (!instant.evaluate(at.q.row(i), at.qd.row(i), with_gradient, logs, gradient_q, gradient_qd))
-      return false;
-    if (!with_gradient) continue;
-    by_q.row(i) = barrier * share * gradient_q;
-    by_qd.row(i) = barrier * share * gradient_qd;
-  }
+  VectorXd log_slack = VectorXd::Zero(rows);
+  std::atomic<bool> inside{true};
+  constexpr Index kPiece = 32;  // rows of a job
+  host::for_each_parallel(static_cast<std::size_t>((rows + kPiece - 1) / kPiece), [&](std::size_t piece) {
+    VectorXd gradient_q = VectorXd::Zero(n()), gradient_qd = VectorXd::Zero(n());
+    SpaceBarrier instant(bounds);
+    const Index from = static_cast<Index>(piece) * kPiece;
+    for (Index i = from; i < std::min(rows, from + kPiece) && inside; ++i) {
+      if (!instant.evaluate(at.q.row(i), at.qd.row(i), with_gradient, log_slack[i], gradient_q, gradient_qd)) {
+        inside = false;
+        return;
+      }
+      if (!with_gradient) continue;
+      by_q.row(i) = barrier * share * gradient_q;
+      by_qd.row(i) = barrier * share * gradient_qd;
+    }
+  });
+  if (!inside) return false;
+  double logs = 0.0;  // row by row, so that the sum is the same on any number of threads
+  for (Index i = 0; i < rows; ++i) logs += log_slack[i];
   sum += share * logs;
   return true;
 }

@@ -8,6 +8,7 @@
 #include <limits>
 #include <mutex>
 #include <numeric>
+#include <optional>
 #include <thread>
 
 #include <ceres/gradient_problem.h>
@@ -131,7 +132,8 @@ void minimise(const ExcitationDesign::Impl& design, Search& search, double barri
   }
 }
 
-/// job(0) .. job(count − 1) on so many threads; `watch` is called meanwhile from the calling one.
+/// job(0) .. job(count − 1) on so many threads; `watch` is called meanwhile from the calling one. Parallel work of a job stays on
+/// its thread, but for the last one where the others have none left.
 void in_parallel(int count, int threads, const std::function<void(int)>& job,
                  const std::function<void()>& watch) {
   std::atomic<int> next{0}, done{0};
@@ -139,6 +141,8 @@ void in_parallel(int count, int threads, const std::function<void(int)>& job,
   std::mutex guard;
   const auto work = [&] {
     for (int i = next++; i < count; i = next++) {
+      std::optional<host::OnThisThread> alone;
+      if (i + 1 < count || count % threads != 1) alone.emplace();
       try {
         job(i);
       } catch (...) {

@@ -30,19 +30,19 @@ inline bool& within_parallel() {
   return within;
 }
 
-/// Marks the calling thread for as long as it lives.
-class Within {
+}  // namespace detail
+
+/// For as long as it lives, parallel work that its thread starts stays on that thread.
+class OnThisThread {
  public:
-  Within() : before_(std::exchange(within_parallel(), true)) {}
-  ~Within() { within_parallel() = before_; }
-  Within(const Within&) = delete;
-  Within& operator=(const Within&) = delete;
+  OnThisThread() : before_(std::exchange(detail::within_parallel(), true)) {}
+  ~OnThisThread() { detail::within_parallel() = before_; }
+  OnThisThread(const OnThisThread&) = delete;
+  OnThisThread& operator=(const OnThisThread&) = delete;
 
  private:
   bool before_;
 };
-
-}  // namespace detail
 
 /// Sets on how many threads all parallel work of this process runs from now on; 0: as many as there are processors.
 inline void set_threads(std::size_t threads) { detail::threads_asked_for() = threads; }
@@ -70,7 +70,7 @@ inline void for_each_parallel(std::size_t count, const std::function<void(std::s
   std::exception_ptr failure;
   std::mutex guard;
   const auto work = [&] {
-    const detail::Within within;
+    const OnThisThread part;
     for (std::size_t i = next++; i < count && !failed; i = next++) {
       try {
         job(i);
@@ -117,7 +117,7 @@ void for_each_in_order(std::size_t most_threads, const Next& next, const Work& w
   std::atomic<bool> failed{false};
   std::exception_ptr failure, end_failure;  // guarded by sink, source
   const auto run = [&] {
-    const detail::Within within;
+    const OnThisThread part;
     for (;;) {
       Item item;
       std::size_t number = 0;

@@ -30,7 +30,7 @@ class SimulationError : public NotIdentifiableError {
 /// How the equations of motion are integrated.
 enum class SolverMethod {
   /// Runge-Kutta for an arm under a digital controller without anything stiff (elastic joints, a smooth sign, a gear coupling with
-  /// friction, a joint that its viscous friction brakes in less than half a sample), Adams for all others.
+  /// friction, a joint that its viscous friction brakes in less than a fiftieth of a sample), Adams for all others.
   kAutomatic,
   kAdams,      ///< Adams-Moulton with fixed-point iteration, CVODE: for everything that is not stiff
   kBdf,        ///< backward differences with Newton and a dense Jacobian, CVODE: smooth sign, stiff springs
