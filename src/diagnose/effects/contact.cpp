@@ -28,7 +28,9 @@ constexpr double kTouch = 1000.0;
 constexpr double kOneForce = 0.6;
 /// A touch is alone. Where the next stretch comes to a third of it, something else is wrong all along.
 constexpr double kAlone = 3.0;
-constexpr int kMostTouches = 6;
+/// What is this many times as far above all the rest, and one force to this part, need not be far above friction.
+constexpr double kFarAlone = 8.0, kClear = 100.0, kAlmostOneForce = 0.9;
+constexpr std::size_t kMostTouches = 5;
 /// Where runs without a touch show what friction and a rough model leave, a touch need not stand so far above it: beyond
 /// this many times their largest statistic, not by chance, and with this share by one force.
 constexpr double kAboveFreeRuns = 2.0, kUnlikely = 1e-3, kOneForceBesideFreeRuns = 0.45;
@@ -114,26 +116,29 @@ std::pair<Index, Index> with_margin(const Touch& touch, const ForceSums& sums) {
   return {std::max<Index>(0, touch.first - margin), touch.first + touch.count + margin};
 }
 
-/// Touches of a log by itself, the clearest first.
+/// Touches of a log by itself: as many of the clearest stretches as stand out from the rest.
 /// @param first  its best_touch()
 std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
-  std::vector<Touch> touches;
+  std::vector<Touch> found;  // and the one after them
   std::vector<std::pair<Index, Index>> taken;
-  double next = 0.0;
-  for (int event = 0; event < kMostTouches; ++event) {
-    const Touch best = taken.empty() ? first : best_touch(sums, taken);
-    if (best.count == 0) break;
-    next = best.statistic;
-    if (best.statistic < kTouch || best.share < kOneForce) break;
-    taken.push_back(with_margin(best, sums));
-    if (event < kMostTouches - 1) next = 0.0;
-    touches.push_back(best);
+  while (found.size() <= kMostTouches) {
+    found.push_back(taken.empty() ? first : best_touch(sums, taken));
+    const Touch& last = found.back();
+    if (last.count == 0 || last.statistic < kClear || last.share < kOneForce) break;
+    taken.push_back(with_margin(last, sums));
   }
-  while (!touches.empty() && touches.back().statistic < kAlone * next) {
-    next = touches.back().statistic;
-    touches.pop_back();
+  while (found.size() > 1) {
+    const double next = found.back().statistic;
+    found.pop_back();
+    double least = found.front().statistic, share = found.front().share;
+    for (const Touch& touch : found) {
+      least = std::min(least, touch.statistic);
+      share = std::min(share, touch.share);
+    }
+    if (least >= kTouch && least >= kAlone * next) return found;
+    if (least >= kClear && least >= kFarAlone * next && share >= kAlmostOneForce) return found;
   }
-  return touches;
+  return {};
 }
 
 /// Touches of each log beside the others. Runs of which no stretch is unlikely are free: they set how far above the rest
