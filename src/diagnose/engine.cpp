@@ -39,6 +39,21 @@ Motion delayed(const MotionTable& table, double delay) {
   return motion;
 }
 
+/// Leaves out rows that follow others that are out. A late torque channel shows a change of direction late, and what friction does
+/// there that the model does not know would pull the delay to where those rows are out.
+/// @param rows  how many
+void leave_out_after(const MotionTable& table, Index rows, MatrixXd& keep) {
+  for (Index j = 0; j < keep.cols(); ++j) {
+    for (std::size_t run = 0; run + 1 < table.run_begin.size(); ++run) {
+      Index since = rows;
+      for (Index i = table.run_begin[run]; i < table.run_begin[run + 1]; ++i) {
+        since = keep(i, j) > 0.0 ? since + 1 : 0;
+        if (since > 0 && since <= rows) keep(i, j) = 0.0;
+      }
+    }
+  }
+}
+
 }  // namespace
 
 Engine::Engine(std::shared_ptr<const BaseModel> base, std::shared_ptr<const MotionTable> table,
@@ -108,7 +123,10 @@ void Engine::build() {
     if (e.has_memory()) count_standing(e.joint);
   }
   for (const Candidate& e : accepted) {
-    if (e.effect.is<Delay>()) delay += e.shape;
+    if (e.effect.is<Delay>()) {
+      delay += e.shape;
+      leave_out_after(table_, static_cast<Index>(std::ceil(e.second * table_.sample_rate)), keep);
+    }
     elastic = elastic || e.is_elastic();
     for (std::size_t k = 0; k < e.events.size(); ++k) {
       const auto run = static_cast<std::size_t>(e.event_runs[k]);

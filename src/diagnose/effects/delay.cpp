@@ -35,6 +35,13 @@ bool smooth_part_is_late(const Workbench& bench, double delay) {
   return trial.valid && trial.cv_t > 0.0 && trial.coefficients[0] >= kLeastShare;
 }
 
+/// Time after a change of direction whose rows say nothing about a delay of about this size [s]; it stays the same while the delay
+/// is tuned.
+double delay_reach(double delay) {
+  constexpr double kTimes = 2.0, kLeast = 0.004;
+  return kTimes * delay + kLeast;
+}
+
 std::vector<Candidate> propose_delay(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(Delay{});
   const MatrixXd predicted = bench.base->torque(*bench.rows, bench.problem->theta());
@@ -59,6 +66,7 @@ std::vector<Candidate> propose_delay(const Workbench& bench, const std::vector<b
     if (std::abs(next - best) < 2e-5 || std::abs(next) < 1e-4) break;
     best = next;
   }
+  c.second = delay_reach(c.shape);
   if (c.trial.valid && c.shape * c.trial.coefficients[0] < 0.0) {
     c.refused = "the torque would lead the motion";
   } else if (c.trial.valid && !smooth_part_is_late(bench, c.shape)) {
