@@ -54,6 +54,8 @@ class Search {
   /// Goes on with another model.
   void take_over(std::unique_ptr<Engine> engine);
   void take_out(std::size_t effect, const std::string& why);
+  /// Takes rotor inertia and offset of a joint that nothing speaks against: what stood in their place is out.
+  void take_rotor_and_offset(int joint);
 
   /// Refusals that count, each once, those that would explain most first.
   std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;

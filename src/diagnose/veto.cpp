@@ -210,8 +210,10 @@ void reject_needless(Search& search, const Identified& identified) {
       if (own.has_motor() && own.replaces < 0) remove_motor(own.columns);
       own.stale = true;
       without->judge_again(own);
-      if (!own.trial.valid) own.trial.cv_gain = own.trial.cv_t = 0.0;
-      if (own.trial.cv_t > kSteadyGain) return;
+      if (own.trial.valid && own.trial.cv_t > kSteadyGain) return;
+      // This base explains a part of it, as masses and a rotor explain the constant part of a spring that weight acts along:
+      // what the rest does the fits with it and without it say.
+      if (!own.trial.valid) own.trial.cv_gain = accepted[e].trial.cv_gain, own.trial.cv_t = kSteadyGain;
       found[e] = Doubtful{e, own.trial.cv_gain, own.trial.cv_t, error(*without)};
     });
     std::erase_if(found, [](const auto& one) { return !one.has_value(); });
@@ -227,8 +229,10 @@ void reject_needless(Search& search, const Identified& identified) {
     const auto least = std::min_element(found.begin(), found.end(),
                                         [](const auto& a, const auto& b) { return a->gain < b->gain; });
     if (least == found.end()) return;
+    const int joint = accepted[(*least)->effect].joint;
     search.take_out((*least)->effect,
                     "rotor inertia and offsets, which the identified model has anyway, explain it as well");
+    if (joint >= 0) search.take_rotor_and_offset(joint);
   }
 }
 

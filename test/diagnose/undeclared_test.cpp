@@ -179,11 +179,11 @@ TEST(FlippedJoint, ComesFirstAndNoEffectIsSoughtInIt) {
 
 // Two at once ----------------------------------------------------------------------------------------------
 
-class TwoEffects : public testing::TestWithParam<std::tuple<std::string, std::string>> {};
+class TwoEffects : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
 
 TEST_P(TwoEffects, AreBothNamed) {
-  const auto& [kinds, arm] = GetParam();
-  const UndeclaredCase c = test::make_undeclared_case(kinds, arm, 1);
+  const auto& [kinds, arm, seed] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case(kinds, arm, seed);
   const Diagnosis d = diagnosed(c);
   for (const UndeclaredEffect& effect : c.effects) {
     EXPECT_TRUE(
@@ -194,15 +194,29 @@ TEST_P(TwoEffects, AreBothNamed) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
-                         testing::Values(std::tuple{"base_tilt+ripple", "scara4"},
-                                         std::tuple{"hysteresis+delay", "arm6"},
-                                         std::tuple{"wrist_coupling+offset", "arm6"},
-                                         std::tuple{"payload_change+ripple", "arm7"}),
+                         testing::Values(std::tuple{"base_tilt+ripple", "scara4", 1},
+                                         std::tuple{"hysteresis+delay", "arm6", 1},
+                                         std::tuple{"wrist_coupling+offset", "arm6", 1},
+                                         std::tuple{"payload_change+ripple", "arm7", 1},
+                                         // Three pushes as clear as each other, far above all else.
+                                         std::tuple{"contact+payload_change", "scara4", 31},
+                                         // Weight acts along the spring: masses and a rotor explain its constant part.
+                                         std::tuple{"payload_change+spring", "scara4", 31},
+                                         // A delay taken too short leaves hysteresis in joint 1.
+                                         std::tuple{"delay+rotor_inertia", "arm6", 31}),
                          [](const auto& p) {
                            std::string name = std::string(std::get<0>(p.param)) + "_" + std::get<1>(p.param);
                            std::replace(name.begin(), name.end(), '+', '_');
                            return name;
                          });
+
+TEST(LateTorque, IsMeasuredAwayFromTheChangesOfDirectionThatItShowsLate) {
+  const UndeclaredCase c = test::make_undeclared_case("delay", "arm6", 65);
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), 1U) << said(d);
+  const double delay = c.effects.front().parameters.at("delay");
+  EXPECT_NEAR(d.findings.front().parameters[0].second, delay, 0.04 * delay);
+}
 
 // Springs --------------------------------------------------------------------------------------------------
 
