@@ -1,5 +1,5 @@
 /// @file
-/// How far an elastic joint gives along a motion.
+/// How far elastic joints give along a motion.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,24 +8,13 @@
 
 namespace heft::diagnose {
 
-/// Deflection e = θ - x of one joint and its derivatives, m each.
-struct Deflection {
-  Eigen::VectorXd value, rate, acceleration;
-};
-
-/// Solves M(t) ë + D ė + K e = load(t) row by row from static equilibrium: e follows from torques that a motion
-/// asks for, without differentiating them.
-/// @param load     rigid-body torque of the joint at the motor's motion, m [N·m]
-/// @param inertia  M_jj along the motion, m, positive
-Deflection deflection(const MotionTable& table, const Eigen::VectorXd& load, const Eigen::VectorXd& inertia,
-                      double stiffness, double damping);
-
-/// Deflections of k joints and their derivatives, m × k each.
+/// Deflections e = θ - x of k joints and their derivatives, m × k each.
 struct Deflections {
   Eigen::MatrixXd value, rate, acceleration;
 };
 
-/// The same of k elastic joints at once: M(t) ë + D ė + K e = load(t) with what their links share of the inertia.
+/// Solves M(t) ë + D ė + K e = load(t) row by row from static equilibrium, with what the links of the joints share of the inertia:
+/// e follows from torques that a motion asks for, without differentiating them.
 /// @param load       rigid-body torque of each at the motors' motion, m × k [N·m]
 /// @param inertia    M along the motion by its lower part, m × k²: entry (a, b) in column a k + b
 /// @param stiffness, damping  k [N·m/rad, N·m·s/rad]

@@ -132,7 +132,7 @@ void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const
     if (all.value.rows() > 0) {
       put(all.value.col(a), all.rate.col(a), all.acceleration.col(a));
     } else {  // the fitted masses are physically impossible together
-      const Deflection one = deflection(table_, by.load.col(a), own, e.shape, e.second);
+      const Deflections one = deflections(table_, by.load.col(a), own, stiffness.segment(a, 1), damping.segment(a, 1));
       put(one.value, one.rate, one.acceleration);
     }
   }

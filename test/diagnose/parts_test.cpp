@@ -43,16 +43,17 @@ MotionTable even_table(Index rows, int joints, double rate, int blocks) {
   return table;
 }
 
-TEST(Deflection, FollowsTheResonanceOfALinearOscillator) {
+TEST(Deflections, FollowTheResonanceOfALinearOscillator) {
   // M ë + D ė + K e = sin(w t) has the steady amplitude 1 / |K - M w² + i D w|.
   const MotionTable table = even_table(20000, 1, 1000.0, 8);
   const double M = 2.0, K = 5000.0, D = 30.0, w = 2.0 * std::numbers::pi * 5.0;
   VectorXd load(table.rows());
   for (Index i = 0; i < table.rows(); ++i) load[i] = std::sin(w * table.time[i]);
-  const Deflection e = deflection(table, load, VectorXd::Constant(table.rows(), M), K, D);
+  const Deflections e =
+      deflections(table, load, VectorXd::Constant(table.rows(), M), VectorXd::Constant(1, K), VectorXd::Constant(1, D));
   const double amplitude = 1.0 / std::hypot(K - M * w * w, D * w);
-  EXPECT_NEAR(e.value.tail(4000).maxCoeff(), amplitude, 2e-3 * amplitude);
-  EXPECT_NEAR(e.acceleration.tail(4000).maxCoeff(), w * w * amplitude, 4e-3 * w * w * amplitude);
+  EXPECT_NEAR(e.value.bottomRows(4000).maxCoeff(), amplitude, 2e-3 * amplitude);
+  EXPECT_NEAR(e.acceleration.bottomRows(4000).maxCoeff(), w * w * amplitude, 4e-3 * w * w * amplitude);
 }
 
 /// M, by its lower part, in every row.
@@ -94,7 +95,7 @@ TEST(Deflections, WithoutSharedInertiaAreThoseOfEachJoint) {
   for (Index i = 0; i < table.rows(); ++i) load.row(i) << std::sin(20.0 * table.time[i]), std::cos(50.0 * table.time[i]);
   const Deflections both = deflections(table, load, even_inertia(table, M.asDiagonal()), K, D);
   for (Index j = 0; j < 2; ++j) {
-    const Deflection one = deflection(table, load.col(j), VectorXd::Constant(table.rows(), M[j]), K[j], D[j]);
+    const Deflections one = deflections(table, load.col(j), VectorXd::Constant(table.rows(), M[j]), K.segment(j, 1), D.segment(j, 1));
     EXPECT_TRUE(both.value.col(j).isApprox(one.value, 1e-12)) << "joint " << j + 1;
     EXPECT_TRUE(both.rate.col(j).isApprox(one.rate, 1e-12)) << "joint " << j + 1;
     EXPECT_TRUE(both.acceleration.col(j).isApprox(one.acceleration, 1e-12)) << "joint " << j + 1;

@@ -203,7 +203,9 @@ INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
                                          // Weight acts along the spring: masses and a rotor explain its constant part.
                                          std::tuple{"payload_change+spring", "scara4", 31},
                                          // A delay taken too short leaves hysteresis in joint 1.
-                                         std::tuple{"delay+rotor_inertia", "arm6", 31}),
+                                         std::tuple{"delay+rotor_inertia", "arm6", 31},
+                                         // First taken for a second spring.
+                                         std::tuple{"elasticity+rotor_inertia", "arm7", 32}),
                          [](const auto& p) {
                            std::string name = std::string(std::get<0>(p.param)) + "_" + std::get<1>(p.param);
                            std::replace(name.begin(), name.end(), '+', '_');
