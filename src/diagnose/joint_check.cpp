@@ -11,14 +11,28 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+namespace {
+
+void append(const MatrixXd& values, int joint, Problem& problem) {
+  Columns columns;
+  columns.joints = {joint};
+  columns.values = {values};
+  problem.append(columns);
+}
+
+/// Whether a spring about the joint is all that stands between its rows and those of the others.
+bool is_pulled_by_spring(const Problem& problem, const MotionTable& table, int joint) {
+  Problem with(problem);
+  append(table.q.col(joint), joint, with);
+  with.reweight();
+  return with.noise()[joint] < kTimesAloneWithSpring * with.noise_alone()[joint];
+}
+
+}  // namespace
+
 std::vector<NotExplained> not_explained(const Problem& fitted, const MotionTable& table) {
   Problem problem(fitted);
-  for (int j = 0; j < table.num_joints; ++j) {
-    Columns offset;
-    offset.joints = {j};
-    offset.values = {MatrixXd::Ones(table.rows(), 1)};
-    problem.append(offset);
-  }
+  for (int j = 0; j < table.num_joints; ++j) append(MatrixXd::Ones(table.rows(), 1), j, problem);
   problem.reweight();
   const VectorXd together = problem.noise(), alone = problem.noise_alone();
   const VectorXd noise = white_noise(table, fitted.keep(), problem.residual());
@@ -36,7 +50,7 @@ std::vector<NotExplained> not_explained(const Problem& fitted, const MotionTable
     const double explained = 1.0 - (square - white) / (variance - white);
     const double contradicted = (square - alone[j] * alone[j]) / variance;
     const bool contradicts = contradicted >= kContradicts && together[j] >= kTimesAlone * alone[j];
-    if (explained >= kExplainsNothing && !contradicts) continue;
+    if (explained >= kExplainsNothing && (!contradicts || is_pulled_by_spring(problem, table, j))) continue;
     found.push_back(
         {j, together[j], alone[j], std::sqrt(square / variance), together[j] / largest, contradicts});
   }

@@ -177,6 +177,14 @@ TEST(FlippedJoint, ComesFirstAndNoEffectIsSoughtInIt) {
       << judgement.reasons.front();
 }
 
+TEST(SpringOfAnElbow, IsNotTakenForAJointThatContradictsTheArm) {
+  const UndeclaredCase c = test::make_undeclared_case("spring", "arm7", 52);
+  const Diagnosis d = diagnosed(c);
+  EXPECT_TRUE(d.not_explained.empty());
+  ASSERT_EQ(d.findings.size(), 1U) << said(d);
+  EXPECT_TRUE(names(d.findings.front(), c.effects.front())) << said(d);
+}
+
 // Two at once ----------------------------------------------------------------------------------------------
 
 class TwoEffects : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
