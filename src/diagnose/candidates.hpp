@@ -40,7 +40,9 @@ struct Candidate {
   double at_turns{0.0};      ///< part of its gain in rows where its joint turns back, see turns_that_matter()
   std::vector<int> entries;  ///< payload change: inertial parameters that the coefficients are
   GearCoupling<double> pair;  ///< wrist coupling, cable: which joints, and the ratio
-  double second{0.0};         ///< another shape (damping; next to a first memory: that one's distance; delay: see delay_reach())
+  /// Another shape: damping; next to a first memory that one's distance; of a delay the time after a change of direction whose
+  /// rows do not count [s].
+  double second{0.0};
   double inertia{0.0};        ///< elastic joint: mean of M_jj that stiffness and damping go with
   double level{0.0};          ///< friction that it makes up in the last fit [N·m, N]
   Displacement displacement{Displacement::kPosition};  ///< that its memory goes by

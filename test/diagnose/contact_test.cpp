@@ -21,7 +21,7 @@ ForceSums noise_of(unsigned seed, Index bins, double memory, double push = 0.0) 
   std::mt19937 random(seed);
   std::normal_distribution<double> draw(0.0, 1.0);
   const auto three = [&] { return Vector3d(draw(random), draw(random), draw(random)); };
-  ForceSums sums{kBin, {Matrix3d::Zero()}, {Vector3d::Zero()}, {0.0}};
+  ForceSums sums{kBin, {Matrix3d::Zero()}, {Vector3d::Zero()}, {0.0}, {}};
   Vector3d state = three();
   for (Index b = 0; b < bins; ++b) {
     state = memory * state + std::sqrt(1.0 - memory * memory) * three();

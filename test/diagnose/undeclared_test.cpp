@@ -207,7 +207,7 @@ INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
                                          std::tuple{"wrist_coupling+offset", "arm6", 1},
                                          std::tuple{"payload_change+ripple", "arm7", 1},
                                          // Three pushes as clear as each other, far above all else.
-                                         std::tuple{"contact+payload_change", "scara4", 31},
+                                         std::tuple{"base_tilt+contact", "arm6", 31},
                                          // Weight acts along the spring: masses and a rotor explain its constant part.
                                          std::tuple{"payload_change+spring", "scara4", 31},
                                          // A delay taken too short leaves hysteresis in joint 1.

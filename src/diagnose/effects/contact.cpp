@@ -28,8 +28,9 @@ constexpr double kTouch = 1000.0;
 constexpr double kOneForce = 0.6;
 /// A touch is alone. Where the next stretch comes to a third of it, something else is wrong all along.
 constexpr double kAlone = 3.0;
-/// What is this many times as far above all the rest, and one force to this part, need not be far above friction.
-constexpr double kFarAlone = 8.0, kClear = 100.0, kAlmostOneForce = 0.9;
+/// What is this many times as far above all the rest, and one force to this part, need not be far above friction: where so many
+/// joints move, as the three components of a force explain whatever few joints do.
+constexpr double kFarAlone = 8.0, kClear = 100.0, kAlmostOneForce = 0.9, kTellingJoints = 4.5;
 constexpr std::size_t kMostTouches = 5;
 /// Where runs without a touch show what friction and a rough model leave, a touch need not stand so far above it: beyond
 /// this many times their largest statistic, not by chance, and with this share by one force.
@@ -69,10 +70,12 @@ class BinnedLog {
     s.normal.assign(static_cast<std::size_t>(bins_) + 1, Matrix3d::Zero());
     s.right.assign(s.normal.size(), Vector3d::Zero());
     s.power.assign(s.normal.size(), 0.0);
+    s.joints = s.power;
     for (std::size_t b = 0; b < jacobians_.size(); ++b) {
       s.normal[b + 1] = s.normal[b];
       s.right[b + 1] = s.right[b];
       s.power[b + 1] = s.power[b];
+      s.joints[b + 1] = s.joints[b];
       const Index from = row_of(static_cast<Index>(b));
       for (int j = 0; j < bench_.table->num_joints; ++j) {
         const double w = bench_.problem->weight(j);
@@ -81,7 +84,9 @@ class BinnedLog {
         const auto J = jacobians_[b].col(j);
         s.normal[b + 1] += w * keep.sum() * J * J.transpose();
         s.right[b + 1] -= w * sum * J;
-        if (keep.sum() > 0.0) s.power[b + 1] += w * sum * sum / keep.sum();
+        if (!(keep.sum() > 0.0)) continue;
+        s.power[b + 1] += w * sum * sum / keep.sum();
+        s.joints[b + 1] += 1.0;
       }
     }
     return s;
@@ -116,6 +121,12 @@ std::pair<Index, Index> with_margin(const Touch& touch, const ForceSums& sums) {
   return {std::max<Index>(0, touch.first - margin), touch.first + touch.count + margin};
 }
 
+/// How many joints move, in the mean.
+double joints_in(const Touch& touch, const ForceSums& sums) {
+  const auto a = static_cast<std::size_t>(touch.first), b = static_cast<std::size_t>(touch.first + touch.count);
+  return (sums.joints[b] - sums.joints[a]) / static_cast<double>(touch.count);
+}
+
 /// Touches of a log by itself: as many of the clearest stretches as stand out from the rest.
 /// @param first  its best_touch()
 std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
@@ -130,13 +141,15 @@ std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
   while (found.size() > 1) {
     const double next = found.back().statistic;
     found.pop_back();
-    double least = found.front().statistic, share = found.front().share;
+    double least = found.front().statistic, share = found.front().share, joints = joints_in(found.front(), sums);
     for (const Touch& touch : found) {
       least = std::min(least, touch.statistic);
       share = std::min(share, touch.share);
+      joints = std::min(joints, joints_in(touch, sums));
     }
     if (least >= kTouch && least >= kAlone * next) return found;
-    if (least >= kClear && least >= kFarAlone * next && share >= kAlmostOneForce) return found;
+    const bool is_far = least >= kClear && least >= kFarAlone * next && share >= kAlmostOneForce;
+    if (is_far && joints >= kTellingJoints) return found;
   }
   return {};
 }

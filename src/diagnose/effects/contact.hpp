@@ -18,6 +18,7 @@ struct ForceSums {
   std::vector<Eigen::Matrix3d> normal;  ///< Σ J w Jᵀ of the bins before each, and of all: bins + 1
   std::vector<Eigen::Vector3d> right;   ///< the same of -J w r
   std::vector<double> power;  ///< the same of w (Σ r)² / rows: most that any force of a bin could explain
+  std::vector<double> joints;  ///< the same of how many joints move
   Eigen::Index bins() const { return static_cast<Eigen::Index>(normal.size()) - 1; }
 };
 
