@@ -74,8 +74,7 @@ page::Table moved_by_kind_table(const Diagnosis& diagnosis) {
     if (kinds.empty() || kinds.back().first != kind) kinds.emplace_back(kind, Group{});
     add(kinds.back().second, fmt::format("{}", finding->torque_joint + 1), *finding);
     if (gear_check(*finding, diagnosis.after).outcome == plausibility::GearCheck::Outcome::kImplausible)
-      doubts[kind] += fmt::format("{}{}", doubts[kind].empty() ? "unlike one in joint " : ", ",
-                                  finding->torque_joint + 1);
+      doubts[kind] += fmt::format("{}{}", doubts[kind].empty() ? "unlike one in joint " : ", ", finding->joint + 1);
   }
   for (const auto& [kind, group] : kinds) {
     table.add_row({kind, fmt::format("{}", fmt::join(group.members, ", ")), number(group.rms, 3),
