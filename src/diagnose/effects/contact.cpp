@@ -141,15 +141,13 @@ std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
   while (found.size() > 1) {
     const double next = found.back().statistic;
     found.pop_back();
-    double least = found.front().statistic, share = found.front().share, joints = joints_in(found.front(), sums);
-    for (const Touch& touch : found) {
-      least = std::min(least, touch.statistic);
-      share = std::min(share, touch.share);
-      joints = std::min(joints, joints_in(touch, sums));
-    }
-    if (least >= kTouch && least >= kAlone * next) return found;
-    const bool is_far = least >= kClear && least >= kFarAlone * next && share >= kAlmostOneForce;
-    if (is_far && joints >= kTellingJoints) return found;
+    const auto each_has = [&](double statistic, double share, double joints) {
+      return std::all_of(found.begin(), found.end(), [&](const Touch& touch) {
+        return touch.statistic >= statistic && touch.share >= share && joints_in(touch, sums) >= joints;
+      });
+    };
+    if (each_has(std::max(kTouch, kAlone * next), kOneForce, 0.0)) return found;
+    if (each_has(std::max(kClear, kFarAlone * next), kAlmostOneForce, kTellingJoints)) return found;
   }
   return {};
 }
