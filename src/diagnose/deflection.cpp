@@ -1,7 +1,11 @@
 #include "deflection.hpp"
 
+#include <algorithm>
+#include <type_traits>
+
 #include <Eigen/Cholesky>
 
+#include "heft/host/parallel.hpp"
 #include "heft/model/dynamics.hpp"
 
 namespace heft::diagnose {
@@ -15,6 +19,10 @@ template <int kJoints>
 constexpr int kMost = kJoints == Eigen::Dynamic ? model::kMaxJoints : kJoints;
 template <int kJoints>
 using Vector = Eigen::Matrix<double, kJoints, 1, 0, kMost<kJoints>, 1>;
+/// Of each joint and load.
+template <int kJoints, int kLoads>
+using Loads = Eigen::Array<double, kJoints, kLoads, kJoints == 1 && (kLoads > 1) ? Eigen::RowMajor : Eigen::ColMajor,
+                           kMost<kJoints>, kLoads>;
 template <int kJoints>
 using Matrix = Eigen::Matrix<double, kJoints, kJoints, 0, kMost<kJoints>, kMost<kJoints>>;
 
@@ -28,63 +36,126 @@ bool is_positive_definite(const Matrix<kJoints>& M) {
 
 /// M⁻¹ f. Of two joints, which a search tries most, by Cramer's rule: one division, where a decomposition takes two roots and
 /// four divisions.
-template <int kJoints>
-Vector<kJoints> solution(const Matrix<kJoints>& M, const Vector<kJoints>& f) {
+template <int kJoints, int kLoads>
+Loads<kJoints, kLoads> solution(const Matrix<kJoints>& M, const Loads<kJoints, kLoads>& f) {
   if constexpr (kJoints == 1) return f / M(0, 0);
   if constexpr (kJoints == 2) {
     const double inverse = 1.0 / (M(0, 0) * M(1, 1) - M(1, 0) * M(1, 0));
-    return {(M(1, 1) * f[0] - M(1, 0) * f[1]) * inverse, (M(0, 0) * f[1] - M(1, 0) * f[0]) * inverse};
+    Loads<kJoints, kLoads> x;
+    x.row(0) = (M(1, 1) * f.row(0) - M(1, 0) * f.row(1)) * inverse;
+    x.row(1) = (M(0, 0) * f.row(1) - M(1, 0) * f.row(0)) * inverse;
+    return x;
   }
-  if constexpr (kJoints == Eigen::Dynamic) return Eigen::LLT<Matrix<kJoints>>(M).solve(f);
+  if constexpr (kJoints == Eigen::Dynamic) return Eigen::LLT<Matrix<kJoints>>(M).solve(f.matrix()).array();
 }
 
+/// Newmark's average acceleration: no damping of its own, stable for any step.
+///   (M + h/2 D + h²/4 K) ë₁ = f₁ - D (ė₀ + h/2 ë₀) - K (e₀ + h ė₀ + h²/4 ë₀)
 /// @tparam kJoints  1, 2, or Eigen::Dynamic: any number
+/// @tparam kLoads   how many loads deflect the same joints, each for itself
+/// @param load  f of a row, k × kLoads
+/// @param put   takes a row with its e, ė, ë
+/// @return false: M is not positive definite in each row
+template <int kJoints, int kLoads, typename Load, typename Put>
+bool deflect(const MotionTable& table, const MatrixXd& inertia, const VectorXd& stiffness, const VectorXd& damping,
+             const Load& load, const Put& put) {
+  using State = Loads<kJoints, kLoads>;
+  const Index k = stiffness.size();
+  const double h = 1.0 / table.sample_rate;
+  const Vector<kJoints> ahead = 0.5 * h * damping + 0.25 * h * h * stiffness;
+  const State K = stiffness.replicate(1, kLoads), D = damping.replicate(1, kLoads);
+  State e = State::Zero(k, kLoads), v = e, a = e;
+  Matrix<kJoints> M(k, k);
+  std::size_t run = 0;
+  for (Index i = 0; i < table.rows(); ++i) {
+    for (Index r = 0; r < k; ++r) {
+      for (Index c = 0; c <= r; ++c) M(r, c) = inertia(i, r * k + c);
+    }
+    if (!is_positive_definite<kJoints>(M)) return false;
+    const State f = load(i);
+    if (run < table.run_begin.size() && table.run_begin[run] == i) {
+      ++run;
+      e = f / K;
+      v.setZero();
+      a.setZero();
+    } else {
+      M.diagonal() += ahead;
+      const State late = v + 0.5 * h * a, far = e + h * v + 0.25 * h * h * a;
+      a = solution<kJoints, kLoads>(M, f - D * late - K * far);
+      v = late + 0.5 * h * a;
+      e = far + 0.25 * h * h * a;
+    }
+    put(i, e, v, a);
+  }
+  return true;
+}
+
 template <int kJoints>
 Deflections deflections_of(const MotionTable& table, const MatrixXd& load, const MatrixXd& inertia, const VectorXd& stiffness,
                            const VectorXd& damping) {
   const Index m = table.rows(), k = load.cols();
-  const double h = 1.0 / table.sample_rate;
-  const Vector<kJoints> K = stiffness, D = damping, ahead = 0.5 * h * D + 0.25 * h * h * K;
   Deflections d{MatrixXd(m, k), MatrixXd(m, k), MatrixXd(m, k)};
-  Vector<kJoints> e, v, a;
-  Matrix<kJoints> M(k, k);
-  std::size_t run = 0;
-  for (Index i = 0; i < m; ++i) {
-    for (Index r = 0; r < k; ++r) {
-      for (Index c = 0; c <= r; ++c) M(r, c) = inertia(i, r * k + c);
-    }
-    if (!is_positive_definite<kJoints>(M)) return {};
-    const Vector<kJoints> f = load.row(i).transpose();
-    if (run < table.run_begin.size() && table.run_begin[run] == i) {
-      ++run;
-      e = f.cwiseQuotient(K);
-      v.setZero(k);
-      a = solution<kJoints>(M, f - K.cwiseProduct(e));
-    } else {
-      // Newmark's average acceleration: no damping of its own, stable for any step.
-      //   (M + h/2 D + h²/4 K) ë₁ = f₁ - D (ė₀ + h/2 ë₀) - K (e₀ + h ė₀ + h²/4 ë₀)
-      M.diagonal() += ahead;
-      const Vector<kJoints> late = v + 0.5 * h * a, far = e + h * v + 0.25 * h * h * a;
-      a = solution<kJoints>(M, f - D.cwiseProduct(late) - K.cwiseProduct(far));
-      v = late + 0.5 * h * a;
-      e = far + 0.25 * h * h * a;
-    }
-    d.value.row(i) = e;
-    d.rate.row(i) = v;
-    d.acceleration.row(i) = a;
+  const bool possible = deflect<kJoints, 1>(
+      table, inertia, stiffness, damping, [&](Index i) { return load.row(i).transpose().array(); },
+      [&](Index i, const auto& e, const auto& v, const auto& a) {
+        d.value.row(i) = e.matrix().transpose();
+        d.rate.row(i) = v.matrix().transpose();
+        d.acceleration.row(i) = a.matrix().transpose();
+      });
+  return possible ? d : Deflections{};
+}
+
+template <int kJoints>
+std::vector<MatrixXd> accelerations_of(const MotionTable& table, const std::vector<MatrixXd>& loads, const MatrixXd& inertia,
+                                       const VectorXd& stiffness, const VectorXd& damping) {
+  constexpr int kLoads = 8;
+  const Index m = table.rows(), k = stiffness.size(), count = loads.front().cols();
+  std::vector<MatrixXd> found(loads.size(), MatrixXd(m, count));
+  const auto groups = static_cast<std::size_t>((count + kLoads - 1) / kLoads);
+  std::vector<char> possible(groups, false);
+  host::for_each_parallel(groups, [&](std::size_t group) {
+    const Index from = static_cast<Index>(group) * kLoads, width = std::min<Index>(kLoads, count - from);
+    Loads<kJoints, kLoads> f(k, kLoads);
+    f.setZero();
+    possible[group] = deflect<kJoints, kLoads>(
+        table, inertia, stiffness, damping,
+        [&](Index i) {
+          for (Index b = 0; b < k; ++b) {
+            for (Index c = 0; c < width; ++c) f(b, c) = loads[static_cast<std::size_t>(b)](i, from + c);
+          }
+          return f;
+        },
+        [&](Index i, const auto&, const auto&, const auto& a) {
+          for (Index b = 0; b < k; ++b) {
+            for (Index c = 0; c < width; ++c) found[static_cast<std::size_t>(b)](i, from + c) = a(b, c);
+          }
+        });
+  });
+  return std::all_of(possible.begin(), possible.end(), [](char is) { return is; }) ? found : std::vector<MatrixXd>{};
+}
+
+/// Calls f with the number of joints that code is made for.
+template <typename F>
+auto for_joints(Index count, const F& f) {
+  switch (count) {
+    case 1: return f(std::integral_constant<int, 1>{});
+    case 2: return f(std::integral_constant<int, 2>{});
+    default: return f(std::integral_constant<int, Eigen::Dynamic>{});
   }
-  return d;
 }
 
 }  // namespace
 
 Deflections deflections(const MotionTable& table, const MatrixXd& load, const MatrixXd& inertia, const VectorXd& stiffness,
                         const VectorXd& damping) {
-  switch (load.cols()) {
-    case 1: return deflections_of<1>(table, load, inertia, stiffness, damping);
-    case 2: return deflections_of<2>(table, load, inertia, stiffness, damping);
-    default: return deflections_of<Eigen::Dynamic>(table, load, inertia, stiffness, damping);
-  }
+  return for_joints(load.cols(),
+                    [&](auto k) { return deflections_of<k>(table, load, inertia, stiffness, damping); });
+}
+
+std::vector<MatrixXd> deflection_accelerations(const MotionTable& table, const std::vector<MatrixXd>& loads,
+                                               const MatrixXd& inertia, const VectorXd& stiffness, const VectorXd& damping) {
+  return for_joints(stiffness.size(),
+                    [&](auto k) { return accelerations_of<k>(table, loads, inertia, stiffness, damping); });
 }
 
 }  // namespace heft::diagnose

@@ -2,6 +2,8 @@
 /// How far elastic joints give along a motion.
 #pragma once
 
+#include <vector>
+
 #include <Eigen/Core>
 
 #include "motion_table.hpp"
@@ -21,5 +23,12 @@ struct Deflections {
 /// @return no rows where M is not positive definite in each row
 Deflections deflections(const MotionTable& table, const Eigen::MatrixXd& load, const Eigen::MatrixXd& inertia,
                         const Eigen::VectorXd& stiffness, const Eigen::VectorXd& damping);
+
+/// Accelerations ë alone, for several loads of the same joints.
+/// @param loads  of each joint, m × c
+/// @return of each joint, m × c; nothing where M is not positive definite in each row
+std::vector<Eigen::MatrixXd> deflection_accelerations(const MotionTable& table, const std::vector<Eigen::MatrixXd>& loads,
+                                                      const Eigen::MatrixXd& inertia, const Eigen::VectorXd& stiffness,
+                                                      const Eigen::VectorXd& damping);
 
 }  // namespace heft::diagnose

@@ -278,8 +278,12 @@ void Engine::add_to_problem(bool deflect) {
       whose.push_back(e);
     }
   }
+  first_spring_column_ = -1;
+  const bool turns = deflect && linear_.springs.count() > 0;
+  if (turns) list.push_back(linear_.springs);
   const std::vector<int> firsts = problem_->append(list);
   for (std::size_t k = 0; k < whose.size(); ++k) first_column_[whose[k]] = firsts[k];
+  if (turns) first_spring_column_ = firsts.back();
 }
 
 void Engine::refit(bool deflect) {
@@ -295,8 +299,10 @@ void Engine::refit(bool deflect) {
     problem_.reset();  // it holds the rows of the last pass
     rows_.reset();
     rows_ = std::make_shared<const BaseRows>(base_.rows(motion_));
-    problem_ =
-        std::make_unique<Problem>(table_, keep_, rows_, base_.places(), prior(), steady_, table_.tau, hold());
+    linear_ = {};
+    linear_ = linearised();
+    problem_ = std::make_unique<Problem>(table_, keep_, linear_.rows, linear_.places, prior(), steady_,
+                                         table_.tau - linear_.constant, hold());
   } else {
     if (plain_ == nullptr) set_up_base();
     rows_ = rigid_rows_;
@@ -305,6 +311,7 @@ void Engine::refit(bool deflect) {
   add_to_problem(deflect);
   if (weights_held) problem_->hold_weights(base_noise_);
   if (!accepted.empty()) problem_->reweight();
+  if (deflect) turn_springs();
   note_fit();
 }
 
@@ -478,10 +485,26 @@ VectorXd Engine::base_parameters() const {
   return beta;
 }
 
+/// What is no torque of an effect but that of springs.
+MatrixXd Engine::base_torque(Index begin, Index count) const {
+  const VectorXd beta = base_parameters();
+  if (!deflected_) return base_.torque(*rows_, beta, begin, count);
+  MatrixXd tau = linear_.constant.middleRows(begin, count);
+  for (std::size_t j = 0; j < linear_.places.size(); ++j) {
+    auto own = tau.col(static_cast<Index>(j));
+    own += (*linear_.rows)[j].middleRows(begin, count) * beta(linear_.places[j]);
+    if (first_spring_column_ >= 0) {
+      own += linear_.springs.values[j].middleRows(begin, count) *
+             problem_->theta().segment(first_spring_column_, linear_.springs.count());
+    }
+  }
+  return tau;
+}
+
 MatrixXd Engine::predicted() const { return predicted(0, table_.rows()); }
 
 MatrixXd Engine::predicted(Index begin, Index count) const {
-  MatrixXd tau = base_.torque(*rows_, base_parameters(), begin, count);
+  MatrixXd tau = base_torque(begin, count);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     const Candidate& effect = accepted[e];
     if (first_column_[e] < 0) continue;

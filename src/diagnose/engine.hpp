@@ -56,7 +56,7 @@ class Engine {
   /// Takes the motors' inertias that the fit has below zero out of their springs. build() comes after it.
   /// @return joints
   std::vector<int> remove_impossible_motors();
-  /// Betters the shapes of elastic joints and delays, which the rest of the model has a part in.
+  /// Betters the numbers of elastic joints and delays, which the rest of the model has a part in.
   void tune();
   /// Candidates for one more effect, judged: those of the joints asked for and those of the whole arm.
   /// @param joints  n; `done` gets 0..1
@@ -102,6 +102,8 @@ class Engine {
   /// What a model file keeps of the fit's parameters: base parameters and coefficients of the joint effects in the
   /// order of robot().effects, with intervals and covariance for residuals correlated in time.
   model::FitRecord parameter_record() const;
+  /// Mean of ln(squared error) over the rows of all joints.
+  double mean_log_error() const;
   /// White noise of each joint's residual, n; see white_noise().
   Eigen::VectorXd noise_floor() const;
   /// Where a joint's rows that count lie; without limits where none counts.
@@ -117,8 +119,7 @@ class Engine {
   std::ptrdiff_t second_memory(std::size_t index) const;
 
  private:
-  /// Passes of deflection and fit, each with what the other one has found last, from a fit of rigid joints. Where masses are
-  /// well known the error of what is left falls to a sixth or less with each.
+  /// Passes of deflection and fit from a fit of rigid joints: steps of Gauss and Newton for masses, springs and effects together.
   static constexpr int kElasticPasses = 3;
 
   Workbench bench() const;
@@ -128,6 +129,7 @@ class Engine {
   void note_fit();
   /// Torque of some rows.
   Eigen::MatrixXd predicted(Eigen::Index begin, Eigen::Index count) const;
+  Eigen::MatrixXd base_torque(Eigen::Index begin, Eigen::Index count) const;
   /// Base parameters; 0 where the column holds other values now.
   Eigen::VectorXd base_parameters() const;
   /// Of the columns.
@@ -135,16 +137,33 @@ class Engine {
   struct Nearby;
   /// What makes elastic joints deflect: see deflections().
   struct LinkLoad {
-    std::vector<int> joints;  ///< k
-    Eigen::MatrixXd load, inertia;
+    std::vector<int> joints;     ///< k
+    Eigen::VectorXd masses;      ///< b: see masses_of()
+    Eigen::MatrixXd load, mass;  ///< m × k; m × n k: of each its column of the mass matrix
+    /// Entry of the mass matrix along the motion, of the a-th and b-th joint.
+    auto inertia(Eigen::Index a, Eigen::Index b) const {
+      return mass.col(mass.cols() / load.cols() * b + joints[static_cast<std::size_t>(a)]);
+    }
+    Eigen::MatrixXd inertias() const;  ///< m × k²
     bool is_possible() const;
+  };
+  /// Torque around a deflection: see linearised().
+  struct Linear {
+    std::shared_ptr<const BaseRows> rows;  ///< derivatives by the base parameters
+    std::vector<std::vector<int>> places;  ///< n: whose
+    Eigen::MatrixXd constant;              ///< m × n: what torque is there besides
+    Columns springs;  ///< 2 k: derivatives by ln K and ln D of each joint; none: the masses are physically impossible together
   };
   void refit_near(const Nearby& nearby);
   void deflect_links();
-  void hold_swing(const Eigen::MatrixXd& inertia);
-  LinkLoad link_load(const model::Robot& robot, const std::vector<const Candidate*>& elastic) const;
-  LinkLoad possible_near(LinkLoad wanted, const std::vector<const Candidate*>& elastic) const;
-  void put_deflections(const std::vector<const Candidate*>& elastic, const LinkLoad& by);
+  LinkLoad link_load(const model::Robot& robot, const std::vector<int>& joints) const;
+  LinkLoad possible_near(LinkLoad wanted) const;
+  void put_deflections(const LinkLoad& by);
+  Eigen::VectorXd masses_of(Eigen::VectorXd beta) const;
+  Eigen::VectorXd of_springs(double Candidate::*number) const;
+  Linear linearised() const;
+  void turn_springs();
+  void settle_springs();
   Eigen::VectorXd hold() const;
   Eigen::VectorXd prior() const;
   bool is_out(int column) const;
@@ -191,6 +210,9 @@ class Engine {
   };
   std::optional<Nearby> nearby_;
   LinkLoad link_load_;     ///< of the last deflection since build()
+  Linear linear_;          ///< the same; what the present fit is of where `deflected_`
+  int first_spring_column_{-1};  ///< of Linear::springs; -1: none
+  double spring_step_{0.0};      ///< of the last fit: longest step of ln K, or tenth of one of ln D
   bool deflected_{false};  ///< the last fit was one of elastic joints, with whose masses the next one begins
 };
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "arm_search.hpp"
 #include "deflection.hpp"
@@ -34,50 +35,69 @@ void Engine::refit_near(const Nearby& nearby) {
 
 /// The links' motion where joints are elastic, from the torque that the present masses ask for.
 void Engine::deflect_links() {
-  std::vector<const Candidate*> elastic;
-  for (const Candidate& e : accepted) {
+  std::vector<Candidate*> elastic;
+  for (Candidate& e : accepted) {
     if (e.is_elastic()) elastic.push_back(&e);
   }
-  LinkLoad now = link_load(rigid_, elastic);
-  if (!now.is_possible()) now = possible_near(std::move(now), elastic);
-  hold_swing(now.inertia);
-  put_deflections(elastic, now);
+  std::vector<int> joints;
+  for (const Candidate* e : elastic) joints.push_back(e->joint);
+  LinkLoad now = link_load(rigid_, joints);
+  if (!now.is_possible()) now = possible_near(std::move(now));
+  for (std::size_t a = 0; a < elastic.size(); ++a) {
+    const double mean = now.inertia(static_cast<Index>(a), static_cast<Index>(a)).mean();
+    if (mean > 0.0) elastic[a]->inertia = mean;
+  }
+  put_deflections(now);
   link_load_ = std::move(now);
 }
 
-/// @param elastic  k joints, of which no two are the same
-Engine::LinkLoad Engine::link_load(const model::Robot& robot, const std::vector<const Candidate*>& elastic) const {
-  const auto k = static_cast<Index>(elastic.size());
-  const auto joint = [&](Index a) { return elastic[static_cast<std::size_t>(a)]->joint; };
+/// @param joints  k, of which no two are the same
+Engine::LinkLoad Engine::link_load(const model::Robot& robot, const std::vector<int>& joints) const {
+  const auto k = static_cast<Index>(joints.size());
+  const Index n = table_.num_joints;
   const model::BatchDynamics dynamics(robot);
-  LinkLoad by{{}, MatrixXd(table_.rows(), k), MatrixXd(table_.rows(), k * k)};
-  for (const Candidate* e : elastic) by.joints.push_back(e->joint);
+  LinkLoad by{joints, masses_of(base_.parameters(robot)), MatrixXd(table_.rows(), k), MatrixXd(table_.rows(), n * k)};
   constexpr Index kPiece = 256;  // rows of a job
   host::for_each_parallel(static_cast<std::size_t>((table_.rows() + kPiece - 1) / kPiece), [&](std::size_t piece) {
     const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, table_.rows() - from);
     const auto q = motion_.link_q.middleRows(from, count), qd = motion_.link_qd.middleRows(from, count);
-    MatrixXd asked = motion_.qdd.middleRows(from, count);
-    const MatrixXd torque = dynamics.inverse_dynamics(q, qd, asked);
+    const MatrixXd torque = dynamics.inverse_dynamics(q, qd, motion_.qdd.middleRows(from, count));
+    MatrixXd mass(count, n * n);
+    dynamics.mass_matrix(q, mass);
     for (Index b = 0; b < k; ++b) {
-      by.load.col(b).segment(from, count) = torque.col(joint(b));
-      // Entries of the mass matrix: what one more unit of acceleration asks for.
-      asked.col(joint(b)).array() += 1.0;
-      const MatrixXd more = dynamics.inverse_dynamics(q, qd, asked) - torque;
-      asked.col(joint(b)) = motion_.qdd.col(joint(b)).segment(from, count);
-      for (Index a = 0; a < k; ++a) by.inertia.col(a * k + b).segment(from, count) = more.col(joint(a));
+      const Index joint = joints[static_cast<std::size_t>(b)];
+      by.load.col(b).segment(from, count) = torque.col(joint);
+      by.mass.block(from, n * b, count, n) = mass.middleCols(n * joint, n);
     }
   });
   return by;
+}
+
+/// Base parameters of links alone, b; others 0.
+VectorXd Engine::masses_of(VectorXd beta) const {
+  for (int c = 0; c < base_.columns(); ++c) {
+    if (!base_.is_link(c)) beta[c] = 0.0;
+  }
+  return beta;
+}
+
+MatrixXd Engine::LinkLoad::inertias() const {
+  const Index k = load.cols();
+  MatrixXd all(load.rows(), k * k);
+  for (Index a = 0; a < k; ++a) {
+    for (Index b = 0; b < k; ++b) all.col(a * k + b) = inertia(a, b);
+  }
+  return all;
 }
 
 /// Whether the kinetic energy is positive, of each joint alone and of any two.
 bool Engine::LinkLoad::is_possible() const {
   const Index k = load.cols();
   for (Index a = 0; a < k; ++a) {
-    const auto own = inertia.col(a * k + a).array();
+    const auto own = inertia(a, a).array();
     if (!(own.minCoeff() > 0.0)) return false;
     for (Index b = 0; b < a; ++b) {
-      if (!((own * inertia.col(b * k + b).array() - inertia.col(a * k + b).array().square()).minCoeff() > 0.0)) return false;
+      if (!((own * inertia(b, b).array() - inertia(a, b).array().square()).minCoeff() > 0.0)) return false;
     }
   }
   return true;
@@ -85,49 +105,38 @@ bool Engine::LinkLoad::is_possible() const {
 
 /// A fit along a motion that is off may give masses that are physically impossible, which would deflect nothing. This goes half of
 /// the way to them or less, from those that deflected last or, where there are none, from the given ones.
-Engine::LinkLoad Engine::possible_near(LinkLoad wanted, const std::vector<const Candidate*>& elastic) const {
-  const LinkLoad from = link_load_.joints == wanted.joints ? link_load_ : link_load(base_.robot(base_.prior()), elastic);
+Engine::LinkLoad Engine::possible_near(LinkLoad wanted) const {
+  const LinkLoad from =
+      link_load_.joints == wanted.joints ? link_load_ : link_load(base_.robot(base_.prior()), wanted.joints);
   for (const double part : {0.5, 0.25, 0.125}) {
-    LinkLoad there{from.joints, from.load + part * (wanted.load - from.load),
-                   from.inertia + part * (wanted.inertia - from.inertia)};
+    LinkLoad there{from.joints, from.masses + part * (wanted.masses - from.masses),
+                   from.load + part * (wanted.load - from.load), from.mass + part * (wanted.mass - from.mass)};
     if (there.is_possible()) return there;
   }
   return from;
 }
 
-/// Springs go with the masses: what a log shows is the frequency that a link swings at, and how that dies out. With the stiffness
-/// held instead, masses that are off move the resonance away from where it is, and the next fit drives them further off.
-void Engine::hold_swing(const MatrixXd& inertia) {
-  Index a = 0;
-  const auto k = static_cast<Index>(std::sqrt(static_cast<double>(inertia.cols())) + 0.5);
-  for (Candidate& e : accepted) {
-    if (!e.is_elastic()) continue;
-    const auto own = inertia.col(a * k + a);
-    ++a;
-    if (!(own.minCoeff() > 0.0)) continue;
-    const double change = own.mean() / e.inertia;
-    e.shape *= change;
-    e.second *= change;
-    e.inertia = own.mean();
+/// The springs' numbers, one a joint.
+VectorXd Engine::of_springs(double Candidate::*number) const {
+  std::vector<double> all;
+  for (const Candidate& e : accepted) {
+    if (e.is_elastic()) all.push_back(e.*number);
   }
+  return Eigen::Map<const VectorXd>(all.data(), static_cast<Index>(all.size()));
 }
 
-void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const LinkLoad& by) {
-  const auto k = static_cast<Index>(elastic.size());
-  VectorXd stiffness(k), damping(k);
+void Engine::put_deflections(const LinkLoad& by) {
+  const auto k = static_cast<Index>(by.joints.size());
+  const VectorXd stiffness = of_springs(&Candidate::shape), damping = of_springs(&Candidate::second);
+  const Deflections all = deflections(table_, by.load, by.inertias(), stiffness, damping);
   for (Index a = 0; a < k; ++a) {
-    stiffness[a] = elastic[static_cast<std::size_t>(a)]->shape;
-    damping[a] = elastic[static_cast<std::size_t>(a)]->second;
-  }
-  const Deflections all = deflections(table_, by.load, by.inertia, stiffness, damping);
-  for (Index a = 0; a < k; ++a) {
-    const Candidate& e = *elastic[static_cast<std::size_t>(a)];
-    const VectorXd own = by.inertia.col(a * k + a);
+    const int joint = by.joints[static_cast<std::size_t>(a)];
+    const VectorXd own = by.inertia(a, a);
     if (!(own.minCoeff() > 0.0)) continue;
     const auto put = [&](const auto& value, const auto& rate, const auto& acceleration) {
-      motion_.link_q.col(e.joint) = motion_.q.col(e.joint) - value;
-      motion_.link_qd.col(e.joint) = motion_.qd.col(e.joint) - rate;
-      motion_.link_qdd.col(e.joint) = motion_.qdd.col(e.joint) - acceleration;
+      motion_.link_q.col(joint) = motion_.q.col(joint) - value;
+      motion_.link_qd.col(joint) = motion_.qd.col(joint) - rate;
+      motion_.link_qdd.col(joint) = motion_.qdd.col(joint) - acceleration;
     };
     if (all.value.rows() > 0) {
       put(all.value.col(a), all.rate.col(a), all.acceleration.col(a));
@@ -135,6 +144,96 @@ void Engine::put_deflections(const std::vector<const Candidate*>& elastic, const
       const Deflections one = deflections(table_, by.load.col(a), own, stiffness.segment(a, 1), damping.segment(a, 1));
       put(one.value, one.rate, one.acceleration);
     }
+  }
+}
+
+/// The torque around the present deflection, linear in masses, stiffness and damping. Whatever moves a deflection by x = ∂e/∂p
+/// moves the torque of joint i by -Σ_b M_ib ẍ_b, and
+///   M ẍ + D ẋ + K x = Y   for a mass, Y its column in the rows of the elastic joints,
+///                   = -K e and -D ė   for the logarithms of stiffness and damping of a joint, in its own row.
+/// What the small change of the links' positions does to Y and M is left out.
+Engine::Linear Engine::linearised() const {
+  const LinkLoad& by = link_load_;
+  const auto k = static_cast<Index>(by.joints.size());
+  const Index m = table_.rows();
+  const int n = table_.num_joints;
+  // Every mass that moves one of the joints.
+  std::vector<int> masses;
+  for (const int c : base_.places()[static_cast<std::size_t>(*std::min_element(by.joints.begin(), by.joints.end()))]) {
+    if (base_.is_link(c)) masses.push_back(c);
+  }
+  const auto of_masses = static_cast<Index>(masses.size());
+  const VectorXd stiffness = of_springs(&Candidate::shape), damping = of_springs(&Candidate::second);
+  std::vector<MatrixXd> loads;
+  for (Index b = 0; b < k; ++b) {
+    const auto joint = static_cast<std::size_t>(by.joints[static_cast<std::size_t>(b)]);
+    const std::vector<int>& places = base_.places()[joint];
+    MatrixXd load = MatrixXd::Zero(m, of_masses + 2 * k);
+    for (Index c = 0; c < of_masses; ++c) {
+      const auto found = std::find(places.begin(), places.end(), masses[static_cast<std::size_t>(c)]);
+      if (found != places.end()) load.col(c) = (*rows_)[joint].col(found - places.begin());
+    }
+    const auto j = static_cast<Index>(joint);
+    load.col(of_masses + 2 * b) = -stiffness[b] * (motion_.q.col(j) - motion_.link_q.col(j));
+    load.col(of_masses + 2 * b + 1) = -damping[b] * (motion_.qd.col(j) - motion_.link_qd.col(j));
+    loads.push_back(std::move(load));
+  }
+  const std::vector<MatrixXd> moved = deflection_accelerations(table_, loads, by.inertias(), stiffness, damping);
+  loads.clear();
+  Linear linear{std::make_shared<BaseRows>(*rows_), base_.places(), MatrixXd::Zero(m, n), {}};
+  if (moved.empty()) return linear;
+  linear.springs = {all_joints(n), std::vector<MatrixXd>(static_cast<std::size_t>(n))};
+  auto rows = std::make_shared<BaseRows>(*rows_);
+  host::for_each_parallel(static_cast<std::size_t>(n), [&](std::size_t i) {
+    const auto joint = static_cast<Index>(i);
+    MatrixXd change = MatrixXd::Zero(m, of_masses + 2 * k);
+    for (Index b = 0; b < k; ++b)
+      change.array() -= moved[static_cast<std::size_t>(b)].array().colwise() * by.mass.col(n * b + joint).array();
+    std::vector<int>& places = linear.places[i];
+    MatrixXd& own = (*rows)[i];
+    for (Index c = 0; c < of_masses; ++c) {
+      const int mass = masses[static_cast<std::size_t>(c)];
+      auto found = std::find(places.begin(), places.end(), mass);
+      if (found == places.end()) {
+        own.conservativeResize(Eigen::NoChange, own.cols() + 1);
+        own.rightCols(1).setZero();
+        found = places.insert(places.end(), mass);
+      }
+      own.col(found - places.begin()) += change.col(c);
+      linear.constant.col(joint) -= change.col(c) * by.masses[mass];
+    }
+    linear.springs.values[i] = change.rightCols(2 * k);
+  });
+  linear.rows = std::move(rows);
+  return linear;
+}
+
+/// Takes over what the fit says of stiffness and damping. Where it asks for more than its columns may be trusted for, it is drawn
+/// back, and the masses with it.
+void Engine::turn_springs() {
+  constexpr double kMostStiffness = 0.15, kMostDamping = 0.7;  // of the logarithm
+  spring_step_ = 0.0;
+  if (first_spring_column_ < 0) return;
+  const auto steps = [&] {
+    return VectorXd(problem_->theta().segment(first_spring_column_, linear_.springs.count()));
+  };
+  VectorXd step = steps();
+  for (double weight = 0.03; weight < 1e3; weight *= 4.0) {
+    bool within = step.allFinite();
+    for (Index s = 0; s < step.size(); ++s) within = within && std::abs(step[s]) <= (s % 2 == 0 ? kMostStiffness : kMostDamping);
+    if (within) break;
+    problem_->lean(first_spring_column_, linear_.springs.count(), weight);
+    problem_->reweight();
+    step = steps();
+  }
+  if (!step.allFinite()) return;
+  Index s = 0;
+  for (Candidate& e : accepted) {
+    if (!e.is_elastic()) continue;
+    spring_step_ = std::max({spring_step_, std::abs(step[s]), 0.1 * std::abs(step[s + 1])});
+    e.shape *= std::exp(std::clamp(step[s], -kMostStiffness, kMostStiffness));
+    e.second *= std::exp(std::clamp(step[s + 1], -kMostDamping, kMostDamping));
+    s += 2;
   }
 }
 

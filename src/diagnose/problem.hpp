@@ -91,6 +91,8 @@ class Problem {
   /// Puts other values in the place of a base column that reaches one joint; as append().
   void replace(int joint, int column, const Eigen::VectorXd& values);
 
+  /// Draws some columns to the prior, which for those appended is 0, as `hold` of the constructor. reweight() comes after it.
+  void lean(int first, int count, double weight) { ridge_.segment(first, count).setConstant(weight); }
   /// Fits, with the joints weighted by their residual: fitted and weighted until that settles. Call after append or replace.
   void reweight();
   /// From the next reweight() on no joint weighs more than with this residual.
