@@ -138,8 +138,12 @@ Found found_by(const DiagnoseOptions& options, const std::function<Start(double 
   Found found = begun(0.0);
   const double least_cutoff = found.search->forward(true);
   if (least_cutoff == 0.0) return found;
-  Found behind = begun(least_cutoff);
+  // What a search along rigid joints sees of two springs depends on the cut-off: once from the start, once with those found.
+  Found behind = begun(least_cutoff), with_those = begun(least_cutoff);
   behind.search->forward(false);
+  with_those.search->take_springs_of(*found.search);
+  with_those.search->forward(false);
+  if (with_those.search->engine().mean_log_error() < behind.search->engine().mean_log_error()) behind = std::move(with_those);
   const std::vector<Candidate>& taken = behind.search->engine().accepted;
   if (std::any_of(taken.begin(), taken.end(), [](const Candidate& e) { return e.is_elastic(); })) {
     found.search.reset();

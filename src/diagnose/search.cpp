@@ -139,7 +139,7 @@ double Search::forward(bool may_stop) {
       again = -1;  // one last look at everything
       continue;
     }
-    const Candidate taken = *rules().simplest(pool, best, now);
+    const Candidate taken = pair_for(*rules().simplest(pool, best, now), pool);
     take(taken);
     if (const double least = taken.is_elastic() && may_stop ? cutoff_for_springs() : 0.0; least > 0.0) return least;
     again = taken.effect.joint_effect() >= 0 ? taken.joint : -1;
@@ -150,10 +150,31 @@ double Search::forward(bool may_stop) {
   return 0.0;
 }
 
-/// A cut-off that lets the swings of springs pass, where one was chosen without them that does not and the noise allows it;
-/// 0: none.
+/// A spring may stand in for two, of which a search along rigid joints sees one: where fits of both leave much less, it is two.
+Candidate Search::pair_for(const Candidate& spring, const std::vector<Candidate>& pool) const {
+  constexpr double kMuchLess = 0.01;  // of ln(squared error), over the rows of all joints
+  if (!spring.is_elastic() || !spring.parts.empty()) return spring;
+  const auto pair = std::find_if(pool.begin(), pool.end(), [&](const Candidate& c) {
+    return !c.parts.empty() && holds(c, spring) && c.refused.empty() && c.trial.valid;
+  });
+  if (pair == pool.end()) return spring;
+  const auto left_with = [&](const std::vector<Candidate>& springs) {
+    const std::unique_ptr<Engine> tried = rebuilt(-1, engine().weights_held, engine().masses_held);
+    for (const Candidate& c : springs) tried->put(tried->accepted.size(), c);
+    tried->build();
+    tried->tune();
+    return tried->mean_log_error();
+  };
+  const double fall = left_with({spring}) - left_with(pair->parts);
+  trace(fmt::format("{} instead of {}: {:.4f}", name_of(*pair), name_of(spring), fall));
+  return fall > kMuchLess ? *pair : spring;
+}
+
+/// A cut-off that lets the swings of springs pass, or as much of them as the noise allows, where one was chosen without them that
+/// does not; 0: none.
 double Search::cutoff_for_springs() const {
   constexpr double kPasses = 3.0;  // times the frequency: 1 % of a swing is lost
+  constexpr double kLeast = 1.5;   // times it, or nothing is gained
   // Rise of ln(rms error) of a joint without effects: noise, and what of the swing itself is left there.
   constexpr double kAllowed = 0.2;
   double wanted = 0.0;
@@ -165,8 +186,8 @@ double Search::cutoff_for_springs() const {
   if (wanted <= start_.cutoff || present == tried.end()) return 0.0;
   auto found = tried.lower_bound(wanted);
   if (found == tried.end()) --found;
-  const double rise = found->second - present->second;
-  if (found->first <= start_.cutoff || rise > kAllowed * start_.robot.num_joints()) return 0.0;
+  while (found->first > start_.cutoff && found->second - present->second > kAllowed * start_.robot.num_joints()) --found;
+  if (found->first <= start_.cutoff || found->first < kLeast / kPasses * wanted) return 0.0;
   trace(fmt::format("springs swing at {:.3g} Hz: again behind {:.3g} Hz", wanted / kPasses, found->first));
   return found->first;
 }
@@ -217,6 +238,17 @@ bool Search::find_motors() {
     found = true;
   }
   return found;
+}
+
+void Search::take_springs_of(const Search& other) {
+  if (other.engine().table().rows() != engine().table().rows()) return;  // their columns begin with the motion there
+  for (const Candidate& e : other.engine().accepted) {
+    if (e.is_elastic()) model().put(model().accepted.size(), e);
+  }
+  model().build();
+  tune();
+  trace("with the springs found before", start_.judged->predicted(engine().robot()));
+  if (!wrong_joints_.empty()) check_joints();
 }
 
 void Search::take(const Candidate& candidate) {
@@ -349,7 +381,9 @@ bool Search::check(std::size_t e) {
       best = nullptr;
     }
   }
-  if (own.effect.is<Contact>() || (best != nullptr && best == same)) {
+  const bool stays = own.effect.is<Contact>() || (best != nullptr && best == same);
+  if (!stays && other_spring(e) >= 0 && add_evidence_beside_other_spring(e)) return true;
+  if (stays) {
     for (Candidate& c : candidates) c.columns = {};
     evidence_.push_back(std::move(candidates));
     return true;
@@ -371,6 +405,22 @@ bool Search::check(std::size_t e) {
     model().build();
     if (!remembers) find_memory_again(own.joint);
   }
+  return true;
+}
+
+/// Looks at a spring once more with another one in place, around whose motion the fit is: where both are large, a search from
+/// rigid joints may find neither with both.
+/// @return whether it would be taken again
+bool Search::add_evidence_beside_other_spring(std::size_t e) {
+  const Candidate& own = engine().accepted[e];
+  const std::unique_ptr<Engine> rest = rebuilt_without(e);
+  std::vector<Candidate> candidates = propose(*rest, {own.joint});
+  const VectorXd noise = rest->noise_floor();
+  const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, rest->accepted};
+  const auto taken = [&](const Candidate& c) { return holds(c, own) && rules().objection(c, round).empty(); };
+  if (std::none_of(candidates.begin(), candidates.end(), taken)) return false;
+  for (Candidate& c : candidates) c.columns = {};
+  evidence_.push_back(std::move(candidates));
   return true;
 }
 

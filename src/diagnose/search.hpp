@@ -23,6 +23,8 @@ class Search {
   /// @param may_stop  where a spring was taken that asks for another cut-off
   /// @return the least cut-off that it asks for [Hz]; 0: all candidates were looked at
   double forward(bool may_stop);
+  /// Begins with the springs of a search of the same logs behind another cut-off.
+  void take_springs_of(const Search& other);
   /// Takes each effect out again: one that another has made needless goes, one that another does better is exchanged.
   void backward();
 
@@ -69,6 +71,7 @@ class Search {
 
  private:
   Engine& model() { return *start_.engine; }
+  Candidate pair_for(const Candidate& spring, const std::vector<Candidate>& pool) const;
   double cutoff_for_springs() const;
   std::vector<bool> looked_at(const std::vector<int>& of) const;
   bool add_spring_pairs(const Engine& engine, const std::vector<int>& of, std::vector<Candidate>& pool) const;
@@ -90,6 +93,7 @@ class Search {
   Without found_without(std::size_t effect) const;
   Without without(std::size_t effect);
   bool check(std::size_t effect);
+  bool add_evidence_beside_other_spring(std::size_t effect);
 
   Start& start_;
   const DiagnoseOptions& options_;

@@ -177,17 +177,21 @@ class Veto {
 void reject_needless(Search& search, const Identified& identified) {
   // What left-out blocks show, but not steadily, a clear fall of its joint's error on the validation logs decides.
   constexpr double kShown = 1.0, kClearlyLess = 0.95;
+  // The same where most of the error is noise of higher frequency: a smaller fall, and a great one in band.
+  constexpr double kLess = 0.98, kMuchLessInBand = 0.8;
   const JudgedMotion& judged = *search.start().judged;
   const auto fitted = [&](const std::vector<bool>& kept) {
     std::unique_ptr<Engine> engine = identified.with_effects(search.engine(), kept);
     engine->build();
     return engine;
   };
-  const auto error = [&](const Engine& engine) { return judged.rms_error(judged.predicted(engine.robot())); };
+  const auto score = [&](const Engine& engine) {
+    return validate::pool(judged.scores(judged.predicted(engine.robot()), search.start().band));
+  };
   struct Doubtful {
     std::size_t effect;
-    double gain, t;    ///< on left-out blocks
-    VectorXd without;  ///< errors on the validation logs
+    double gain, t;           ///< on left-out blocks
+    validate::Score without;  ///< on the validation logs
   };
   while (true) {
     const std::vector<Candidate>& accepted = search.engine().accepted;
@@ -201,7 +205,7 @@ void reject_needless(Search& search, const Identified& identified) {
       rest[e] = false;
       const std::unique_ptr<Engine> without = fitted(rest);
       if (search.other_spring(e) >= 0) {  // no columns of its own say what it does next to another one
-        found[e] = Doubtful{e, own.trial.cv_gain, kSteadyGain, error(*without)};
+        found[e] = Doubtful{e, own.trial.cv_gain, kSteadyGain, score(*without)};
         return;
       }
       own.replaces = own.replaces >= 0 ? identified.base->coulomb(own.joint)
@@ -214,16 +218,18 @@ void reject_needless(Search& search, const Identified& identified) {
       // This base explains a part of it, as masses and a rotor explain the constant part of a spring that weight acts along:
       // what the rest does the fits with it and without it say.
       if (!own.trial.valid) own.trial.cv_gain = accepted[e].trial.cv_gain, own.trial.cv_t = kSteadyGain;
-      found[e] = Doubtful{e, own.trial.cv_gain, own.trial.cv_t, error(*without)};
+      found[e] = Doubtful{e, own.trial.cv_gain, own.trial.cv_t, score(*without)};
     });
     std::erase_if(found, [](const auto& one) { return !one.has_value(); });
     if (found.empty()) return;
-    const VectorXd with_all = error(*fitted(all));
+    const validate::Score with_all = score(*fitted(all));
     std::erase_if(found, [&](const auto& one) {
       const Candidate& own = accepted[one->effect];
       Index main = own.joint;
       if (search.other_spring(one->effect) < 0) fall(own.trial).maxCoeff(&main);
-      return one->t > kShown && with_all[main] < kClearlyLess * one->without[main];
+      const double ratio = with_all.rmse[main] / one->without.rmse[main];
+      const double in_band = with_all.rmse_in_band[main] / one->without.rmse_in_band[main];
+      return one->t > kShown && (ratio < kClearlyLess || (ratio < kLess && in_band < kMuchLessInBand));
     });
     // One at a time, the least gain first: what makes an effect needless may be another one that is.
     const auto least = std::min_element(found.begin(), found.end(),

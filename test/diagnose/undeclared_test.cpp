@@ -243,13 +243,15 @@ TEST_P(SpringsOfTwoJoints, AreBothNamedWithTheirStiffness) {
     ASSERT_NE(found, d.findings.end()) << "joint " << effect.joint + 1 << "; said:" << said(d);
     ASSERT_EQ(found->parameters[0].first, "stiffness");
     const double stiffness = effect.parameters.at("stiffness");
-    EXPECT_NEAR(found->parameters[0].second, stiffness, 0.1 * stiffness) << "joint " << effect.joint + 1;
+    EXPECT_NEAR(found->parameters[0].second, stiffness, 0.03 * stiffness) << "joint " << effect.joint + 1;
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Pairs, SpringsOfTwoJoints,
-                         testing::Values(std::pair("scara4", 11), std::pair("scara4", 14), std::pair("arm6", 11),
-                                         std::pair("arm6", 12), std::pair("arm6", 13), std::pair("arm6", 14)),
+                         testing::Values(std::pair("scara4", 11), std::pair("scara4", 12), std::pair("scara4", 13),
+                                         std::pair("scara4", 14), std::pair("arm6", 11), std::pair("arm6", 12),
+                                         std::pair("arm6", 13), std::pair("arm6", 14), std::pair("arm7", 11),
+                                         std::pair("arm7", 12), std::pair("arm7", 13)),
                          [](const auto& p) { return fmt::format("{}_{}", p.param.second, p.param.first); });
 
 /// The only elastic joint that was found.
@@ -267,7 +269,7 @@ TEST(SpringAboveTheCutoff, IsSoughtAgainBehindOneThatLetsItsSwingPass) {
   EXPECT_GE(d.cutoff, 20.0);
   EXPECT_NEAR(found.stiffness, truth.at("stiffness"), 0.03 * truth.at("stiffness"));
   // 2.4 N·m·s/rad, a resonance of quality 42: whatever shifts its phase looks like damping. Behind 12 Hz it is 6.
-  EXPECT_NEAR(found.damping, truth.at("damping"), 0.2 * truth.at("damping"));
+  EXPECT_NEAR(found.damping, truth.at("damping"), 0.1 * truth.at("damping"));
 }
 
 TEST(MotorOfASpring, IsToldFromItsLinkOnceTheSpringIsInPlace) {
@@ -302,6 +304,7 @@ TEST_P(SpringWithImpossibleMassesOnTheWay, HasItsStiffnessDampingAndMotorInertia
 
 INSTANTIATE_TEST_SUITE_P(Pairs, SpringWithImpossibleMassesOnTheWay,
                          testing::Values(std::tuple{"elasticity+stribeck", "arm6", 12},
+                                         std::tuple{"elasticity+stribeck", "arm7", 11},
                                          std::tuple{"elasticity", "arm7", 15}),
                          [](const auto& p) {
                            return fmt::format("{}_{}", std::get<2>(p.param), std::get<1>(p.param));

@@ -88,9 +88,6 @@ class SpringSearch {
     put_columns(found.swings, c);
     if (c.trial.valid && c.trial.coefficients[0] < 0.3)
       c.refused = "the joint would have to deflect against the load";
-    for (Index k = 1; c.trial.valid && k < c.trial.coefficients.size(); ++k) {
-      if (c.trial.coefficients[k] < -2.0 * c.trial.std[k]) c.refused = "the motor's inertia would be negative";
-    }
     return c;
   }
 
@@ -217,20 +214,26 @@ class SpringSearch {
     return found;
   }
 
-  /// Puts columns of the springs into a candidate, with those of as many motors' inertias as this motion tells from the links',
-  /// and judges it. Two springs become its parts.
+  /// Puts columns of the springs into a candidate, with those of as many motors' inertias as this motion tells from the links'
+  /// and does not make negative, and judges it. Two springs become its parts.
   void put_columns(const Swings& swings, Candidate& c) const {
     const MatrixXd acceleration = accelerations(swings);
     using Motors = std::vector<bool>;
     const std::vector<Motors> ways =
         joints_.size() > 1 ? std::vector<Motors>{{true, true}, {false, true}, {true, false}, {false, false}}
                            : std::vector<Motors>{{true}, {false}};
+    const auto is_negative = [&] {
+      for (Index k = 1; k < c.trial.coefficients.size(); ++k) {
+        if (c.trial.coefficients[k] < -2.0 * c.trial.std[k]) return true;
+      }
+      return false;
+    };
     Motors motors;
     for (const Motors& way : ways) {
       motors = way;
       c.columns = columns_of(acceleration, 0, count(), way);
       c.trial = judge(bench_, c);
-      if (c.trial.valid) break;
+      if (c.trial.valid && !is_negative()) break;
     }
     if (joints_.size() == 1) {
       put_shape(swings[0], 0, c);
