@@ -490,14 +490,12 @@ MatrixXd Engine::base_torque(Index begin, Index count) const {
   const VectorXd beta = base_parameters();
   if (!deflected_) return base_.torque(*rows_, beta, begin, count);
   MatrixXd tau = linear_.constant.middleRows(begin, count);
-  for (std::size_t j = 0; j < linear_.places.size(); ++j) {
-    auto own = tau.col(static_cast<Index>(j));
-    own += (*linear_.rows)[j].middleRows(begin, count) * beta(linear_.places[j]);
-    if (first_spring_column_ >= 0) {
-      own += linear_.springs.values[j].middleRows(begin, count) *
-             problem_->theta().segment(first_spring_column_, linear_.springs.count());
-    }
-  }
+  for (std::size_t j = 0; j < linear_.places.size(); ++j)
+    tau.col(static_cast<Index>(j)) += (*linear_.rows)[j].middleRows(begin, count) * beta(linear_.places[j]);
+  if (first_spring_column_ < 0) return tau;
+  const VectorXd steps = problem_->theta().segment(first_spring_column_, linear_.springs.count());
+  for (std::size_t s = 0; s < linear_.springs.joints.size(); ++s)
+    tau.col(linear_.springs.joints[s]) += linear_.springs.values[s].middleRows(begin, count) * steps;
   return tau;
 }
 

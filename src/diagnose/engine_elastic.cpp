@@ -180,29 +180,45 @@ Engine::Linear Engine::linearised() const {
   }
   const std::vector<MatrixXd> moved = deflection_accelerations(table_, loads, by.inertias(), stiffness, damping);
   loads.clear();
-  Linear linear{std::make_shared<BaseRows>(*rows_), base_.places(), MatrixXd::Zero(m, n), {}};
+  Linear linear{rows_, base_.places(), MatrixXd::Zero(m, n), {}};
   if (moved.empty()) return linear;
-  linear.springs = {all_joints(n), std::vector<MatrixXd>(static_cast<std::size_t>(n))};
+  // Where what deflections do drowns in noise, so does what changes of them do: fits are faster without it.
+  constexpr double kDrowns = 0.1;
+  for (int i = 0; i < n; ++i) {
+    VectorXd deflecting = VectorXd::Zero(m);
+    for (Index b = 0; b < k; ++b) {
+      const int joint = by.joints[static_cast<std::size_t>(b)];
+      deflecting += by.mass.col(n * b + i).cwiseProduct(motion_.qdd.col(joint) - motion_.link_qdd.col(joint));
+    }
+    const bool elastic = std::find(by.joints.begin(), by.joints.end(), i) != by.joints.end();
+    if (elastic || deflecting.norm() > kDrowns * base_noise_[i] * std::sqrt(static_cast<double>(m))) linear.springs.joints.push_back(i);
+  }
+  linear.springs.values.assign(linear.springs.joints.size(), MatrixXd(m, 2 * k));
   auto rows = std::make_shared<BaseRows>(*rows_);
-  host::for_each_parallel(static_cast<std::size_t>(n), [&](std::size_t i) {
-    const auto joint = static_cast<Index>(i);
-    MatrixXd change = MatrixXd::Zero(m, of_masses + 2 * k);
-    for (Index b = 0; b < k; ++b)
-      change.array() -= moved[static_cast<std::size_t>(b)].array().colwise() * by.mass.col(n * b + joint).array();
+  host::for_each_parallel(linear.springs.joints.size(), [&](std::size_t s) {
+    const int joint = linear.springs.joints[s];
+    const auto i = static_cast<std::size_t>(joint);
     std::vector<int>& places = linear.places[i];
     MatrixXd& own = (*rows)[i];
-    for (Index c = 0; c < of_masses; ++c) {
-      const int mass = masses[static_cast<std::size_t>(c)];
-      auto found = std::find(places.begin(), places.end(), mass);
-      if (found == places.end()) {
-        own.conservativeResize(Eigen::NoChange, own.cols() + 1);
-        own.rightCols(1).setZero();
-        found = places.insert(places.end(), mass);
-      }
-      own.col(found - places.begin()) += change.col(c);
-      linear.constant.col(joint) -= change.col(c) * by.masses[mass];
+    // Masses further in reach the joint through the deflection alone.
+    for (const int mass : masses) {
+      if (std::find(places.begin(), places.end(), mass) == places.end()) places.push_back(mass);
     }
-    linear.springs.values[i] = change.rightCols(2 * k);
+    own.conservativeResize(Eigen::NoChange, static_cast<Index>(places.size()));
+    own.rightCols(own.cols() - (*rows_)[i].cols()).setZero();
+    VectorXd change(m);
+    for (Index c = 0; c < of_masses + 2 * k; ++c) {
+      change.setZero();
+      for (Index b = 0; b < k; ++b)
+        change -= moved[static_cast<std::size_t>(b)].col(c).cwiseProduct(by.mass.col(n * b + joint));
+      if (c >= of_masses) {
+        linear.springs.values[s].col(c - of_masses) = change;
+        continue;
+      }
+      const int mass = masses[static_cast<std::size_t>(c)];
+      own.col(std::find(places.begin(), places.end(), mass) - places.begin()) += change;
+      linear.constant.col(joint) -= by.masses[mass] * change;
+    }
   });
   linear.rows = std::move(rows);
   return linear;

@@ -165,7 +165,14 @@ Candidate Search::pair_for(const Candidate& spring, const std::vector<Candidate>
     tried->tune();
     return tried->mean_log_error();
   };
-  const double fall = left_with({spring}) - left_with(pair->parts);
+  // What a simpler effect of the other joint does is none of its spring.
+  std::vector<Candidate> one{spring};
+  const int other = pair->parts[0].joint == spring.joint ? pair->parts[1].joint : pair->parts[0].joint;
+  const auto simple = std::find_if(pool.begin(), pool.end(), [&](const Candidate& c) {
+    return c.joint == other && !c.is_elastic() && c.refused.empty() && c.trial.valid && !c.stale;
+  });
+  if (simple != pool.end()) one.push_back(*simple);
+  const double fall = left_with(one) - left_with(pair->parts);
   trace(fmt::format("{} instead of {}: {:.4f}", name_of(*pair), name_of(spring), fall));
   return fall > kMuchLess ? *pair : spring;
 }

@@ -86,8 +86,11 @@ class SpringSearch {
       return c;
     }
     put_columns(found.swings, c);
-    if (c.trial.valid && c.trial.coefficients[0] < 0.3)
-      c.refused = "the joint would have to deflect against the load";
+    // The deflection has to be about what the masses ask for: next to it stands the motor's inertia, which may be all that
+    // there is.
+    constexpr double kAtLeast = 0.3, kAtMost = 3.0;
+    if (c.trial.valid && c.trial.coefficients[0] < kAtLeast) c.refused = "the joint would have to deflect against the load";
+    if (c.trial.valid && c.trial.coefficients[0] > kAtMost) c.refused = "the joint would have to deflect by more than its load";
     return c;
   }
 
@@ -324,10 +327,7 @@ std::vector<Candidate> propose_spring(const Workbench& bench, const std::vector<
     if (!given) given.emplace(bench);
     Candidate other = given->run(j);
     other.tried += found.back().tried;
-    // The deflection has to be about what these masses ask for: next to it stands the motor's inertia, which may be all
-    // that there is.
-    constexpr double kAtMost = 3.0;
-    if (other.refused.empty() && other.trial.valid && other.trial.coefficients[0] < kAtMost) found.back() = std::move(other);
+    if (other.refused.empty() && other.trial.valid) found.back() = std::move(other);
   }
   return found;
 }
