@@ -90,7 +90,7 @@ class SpringSearch {
     // there is.
     constexpr double kAtLeast = 0.3, kAtMost = 3.0;
     if (c.trial.valid && c.trial.coefficients[0] < kAtLeast) c.refused = "the joint would have to deflect against the load";
-    if (c.trial.valid && c.trial.coefficients[0] > kAtMost) c.refused = "the joint would have to deflect by more than its load";
+    if (c.trial.valid && c.trial.coefficients[0] > kAtMost) c.refused = "the joint would have to deflect by more than its load explains";
     return c;
   }
 
