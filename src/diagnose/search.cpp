@@ -368,6 +368,12 @@ Search::Without Search::without(std::size_t e) {
   return found;
 }
 
+/// Of an effect that stays, what was found without it.
+void Search::keep_evidence(std::vector<Candidate> candidates) {
+  for (Candidate& c : candidates) c.columns = {};
+  evidence_.push_back(std::move(candidates));
+}
+
 /// Takes one effect out and looks at what does best in its place.
 /// @return whether an effect stays in that place
 bool Search::check(std::size_t e) {
@@ -391,8 +397,7 @@ bool Search::check(std::size_t e) {
   const bool stays = own.effect.is<Contact>() || (best != nullptr && best == same);
   if (!stays && other_spring(e) >= 0 && add_evidence_beside_other_spring(e)) return true;
   if (stays) {
-    for (Candidate& c : candidates) c.columns = {};
-    evidence_.push_back(std::move(candidates));
+    keep_evidence(std::move(candidates));
     return true;
   }
   evidence_.clear();  // no longer that of the present model
@@ -426,8 +431,7 @@ bool Search::add_evidence_beside_other_spring(std::size_t e) {
   const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, rest->accepted};
   const auto taken = [&](const Candidate& c) { return holds(c, own) && rules().objection(c, round).empty(); };
   if (std::none_of(candidates.begin(), candidates.end(), taken)) return false;
-  for (Candidate& c : candidates) c.columns = {};
-  evidence_.push_back(std::move(candidates));
+  keep_evidence(std::move(candidates));
   return true;
 }
 

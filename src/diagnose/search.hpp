@@ -93,6 +93,7 @@ class Search {
   Without found_without(std::size_t effect) const;
   Without without(std::size_t effect);
   bool check(std::size_t effect);
+  void keep_evidence(std::vector<Candidate> candidates);
   bool add_evidence_beside_other_spring(std::size_t effect);
 
   Start& start_;
