@@ -36,7 +36,6 @@ class SizedCycle final : public Cycle::Sized {
       : watches_(thresholds.has_value()), follow_load_(follow_load) {
     check(torque_.configure(model::to_arm_model<N>(robot)), robot, "the inverse dynamics");
     model::add_parts(robot, torque_);
-    model::add_elasticities(robot, torque_);
     typename Load::Config load;
     load.explains = true;
     if (watches_) {
@@ -47,7 +46,6 @@ class SizedCycle final : public Cycle::Sized {
     }
     check(load_.configure(model::to_arm_model<N>(measured), load), measured, "the load observer");
     model::add_parts(measured, load_);
-    model::add_elasticities(measured, load_);
     fresh_ = load_;
   }
 

@@ -2,6 +2,7 @@
 
 #include "heft/core/dynamics/joint_space.hpp"
 #include "heft/model/sized.hpp"
+#include "heft/model/sized_dynamics.hpp"
 
 namespace heft::model {
 

@@ -97,7 +97,6 @@ class SizedFollower final : public LoadFollower::Sized {
           arm.name, config.filter_hz));
     }
     model::add_parts(arm, core_);
-    model::add_elasticities(arm, core_);
   }
 
   Status update(const VectorXd& q, const VectorXd& qd, const VectorXd& tau, double step,

@@ -42,7 +42,6 @@ std::shared_ptr<sim::CoreController<Core>> configured(std::shared_ptr<sim::CoreC
   }
   if (status != Status::kOk) throw ModelError(refused());
   model::add_parts(robot, controller->core());
-  model::add_elasticities(robot, controller->core());
   return controller;
 }
 
