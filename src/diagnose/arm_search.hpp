@@ -46,6 +46,9 @@ std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& fir
 void append_motor(Columns& columns, int joint, const Eigen::VectorXd& acceleration);
 void remove_motor(Columns& columns);
 
+/// Time after a change of direction whose rows say nothing about a delay of this size [s].
+double delay_reach(double delay);
+
 /// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.
 Columns tilt_columns(const Workbench& bench);
 

@@ -25,9 +25,9 @@ namespace {
 Motion delayed(const MotionTable& table, double delay) {
   Motion motion = rigid_motion(table);
   if (delay == 0.0) return motion;
-  motion.q = earlier(table, table.q, delay);
-  motion.qd = earlier(table, table.qd, delay);
-  motion.qdd = earlier(table, table.qdd, delay);
+  motion.q = earlier_motion(table, table.q, delay);
+  motion.qd = earlier_motion(table, table.qd, delay);
+  motion.qdd = earlier_motion(table, table.qdd, delay);
   motion.displacement = earlier(table, table.displacement, delay);
   for (int j = 0; j < table.num_joints; ++j) {
     motion.direction.col(j) = motion.qd.col(j).unaryExpr(

@@ -164,9 +164,12 @@ class Engine {
   Linear linearised() const;
   void turn_springs();
   void settle_springs();
+  void tune_delays(const std::vector<std::size_t>& delays);
   Eigen::VectorXd hold() const;
   Eigen::VectorXd prior() const;
   bool is_out(int column) const;
+  std::vector<bool> followers() const;
+  std::vector<Columns> shape_slopes(std::vector<std::size_t>& whose) const;
   double held_at(int column) const;
   void set_up_base();
   Eigen::MatrixXd joint_columns(std::size_t index) const;

@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "arm_search.hpp"
 #include "engine.hpp"
 
 namespace heft::diagnose {
@@ -96,11 +97,27 @@ double Engine::mean_log_error() const {
 void Engine::tune() {
   settle_springs();
   const std::vector<std::size_t> delays = delays_of(accepted);
-  if (delays.empty()) return;
+  // What a delay leaves out goes by the delay that it had; a longer one shows changes of direction later.
+  constexpr int kRounds = 4;
+  for (int round = 0; round < kRounds && !delays.empty(); ++round) {
+    tune_delays(delays);
+    bool enough = true;
+    for (const std::size_t e : delays) {
+      const double reach = delay_reach(accepted[e].shape);
+      enough = enough && !(reach > 1.1 * accepted[e].second);
+      accepted[e].second = std::max(accepted[e].second, reach);
+    }
+    if (enough) return;
+    build();
+  }
+}
+
+void Engine::tune_delays(const std::vector<std::size_t>& delays) {
   const auto count = static_cast<Index>(delays.size());
   constexpr int kSteps = 10, kShorter = 3;
   constexpr double kProbe = 1e-4, kMost = 1e-3;  // [s]
   constexpr double kWorthAStep = 10.0;           // of the sum: less is chance
+  constexpr double kLongest = 8.0;               // of a step that slopes ask for
   double reach = 1.0;
   for (int step = 0; step < kSteps; ++step) {
     const std::vector<Shape> here = shapes_of(accepted);
@@ -121,9 +138,11 @@ void Engine::tune() {
       slopes.push_back((residual_at(kProbe * VectorXd::Unit(count, k)) - residual) / kProbe);
     const VectorXd wanted = step_of(slopes, problem_->counted(), residual);
     double now = std::numeric_limits<double>::infinity();
+    // Noise of the motion makes slopes steeper than what is left is, and steps too short: they grow while they succeed.
     for (int k = 0; k < kShorter && wanted.allFinite() && !(now < least); ++k) {
-      now = left(problem_->counted(), residual_at(wanted.cwiseMax(-reach * kMost).cwiseMin(reach * kMost)));
-      reach = now < least ? std::min(1.0, 2.0 * reach) : 0.35 * reach;
+      const double most = kMost * std::min(1.0, reach);
+      now = left(problem_->counted(), residual_at((std::max(1.0, reach) * wanted).cwiseMax(-most).cwiseMin(most)));
+      reach = now < least ? std::min(kLongest, 2.0 * reach) : 0.35 * reach;
     }
     if (!(now < least)) {
       shift(delays, here, VectorXd::Zero(count), accepted);

@@ -1,6 +1,7 @@
 #include "motion_table.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -131,6 +132,24 @@ void put_earlier(const MotionTable& table, const Eigen::Ref<const VectorXd>& sig
     const double f = at - static_cast<double>(k);
     result[i - from] = (1.0 - f) * signal[k] + f * signal[std::min(k + 1, last)];
   }
+}
+
+MatrixXd earlier_motion(const MotionTable& table, const MatrixXd& signal, double delay) {
+  const double back = delay * table.sample_rate, whole = std::floor(-back), f = -back - whole;
+  // The cubic through four rows whose slopes at the inner two are those of their neighbours (Catmull and Rom, 1974).
+  const std::array<double, 4> weights{0.5 * f * (f * (2.0 - f) - 1.0), 1.0 + 0.5 * f * f * (3.0 * f - 5.0),
+                                      0.5 * f * (1.0 + f * (4.0 - 3.0 * f)), 0.5 * f * f * (f - 1.0)};
+  MatrixXd result(signal.rows(), signal.cols());
+  for (std::size_t run = 0; run + 1 < table.run_begin.size(); ++run) {
+    const Index begin = table.run_begin[run], last = table.run_begin[run + 1] - 1;
+    for (Index i = begin; i <= last; ++i) {
+      const Index at = i + static_cast<Index>(whole);
+      result.row(i).setZero();
+      for (Index k = 0; k < 4; ++k)
+        result.row(i) += weights[static_cast<std::size_t>(k)] * signal.row(std::clamp(at - 1 + k, begin, last));
+    }
+  }
+  return result;
 }
 
 MatrixXd earlier(const MotionTable& table, const MatrixXd& signal, double delay) {

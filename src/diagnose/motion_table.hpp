@@ -83,7 +83,10 @@ double part_repeated(const MotionTable& motion, const MotionTable& of);
 /// first rows of each log, which have nothing earlier, take its first one.
 /// @param signal  m × columns
 Eigen::MatrixXd earlier(const MotionTable& table, const Eigen::MatrixXd& signal, double delay);
-/// The same of some rows of one signal.
+/// The same of positions, velocities or accelerations, by cubics: straight lines blur them between rows, by more or less as a
+/// delay falls on rows or between them.
+Eigen::MatrixXd earlier_motion(const MotionTable& table, const Eigen::MatrixXd& signal, double delay);
+/// earlier() of some rows of one signal.
 /// @param signal  m
 /// @param from    first row of the result
 void put_earlier(const MotionTable& table, const Eigen::Ref<const Eigen::VectorXd>& signal, double delay,

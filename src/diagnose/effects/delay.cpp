@@ -35,13 +35,6 @@ bool smooth_part_is_late(const Workbench& bench, double delay) {
   return trial.valid && trial.cv_t > 0.0 && trial.coefficients[0] >= kLeastShare;
 }
 
-/// Time after a change of direction whose rows say nothing about a delay of about this size [s]; it stays the same while the delay
-/// is tuned.
-double delay_reach(double delay) {
-  constexpr double kTimes = 2.0, kLeast = 0.004;
-  return kTimes * delay + kLeast;
-}
-
 std::vector<Candidate> propose_delay(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(Delay{});
   const MatrixXd predicted = bench.base->torque(*bench.rows, bench.problem->theta());
@@ -84,6 +77,11 @@ void describe_delay(const Candidate& effect, const VectorXd&, const model::Robot
 }
 
 }  // namespace
+
+double delay_reach(double delay) {
+  constexpr double kTimes = 2.0, kLeast = 0.004;
+  return kTimes * delay + kLeast;
+}
 
 ArmSearch search_of(Delay) { return {propose_delay, apply_delay, describe_delay}; }
 
