@@ -27,6 +27,16 @@ struct BaseFit {
 /// inertia in an elastic joint; -1: none.
 int contained_column(const Candidate& effect, const BaseModel& base);
 
+/// The numbers of a fit.
+struct Replica {
+  struct Effect {
+    Eigen::VectorXd coefficients;  ///< k, of the columns
+    double shape, second;          ///< see Candidate
+  };
+  model::Robot robot;           ///< with the base parameters
+  std::vector<Effect> effects;  ///< of each accepted effect
+};
+
 /// Base model and accepted effects on training logs.
 class Engine {
  public:
@@ -102,6 +112,11 @@ class Engine {
   /// What a model file keeps of the fit's parameters: base parameters and coefficients of the joint effects in the
   /// order of robot().effects, with intervals and covariance for residuals correlated in time.
   model::FitRecord parameter_record() const;
+  /// The fit as the prior steadies it least, then that without a group of neighbouring blocks each, to first order in all
+  /// parameters and shapes.
+  std::vector<Replica> replicas() const;
+  /// Two memories of one joint share a coefficient: a column alone does not say how well either is known.
+  bool shares_memory(std::size_t index) const { return first_memory(index) >= 0 || second_memory(index) >= 0; }
   /// Mean of ln(squared error) over the rows of all joints.
   double mean_log_error() const;
   /// White noise of each joint's residual, n; see white_noise().

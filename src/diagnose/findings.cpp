@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include <fmt/format.h>
 
 #include "arm_search.hpp"
 #include "heft/host/parallel.hpp"
+#include "heft/statistics/distributions.hpp"
+#include "heft/statistics/jackknife.hpp"
 #include "residual_structure.hpp"
 
 namespace heft::diagnose {
@@ -33,6 +36,47 @@ void describe(const Candidate& own, const VectorXd& c, const model::Robot& robot
       finding.displacement = own.displacement;
     }
   });
+}
+
+/// Half widths of the 95 % intervals of the parameters of a finding; NaN where the fit does not tell.
+/// @param stated  the parameters, of a fit that the prior steadies: an interval reaches as far beyond what blocks say as the fit
+///                without it, at the shapes that it asks for, is away
+/// @param sample  time between two samples of the logs [s]
+std::vector<double> half_widths_of(const Candidate& own, std::size_t index, const std::vector<Replica>& replicas,
+                                   const std::vector<std::pair<std::string, double>>& stated, double sample) {
+  // A tilt goes by masses that level ground may hide, the knots of a curve are no parameters of nature, and when the motor of two
+  // joints turns back their low-passes blur.
+  if (own.effect.is<BaseTilt>() || own.effect.is<FrictionCurve>() || own.effect.is<WristCoupling>()) return {};
+  Candidate moved = own;
+  const auto parameters_of = [&](const Replica& replica) {
+    moved.shape = replica.effects[index].shape;
+    moved.second = replica.effects[index].second;
+    Finding described(own.effect);
+    describe(moved, replica.effects[index].coefficients, replica.robot, described);
+    return described.parameters;
+  };
+  const auto all = parameters_of(replicas.front());
+  const auto change_of = [&](const std::pair<std::string, double>& to, const std::pair<std::string, double>& from) {
+    const bool turns = own.effect.is<Ripple>() && to.first == "phase";
+    const double change = to.second - from.second;
+    return turns ? std::remainder(change, 2.0 * std::numbers::pi) : change;
+  };
+  MatrixXd changes(static_cast<Index>(all.size()), static_cast<Index>(replicas.size()) - 1);
+  for (Index b = 0; b < changes.cols(); ++b) {
+    const auto without = parameters_of(replicas[static_cast<std::size_t>(b) + 1]);
+    for (std::size_t p = 0; p < all.size(); ++p) changes(static_cast<Index>(p), b) = change_of(without[p], all[p]);
+  }
+  const VectorXd variance = statistics::jackknife_covariance(changes).diagonal();
+  const double factor = statistics::interval_factor(static_cast<int>(changes.cols()) - 1);
+  // Position and torque of a row need not be of the same instant between two samples.
+  const double known = own.effect.is<Delay>() ? 0.5 * sample : 0.0;
+  std::vector<double> half_widths;
+  for (std::size_t p = 0; p < all.size(); ++p) {
+    const double v = variance[static_cast<Index>(p)];
+    half_widths.push_back(v > 0.0 ? factor * std::sqrt(v) + std::abs(change_of(all[p], stated[p])) + known
+                                  : std::numeric_limits<double>::quiet_NaN());
+  }
+  return half_widths;
 }
 
 /// Parameters of an explanation that was not taken, as it was fitted in the place of the one that was.
@@ -127,6 +171,8 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     evidence[e] = search.evidence(e);
     for (Candidate& c : evidence[e]) c.columns = {};
   });
+  const model::Robot found = engine.robot();
+  const std::vector<Replica> replicas = engine.accepted.empty() ? std::vector<Replica>{} : engine.replicas();
   std::vector<Finding> findings;
   for (std::size_t e = 0; e < engine.accepted.size(); ++e) {
     const Candidate& own = engine.accepted[e];
@@ -157,7 +203,11 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.seen = seen_of(written, own.joint);
     add_rivals(own, trial.cv_gain, candidates, tried, robot, f);
     put_torque(engine, e, f);
-    describe(own, written.coefficients(e), robot, f);
+    // What it is says the fit with all masses free; the model written has the values that go with its own masses.
+    describe(own, engine.coefficients(e), found, f);
+    if (!engine.shares_memory(e))
+      f.half_widths = half_widths_of(own, e, replicas, f.parameters, 1.0 / engine.table().logged_rate);
+    f.half_widths.resize(f.parameters.size(), std::numeric_limits<double>::quiet_NaN());
     const std::vector<std::string>& runs = engine.table().runs;
     for (const int run : own.event_runs) {
       if (runs.size() > 1) f.event_logs.push_back(runs[static_cast<std::size_t>(run)]);

@@ -1,10 +1,11 @@
-// Intervals of everything that a diagnosis fitted, for those who compare its model with another one.
+// Intervals of everything that a diagnosis fitted.
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include <fmt/format.h>
 
+#include "arm_search.hpp"
 #include "engine.hpp"
 #include "heft/statistics/distributions.hpp"
 #include "heft/statistics/jackknife.hpp"
@@ -16,7 +17,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-MatrixXd Problem::covariance(const Problem& held_by, const std::vector<bool>& follows, int& blocks) const {
+MatrixXd Problem::changes_without_blocks(const Problem& held_by, const std::vector<bool>& follows) const {
   // What a model misses stays correlated for some seconds: neighbouring blocks go together while a dozen groups are left.
   constexpr std::size_t kGroups = 12, kMost = 3;
   const std::size_t all = table_->blocks.size(), together = std::clamp<std::size_t>(all / kGroups, 1, kMost);
@@ -24,7 +25,7 @@ MatrixXd Problem::covariance(const Problem& held_by, const std::vector<bool>& fo
   const VectorXd held = solve(held_by.total_, -1, kLeastSteady, held_by.ridge_).theta;
   const VectorXd theta = solve(total_, -1, kLeastSteady, ridge_).theta;
   MatrixXd changes(columns_, static_cast<Index>(all));
-  blocks = 0;
+  Index groups = 0;
   for (std::size_t first = 0; first < all; first += together) {
     const std::size_t end = std::min(all, first + together);
     MatrixXd rest = total_without(first, end);
@@ -37,10 +38,12 @@ MatrixXd Problem::covariance(const Problem& held_by, const std::vector<bool>& fo
       if (follows[c]) rest(at, columns_) += ridge_[at] * rest(at, at) * moved[at];
     }
     const VectorXd change = solve(rest, -1, kLeastSteady, ridge_).theta - theta;
-    if (change.allFinite()) changes.col(blocks++) = change;
+    if (change.allFinite()) changes.col(groups++) = change;
   }
-  return statistics::jackknife_covariance(changes.leftCols(blocks));
+  return changes.leftCols(groups);
 }
+
+VectorXd Problem::unsteadied_theta() const { return solve(total_, -1, kLeastSteady, ridge_).theta + prior_; }
 
 /// Moments of all rows but those of some blocks.
 MatrixXd Problem::total_without(std::size_t first, std::size_t end) const {
@@ -81,12 +84,85 @@ MatrixXd Engine::effect_torque(std::size_t index) const {
   return torque;
 }
 
-model::FitRecord Engine::parameter_record() const {
-  model::FitRecord record;
-  int blocks = 0;
+/// Which base columns are held at the values of the fit without effects, where they are held at all.
+std::vector<bool> Engine::followers() const {
   std::vector<bool> follows(static_cast<std::size_t>(base_.columns()));
   for (int c = 0; c < base_.columns(); ++c) follows[static_cast<std::size_t>(c)] = !is_out(c);
-  MatrixXd covariance = problem_->covariance(*fit_->fitted, follows, blocks);
+  return follows;
+}
+
+/// Derivatives of the torque by what it is not linear in: by the logarithm of an effect's shape, by a delay [s].
+/// @param whose  out: the effect of each
+std::vector<Columns> Engine::shape_slopes(std::vector<std::size_t>& whose) const {
+  constexpr double kProbe = 1e-3;  // of the shape
+  std::vector<Columns> slopes;
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    const Candidate& effect = accepted[e];
+    if (effect.effect.is<Delay>()) {
+      const double row = 1.0 / table_.sample_rate;
+      const MatrixXd torque = predicted();
+      const MatrixXd change = (earlier(table_, torque, row) - earlier(table_, torque, -row)) / (2.0 * row);
+      Columns slope;
+      slope.joints = all_joints(table_.num_joints);
+      for (const int j : slope.joints) slope.values.emplace_back(change.col(j));
+      slopes.push_back(std::move(slope));
+      whose.push_back(e);
+    } else if (effect.effect.joint_effect() >= 0 && effect.shape > 0.0 && first_column_[e] >= 0 && !shares_memory(e)) {
+      const auto at = [&](double shape) {
+        return VectorXd(joint_effect_columns(bench(), effect.effect.joint_effect(), effect.joint, shape,
+                                             {effect.replaces >= 0, effect.displacement}, effect.level) * fitted(e));
+      };
+      VectorXd slope = (at(effect.shape * (1.0 + kProbe)) - at(effect.shape * (1.0 - kProbe))) / (2.0 * kProbe);
+      if (!(slope.squaredNorm() > 0.0)) continue;
+      slopes.push_back({{effect.joint}, {std::move(slope)}});
+      whose.push_back(e);
+    }
+  }
+  return slopes;
+}
+
+std::vector<Replica> Engine::replicas() const {
+  load_all();
+  std::vector<std::size_t> whose;
+  const std::vector<Columns> slopes = shape_slopes(whose);
+  Problem around = *problem_;
+  const std::vector<int> firsts = around.append(slopes);
+  around.reweight();
+  const MatrixXd changes = around.changes_without_blocks(*fit_->fitted, followers());
+  const VectorXd theta = problem_->theta();
+  const auto model_of = [&](const VectorXd& change) {
+    Replica replica;
+    replica.robot = base_.robot(theta + change.head(theta.size()));
+    Index spring = first_spring_column_;
+    for (std::size_t e = 0; e < accepted.size(); ++e) {
+      const Candidate& effect = accepted[e];
+      Replica::Effect numbers{fitted(e), effect.shape, effect.second};
+      if (first_column_[e] >= 0) numbers.coefficients += change.segment(first_column_[e], numbers.coefficients.size());
+      if (effect.is_elastic() && spring >= 0) {
+        numbers.shape *= std::exp(change[spring++]);
+        numbers.second *= std::exp(change[spring++]);
+      }
+      for (std::size_t k = 0; k < whose.size(); ++k) {
+        if (whose[k] != e) continue;
+        const double by = change[firsts[k]];
+        numbers.shape = effect.effect.is<Delay>() ? numbers.shape + by : numbers.shape * std::exp(by);
+      }
+      replica.effects.push_back(std::move(numbers));
+    }
+    return replica;
+  };
+  VectorXd from = around.unsteadied_theta();
+  from.head(theta.size()) -= theta;
+  std::vector<Replica> all{model_of(from)};
+  for (Index b = 0; b < changes.cols(); ++b) all.push_back(model_of(from + changes.col(b)));
+  return all;
+}
+
+model::FitRecord Engine::parameter_record() const {
+  model::FitRecord record;
+  const MatrixXd changes = problem_->changes_without_blocks(*fit_->fitted, followers());
+  const auto blocks = static_cast<int>(changes.cols());
+  MatrixXd covariance = statistics::jackknife_covariance(changes);
   for (int c = 0; c < base_.columns(); ++c) {  // a column that the model does without is 0 and not known to be so
     if (!is_out(c)) continue;
     covariance.row(c).setZero();
@@ -113,7 +189,7 @@ model::FitRecord Engine::parameter_record() const {
     const VectorXd c = coefficients(e);
     const bool in_actuation = effect.effect.is<Offset>() || effect.effect.is<RotorInertia>();
     // A second memory shares its coefficient with the first: its column alone does not say how well either is known.
-    const bool shared = first_memory(e) >= 0 || second_memory(e) >= 0;
+    const bool shared = shares_memory(e);
     for (int k = 0; k < static_cast<int>(c.size()); ++k) {
       const int place = shared || first_column_[e] < 0 ? -1 : first_column_[e] + k;
       const double std = place < 0 ? std::numeric_limits<double>::quiet_NaN() : std_of(place);

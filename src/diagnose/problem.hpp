@@ -105,12 +105,14 @@ class Problem {
   Eigen::VectorXd white_std() const;
   const Eigen::VectorXd& counted() const { return counted_; }  ///< n: rows that count
 
-  /// p × p: covariance of theta() by the jackknife over groups of neighbouring blocks, which holds for residuals that are
-  /// correlated within them.
+  /// Changes of theta() where groups of neighbouring blocks are left out, p × groups with rows that count. By the jackknife
+  /// they give its covariance, which holds for residuals that are correlated within the groups.
   /// @param held_by  fit that the values come from at which base columns are held: they are known no better than it knows them
   /// @param follows  which of the base columns are held at its values, and not at 0
-  /// @param blocks   out: groups with rows that count
-  Eigen::MatrixXd covariance(const Problem& held_by, const std::vector<bool>& follows, int& blocks) const;
+  Eigen::MatrixXd changes_without_blocks(const Problem& held_by, const std::vector<bool>& follows) const;
+
+  /// theta() where the prior steadies as little as it can.
+  Eigen::VectorXd unsteadied_theta() const;
 
   Eigen::MatrixXd residual() const;  ///< of rows that count; others 0
   /// n: rms residual of each joint's rows fitted on their own, with parameters that no other joint has a say in [N·m].

@@ -289,13 +289,4 @@ std::unique_ptr<Engine> WrittenModel::with(std::size_t effect, bool in_place) co
   return built(kept, chosen_.weight);
 }
 
-VectorXd WrittenModel::coefficients(std::size_t effect) const {
-  if (const int column = own_column(effect); column >= 0)
-    return engine().problem().theta().segment(column, 1);
-  if (!has(effect)) return search_.engine().coefficients(effect);
-  std::size_t place = 0;
-  for (std::size_t e = 0; e < effect; ++e) place += own_column(e) < 0 && chosen_.kept[e] ? 1 : 0;
-  return engine().coefficients(place);
-}
-
 }  // namespace heft::diagnose

@@ -50,8 +50,6 @@ class WrittenModel {
   std::string why_not(std::size_t effect) const;
   /// The same with one of the search's effects, or without it.
   std::unique_ptr<Engine> with(std::size_t effect, bool in_place) const;
-  /// Coefficients of one of the search's effects as the model has them, or as the search has where it is not in the model.
-  Eigen::VectorXd coefficients(std::size_t effect) const;
 
  private:
   /// A robot and its errors by what is derived how, see JudgedMotion::errors_by_kind(); none: not asked for yet.

@@ -57,14 +57,25 @@ nlohmann::ordered_json rivals_json(const std::vector<diagnose::Rival>& rivals, b
   return json;
 }
 
+/// Components of one vector become one entry.
+void join_vector(nlohmann::ordered_json& json) {
+  if (!json.contains("com_x") || !json.contains("com_y") || !json.contains("com_z")) return;
+  json["com"] = {json["com_x"], json["com_y"], json["com_z"]};
+  for (const char* part : {"com_x", "com_y", "com_z"}) json.erase(part);
+}
+
+nlohmann::ordered_json half_widths_json(const Finding& finding) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (std::size_t k = 0; k < finding.half_widths.size(); ++k)
+    json[finding.parameters[k].first] = host::number_or_null(finding.half_widths[k]);
+  join_vector(json);
+  return json;
+}
+
 nlohmann::ordered_json parameters_json(const Finding& finding) {
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
   for (const auto& [name, value] : finding.parameters) json[name] = host::number_or_null(value);
-  // Components of one vector become one entry.
-  if (json.contains("com_x") && json.contains("com_y") && json.contains("com_z")) {
-    json["com"] = {json["com_x"], json["com_y"], json["com_z"]};
-    for (const char* part : {"com_x", "com_y", "com_z"}) json.erase(part);
-  }
+  join_vector(json);
   for (const auto& [name, value] : finding.words) json[name] = value;
   if (!finding.events.empty()) {
     json["events"] = nlohmann::ordered_json::array();
@@ -83,6 +94,7 @@ nlohmann::ordered_json effect_json(const Finding& finding, const model::Robot& r
                               {"joint", joint_or_null(finding.joint)},
                               {"name", effect_name(finding.effect)},
                               {"parameters", parameters_json(finding)},
+                              {"half_width_95", half_widths_json(finding)},
                               {"p_value", host::number_or_null(finding.p_value)},
                               {"delta_bic", host::number_or_null(finding.delta_bic)},
                               {"cross_validated_fall", host::number_or_null(finding.cross_validated)},

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "heft/host/numbers.hpp"
 #include "heft/page/table.hpp"
 
 namespace heft::report {
@@ -162,16 +163,19 @@ std::string parameters_in_words(const Finding& finding, const model::Robot& robo
   const auto x = parameter(finding, "com_x"), y = parameter(finding, "com_y"),
              z = parameter(finding, "com_z");
   const bool vector = x && y && z;
-  for (const auto& [key, value] : finding.parameters) {
+  for (std::size_t k = 0; k < finding.parameters.size(); ++k) {
+    const auto& [key, value] = finding.parameters[k];
     if (vector && key == "com_x") {
       parts.push_back(
           fmt::format("com ({}, {}, {}) m", short_number(*x, 3), short_number(*y, 3), short_number(*z, 3)));
     }
     if (vector && key.starts_with("com_")) continue;
     const std::string unit = unit_of(finding.effect, key, prismatic);
-    parts.push_back(std::isfinite(value)
-                        ? fmt::format("{} {}{}{}", key, short_number(value), unit.empty() || unit == "°" ? "" : " ", unit)
-                        : fmt::format("{} not determined", key));
+    const double half = k < finding.half_widths.size() ? finding.half_widths[k] : kNaN;
+    parts.push_back(std::isfinite(value) ? fmt::format("{} {}{}{}{}", key, short_number(value),
+                                                       std::isfinite(half) ? " ± " + short_number(half, 2) : "",
+                                                       unit.empty() || unit == "°" ? "" : " ", unit)
+                                         : fmt::format("{} not determined", key));
   }
   for (const auto& [key, value] : finding.words) parts.push_back(fmt::format("{} {}", key, value));
   if (finding.displacement == Displacement::kVelocity) parts.push_back("by the velocity as logged");

@@ -94,6 +94,7 @@ TEST_P(OneEffect, IsNamedWithItsJointAndLowersTheErrorOnALogNotSeen) {
     for (const Rival& rival : *others)
       EXPECT_TRUE(once.emplace(rival.effect.id(), rival.joint).second) << rival.effect.id();
   }
+  EXPECT_EQ(found->half_widths.size(), found->parameters.size());
   if (found->effect.is<Contact>()) {
     EXPECT_EQ(found->main_joint, effect.main_joint) << "where the force raises the error most";
     EXPECT_LT(found->p_value, 1e-3);
@@ -110,6 +111,28 @@ std::string name_of(const testing::TestParamInfo<KindOnArm>& p) {
 
 INSTANTIATE_TEST_SUITE_P(QuickKinds, OneEffect, testing::ValuesIn(quick_kinds()), name_of);
 INSTANTIATE_TEST_SUITE_P(OtherArms, OneEffect, testing::ValuesIn(on_other_arms()), name_of);
+
+// Masses that identify found without the effect had taken up a part of it.
+class ParameterBesideMasses : public testing::TestWithParam<KindOnArm> {};
+
+TEST_P(ParameterBesideMasses, IsThatOfAFitWithAllMassesFree) {
+  const auto& [kind, arm] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case(kind, arm, 71);
+  const Diagnosis d = diagnosed(c);
+  const UndeclaredEffect& effect = c.effects.front();
+  const auto found =
+      std::find_if(d.findings.begin(), d.findings.end(), [&](const Finding& f) { return names(f, effect); });
+  ASSERT_NE(found, d.findings.end()) << said(d);
+  const auto& [name, value] = found->parameters.front();
+  const double truth = effect.parameters.at(name);
+  EXPECT_NEAR(value, truth, 0.03 * truth) << name;
+  EXPECT_NEAR(value, truth, 2.0 * found->half_widths.front()) << name;
+}
+
+INSTANTIATE_TEST_SUITE_P(QuickKinds, ParameterBesideMasses,
+                         testing::Values(KindOnArm{"payload_change", "scara4"}, KindOnArm{"torque_scale", "scara4"}), name_of);
+INSTANTIATE_TEST_SUITE_P(OtherArms, ParameterBesideMasses,
+                         testing::Values(KindOnArm{"payload_change", "arm6"}, KindOnArm{"torque_scale", "arm7"}), name_of);
 
 TEST(HysteresisInPart, IsNamedWithThePart) {
   const UndeclaredCase c = test::make_undeclared_case("hysteresis_in_part", "scara4", 1);
@@ -226,6 +249,15 @@ TEST(LateTorque, IsMeasuredAwayFromTheChangesOfDirectionThatItShowsLate) {
   ASSERT_EQ(d.findings.size(), 1U) << said(d);
   const double delay = c.effects.front().parameters.at("delay");
   EXPECT_NEAR(d.findings.front().parameters[0].second, delay, 0.04 * delay);
+}
+
+TEST(LateTorque, IsNoShorterWhereItFallsBetweenRows) {
+  const UndeclaredCase c = test::make_undeclared_case("delay", "arm7", 72);
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), 1U) << said(d);
+  const double delay = c.effects.front().parameters.at("delay");
+  EXPECT_NEAR(d.findings.front().parameters[0].second, delay, 0.02 * delay);
+  EXPECT_NEAR(d.findings.front().parameters[0].second, delay, d.findings.front().half_widths[0]);
 }
 
 // Springs --------------------------------------------------------------------------------------------------

@@ -51,7 +51,13 @@ struct Finding {
   /// Wrist coupling: the joint whose motor turns with `joint` as well; cable: the other joint that it runs over; -1: other
   /// effects.
   int driven_joint{-1};
-  std::vector<std::pair<std::string, double>> parameters;  ///< by the names of the effect's kParameters, SI
+  /// By the names of the effect's kParameters, SI: of the fit in which all masses are free. The model written has the ones that
+  /// go with its own masses.
+  std::vector<std::pair<std::string, double>> parameters;
+  /// Of the 95 % interval of each parameter, by the jackknife over stretches of the training logs, for residuals correlated in
+  /// time, and wider by as much as the prior and the choice of a shape move the parameter; NaN where the fit does not tell (a
+  /// time, a tilted base, a friction curve, a wrist coupling, the parts of two memories in one joint).
+  std::vector<double> half_widths;
   std::vector<std::pair<std::string, std::string>> words;  ///< parameters that are no numbers ("event")
   std::vector<std::pair<double, double>> events;           ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;                     ///< contact: on the robot, world frame [N]
