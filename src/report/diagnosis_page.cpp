@@ -326,7 +326,7 @@ void add_effects(page::Page& page, const Diagnosis& diagnosis) {
   }
   page.table(effects);
   page.table(ranking_table(diagnosis, diagnosis.after),
-             "Evidence. p and ΔBIC account for residuals correlated in time and for all candidates tried; "
+             "±: 95 % intervals. Evidence: p and ΔBIC account for residuals correlated in time and for all candidates tried; "
              "blocks not fitted: fall of the error in cross-validation.");
   if (const page::Table table = moved_by_joint_table(diagnosis); !table.rows().empty())
     page.table(table, "What they move, by joint: torque over the training motion");
