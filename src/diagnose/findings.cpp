@@ -203,7 +203,7 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.seen = seen_of(written, own.joint);
     add_rivals(own, trial.cv_gain, candidates, tried, robot, f);
     put_torque(engine, e, f);
-    // What it is says the fit with all masses free; the model written has the values that go with its own masses.
+    // Not those of the model written: masses held at identify's have taken up a part of the effect.
     describe(own, engine.coefficients(e), found, f);
     if (!engine.shares_memory(e))
       f.half_widths = half_widths_of(own, e, replicas, f.parameters, 1.0 / engine.table().logged_rate);

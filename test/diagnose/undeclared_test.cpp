@@ -33,6 +33,12 @@ bool names(const Finding& finding, const UndeclaredEffect& effect) {
   return finding.effect.is<WristCoupling>() || finding.joint == effect.joint;
 }
 
+/// The finding that names an effect; findings.end(): none.
+auto found_in(const Diagnosis& diagnosis, const UndeclaredEffect& effect) {
+  return std::find_if(diagnosis.findings.begin(), diagnosis.findings.end(),
+                      [&](const Finding& f) { return names(f, effect); });
+}
+
 std::string said(const Diagnosis& diagnosis) {
   std::string text;
   for (const Finding& f : diagnosis.findings)
@@ -83,8 +89,7 @@ TEST_P(OneEffect, IsNamedWithItsJointAndLowersTheErrorOnALogNotSeen) {
   const UndeclaredCase c = test::make_undeclared_case(kind, arm, 1);
   const Diagnosis d = diagnosed(c);
   const UndeclaredEffect& effect = c.effects.front();
-  const auto found =
-      std::find_if(d.findings.begin(), d.findings.end(), [&](const Finding& f) { return names(f, effect); });
+  const auto found = found_in(d, effect);
   ASSERT_NE(found, d.findings.end()) << c.name << " holds " << kind << " on joint " << effect.joint + 1
                                      << "; said:" << said(d);
   EXPECT_EQ(d.findings.size(), 1U) << said(d);
@@ -120,8 +125,7 @@ TEST_P(ParameterBesideMasses, IsThatOfAFitWithAllMassesFree) {
   const UndeclaredCase c = test::make_undeclared_case(kind, arm, 71);
   const Diagnosis d = diagnosed(c);
   const UndeclaredEffect& effect = c.effects.front();
-  const auto found =
-      std::find_if(d.findings.begin(), d.findings.end(), [&](const Finding& f) { return names(f, effect); });
+  const auto found = found_in(d, effect);
   ASSERT_NE(found, d.findings.end()) << said(d);
   const auto& [name, value] = found->parameters.front();
   const double truth = effect.parameters.at(name);
@@ -270,8 +274,7 @@ TEST_P(SpringsOfTwoJoints, AreBothNamedWithTheirStiffness) {
   const Diagnosis d = diagnosed(c);
   EXPECT_EQ(d.findings.size(), 2U) << said(d);
   for (const UndeclaredEffect& effect : c.effects) {
-    const auto found =
-        std::find_if(d.findings.begin(), d.findings.end(), [&](const Finding& f) { return names(f, effect); });
+    const auto found = found_in(d, effect);
     ASSERT_NE(found, d.findings.end()) << "joint " << effect.joint + 1 << "; said:" << said(d);
     ASSERT_EQ(found->parameters[0].first, "stiffness");
     const double stiffness = effect.parameters.at("stiffness");
@@ -348,8 +351,7 @@ TEST(Stability, IsDeniedWhatOneHalfOfTheLogDoesNotShow) {
   UndeclaredCase c = test::make_undeclared_case("stribeck", "scara4", 1);
   const auto stable = [&] {
     const Diagnosis d = diagnosed(c);
-    const auto found = std::find_if(d.findings.begin(), d.findings.end(),
-                                    [&](const Finding& f) { return names(f, c.effects.front()); });
+    const auto found = found_in(d, c.effects.front());
     return found == d.findings.end() ? std::nullopt : found->stable;
   };
   EXPECT_EQ(stable(), true);

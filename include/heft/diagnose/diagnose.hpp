@@ -51,8 +51,8 @@ struct Finding {
   /// Wrist coupling: the joint whose motor turns with `joint` as well; cable: the other joint that it runs over; -1: other
   /// effects.
   int driven_joint{-1};
-  /// By the names of the effect's kParameters, SI: of the fit in which all masses are free. The model written has the ones that
-  /// go with its own masses.
+  /// By the names of the effect's kParameters, SI: of the search's fit, in which masses are free unless another joint would pay.
+  /// The model written has the ones that go with its own masses.
   std::vector<std::pair<std::string, double>> parameters;
   /// Of the 95 % interval of each parameter, by the jackknife over stretches of the training logs, for residuals correlated in
   /// time, and wider by as much as the prior and the choice of a shape move the parameter; NaN where the fit does not tell (a
