@@ -13,19 +13,25 @@ using Eigen::VectorXd;
 
 namespace {
 
-void append(const MatrixXd& values, int joint, Problem& problem) {
+/// @return the column's global number
+int append(const MatrixXd& values, int joint, Problem& problem) {
   Columns columns;
   columns.joints = {joint};
   columns.values = {values};
-  problem.append(columns);
+  return problem.append(columns);
 }
 
-/// Whether a spring about the joint is all that stands between its rows and those of the others.
-bool is_pulled_by_spring(const Problem& problem, const MotionTable& table, int joint) {
+/// Whether one column, with a coefficient above 0, is all that stands between a joint's rows and those of the others.
+bool lacks_only(const Eigen::Ref<const VectorXd>& column, const Problem& problem, int joint) {
   Problem with(problem);
-  append(table.q.col(joint), joint, with);
+  const int added = append(column, joint, with);
   with.reweight();
-  return with.noise()[joint] < kTimesAloneWithSpring * with.noise_alone()[joint];
+  return with.theta()[added] > 0.0 && with.noise()[joint] < kTimesAloneWithColumn * with.noise_alone()[joint];
+}
+
+/// Whether all that a joint lacks is a spring about it or the inertia of its motor.
+bool lacks_spring_or_motor(const Problem& problem, const MotionTable& table, int joint) {
+  return lacks_only(table.q.col(joint), problem, joint) || lacks_only(table.qdd.col(joint), problem, joint);
 }
 
 }  // namespace
@@ -50,7 +56,7 @@ std::vector<NotExplained> not_explained(const Problem& fitted, const MotionTable
     const double explained = 1.0 - (square - white) / (variance - white);
     const double contradicted = (square - alone[j] * alone[j]) / variance;
     const bool contradicts = contradicted >= kContradicts && together[j] >= kTimesAlone * alone[j];
-    if (explained >= kExplainsNothing && (!contradicts || is_pulled_by_spring(problem, table, j))) continue;
+    if (explained >= kExplainsNothing && (!contradicts || lacks_spring_or_motor(problem, table, j))) continue;
     found.push_back(
         {j, together[j], alone[j], std::sqrt(square / variance), together[j] / largest, contradicts});
   }

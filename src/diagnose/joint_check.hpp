@@ -22,9 +22,10 @@ inline constexpr double kExplainsNothing = 0.1;
 inline constexpr double kTimesAlone = 2.0;
 /// And the difference is this share of its torque's variance at least.
 inline constexpr double kContradicts = 0.1;
-/// A spring about the joint, which masses of its own imitate, is no contradiction: with one the error is less than this many
-/// times what its rows alone need. Simulated springs come to 0.95 and 1.06, torques of another scale to 2.1 and more.
-inline constexpr double kTimesAloneWithSpring = 1.25;
+/// A spring about the joint or its motor's inertia, which masses of its own imitate, is no contradiction: with one the error
+/// is less than this many times what its rows alone need. Simulated springs come to 0.95 and 1.06, torques of another scale to
+/// 2.1 and more.
+inline constexpr double kTimesAloneWithColumn = 1.25;
 
 /// Looks at a fit of the training logs. Torque offsets are allowed for: a sensor's zero is no contradiction.
 std::vector<NotExplained> not_explained(const Problem& fitted, const MotionTable& table);
