@@ -214,7 +214,8 @@ void reject_needless(Search& search, const Identified& identified) {
       if (own.has_motor() && own.replaces < 0) remove_motor(own.columns);
       own.stale = true;
       without->judge_again(own);
-      if (own.trial.valid && own.trial.cv_t > kSteadyGain) return;
+      // A spring swings with whatever these blocks have in common, touches for one: it must show on the validation logs.
+      if (own.trial.valid && own.trial.cv_t > kSteadyGain && !own.is_elastic()) return;
       // This base explains a part of it, as masses and a rotor explain the constant part of a spring that weight acts along:
       // what the rest does the fits with it and without it say.
       if (!own.trial.valid) own.trial.cv_gain = accepted[e].trial.cv_gain, own.trial.cv_t = kSteadyGain;
