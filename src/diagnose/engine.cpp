@@ -556,11 +556,18 @@ std::vector<Candidate> Engine::spring_pairs(const Candidate& first, const std::v
 std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {
   load_all();
   const Workbench bench = this->bench();
+  std::vector<Candidate> found;
+  if (effect.effect.joint_effect() < 0) {
+    for_each_arm_effect([&](auto type) {
+      if (effect.effect.is<decltype(type)>())
+        found = search_of(type).propose(bench, std::vector<bool>(static_cast<std::size_t>(table_.num_joints), true));
+    });
+    return found;
+  }
   const std::vector<JointSearch> searches =
       joint_searches(bench, effect.joint, effect.effect.joint_effect());
   std::vector<std::optional<Candidate>> single(searches.size());
   host::for_each_parallel(single.size(), [&](std::size_t s) { single[s] = searches[s](); });
-  std::vector<Candidate> found;
   for (std::optional<Candidate>& one : single) found.push_back(std::move(*one));
   return found;
 }

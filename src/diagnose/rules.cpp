@@ -13,12 +13,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-int parameters_of(const Candidate& c) {
-  // Of an event begin and length are chosen as well as its force.
-  return static_cast<int>(c.trial.coefficients.size() + 2 * static_cast<Index>(c.events.size())) +
-         (c.tried > 1 ? 1 : 0);
-}
-
 /// Whether an effect of the whole arm takes away most of the error of the joint where it shows most, as a wrist
 /// coupling or a tilted base does; events would only follow the error of a joint that nothing explains.
 bool explains_joints(const Candidate& c) {
@@ -61,6 +55,12 @@ VectorXd fall(const Trial& trial) {
     }
   }
   return result;
+}
+
+int parameters_of(const Candidate& c) {
+  // Of an event begin and length are chosen as well as its force.
+  return static_cast<int>(c.trial.coefficients.size() + 2 * static_cast<Index>(c.events.size())) +
+         (c.tried > 1 ? 1 : 0);
 }
 
 double bic_of(const Candidate& c, int candidates) {

@@ -63,6 +63,8 @@ inline constexpr double kRival = 0.3, kEquivalent = 0.97;
 Eigen::VectorXd fall(const Trial& trial);
 /// The same part of the squared error.
 inline double squared(double fall) { return 1.0 - (1.0 - fall) * (1.0 - fall); }
+/// What a candidate has to choose: coefficients, its shape, begin and length of events.
+int parameters_of(const Candidate& c);
 /// Robust chi-square of the coefficients against what they cost.
 /// @param candidates  tried, shapes counted
 double bic_of(const Candidate& c, int candidates);

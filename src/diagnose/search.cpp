@@ -123,6 +123,7 @@ double Search::forward(bool may_stop) {
     const VectorXd noise = engine().noise_floor();
     Rules::Round now{tried_of(pool), noise, engine().accepted};
     const Candidate* best = best_of(pool, now);
+    if (best != nullptr && judge_simpler_again(pool, *best)) best = best_of(pool, now);
     const bool spring = best == nullptr ? fresh : rules().simplest(pool, best, now)->is_elastic();
     if (spring && add_spring_pairs(engine(), {}, pool)) {
       now.tried = tried_of(pool);
@@ -247,6 +248,20 @@ bool Search::find_motors() {
   return found;
 }
 
+/// Judges simpler candidates of the best one's joint with what is in place now, as it was judged.
+/// @return whether there are any that were judged before another effect was taken
+bool Search::judge_simpler_again(std::vector<Candidate>& pool, const Candidate& best) const {
+  const int joint = best.joint, parameters = parameters_of(best);
+  bool any = false;
+  for (Candidate& c : pool) {
+    if (!c.stale || c.joint != joint || parameters_of(c) >= parameters) continue;
+    engine().judge_again(c);
+    any = true;
+  }
+  if (any) sort_by_gain(pool);
+  return any;
+}
+
 void Search::take_springs_of(const Search& other) {
   if (other.engine().table().rows() != engine().table().rows()) return;  // their columns begin with the motion there
   for (const Candidate& e : other.engine().accepted) {
@@ -272,9 +287,27 @@ void Search::take(const Candidate& candidate) {
   model().build();
   if (candidate.is_elastic() || candidate.effect.is<Delay>()) tune();
   find_memory_again(candidate.joint);
+  if (!candidate.effect.is<PayloadChange>()) find_load_change_again();
   trace("with " + name_of(candidate), start_.judged->predicted(engine().robot()));
   // What was out of reach may be explained now.
   if (!wrong_joints_.empty()) check_joints();
+}
+
+/// The time of a change of load was found before another effect was in place. What is left of a wrong one looks like a push.
+void Search::find_load_change_again() {
+  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
+    Candidate own = engine().accepted[e];
+    if (!own.effect.is<PayloadChange>()) continue;
+    const std::unique_ptr<Engine> rest = rebuilt_without(e);
+    own.stale = true;
+    rest->judge_again(own);
+    for (Candidate& c : rest->forms_of(own)) {
+      if (!c.refused.empty() || !c.trial.valid || c.shape == own.shape || !(c.trial.cv_gain > own.trial.cv_gain)) continue;
+      trace(fmt::format("{}: at {:.4g} s now, was at {:.4g} s", name_of(own), c.shape, own.shape));
+      model().put(e, std::move(c));
+      model().build();
+    }
+  }
 }
 
 /// What a joint's friction remembers was found before another effect of that joint was in place, or next to one that

@@ -78,10 +78,12 @@ class Search {
   std::vector<Candidate> in_place_of(std::size_t effect, const Engine& rest) const;
   std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
                                  const std::function<void(double)>& done = {}) const;
+  bool judge_simpler_again(std::vector<Candidate>& pool, const Candidate& best) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
   void tune();
   bool find_motors();
   void take(const Candidate& candidate);
+  void find_load_change_again();
   void find_memory_again(int joint);
   void refuse(const Candidate& c, const std::string& why);
   void trace_pool(const std::vector<Candidate>& pool, const Rules::Round& round) const;

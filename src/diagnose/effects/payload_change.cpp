@@ -14,6 +14,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+/// No event is looked for this near to the begin or the end of a log; and what is found nearer than kEdge to these is none [s].
+constexpr double kMargin = 2.0, kEdge = 0.25;
+
 /// Columns of inertial parameters of the last link, all rows, for every joint.
 /// @param share  b × k, what these add to the base parameters
 Columns last_link_columns(const Workbench& bench, const MatrixXd& share) {
@@ -60,7 +63,7 @@ Index best_row(const Workbench& bench, const Columns& all, int& tried) {
   const auto gain_from = [&](Index row) {
     return bench.problem->gain(bench.problem->moments_from(row, all, all_moments));
   };
-  const Index margin = static_cast<Index>(2.0 * table.sample_rate);
+  const Index margin = static_cast<Index>(kMargin * table.sample_rate);
   Index best = 0;
   double best_gain = 0.0;
   const Index step = std::max<Index>(1, static_cast<Index>(1.0 * table.sample_rate));
@@ -94,6 +97,9 @@ std::vector<Candidate> propose_payload_change(const Workbench& bench, const std:
   const Columns all = last_link_columns(bench, link(Eigen::all, c.entries));
   const Index best = best_row(bench, all, c.tried);
   if (best == 0) return refused("explains nothing");
+  // What gains most from the first or last instant tried would gain more outside of them: it is no event.
+  if (std::min(best, table.rows() - best) < static_cast<Index>((kMargin + kEdge) * table.sample_rate))
+    return refused("would have to happen where the log begins or ends");
   c.shape = table.time[best];
   c.columns = from_row(all, best);
   c.trial = judge(bench, c);
