@@ -29,8 +29,12 @@ constexpr double kOneForce = 0.6;
 /// A touch is alone. Where the next stretch comes to a third of it, something else is wrong all along.
 constexpr double kAlone = 3.0;
 /// What is this many times as far above all the rest, and one force to this part, need not be far above friction: where so many
-/// joints move, as the three components of a force explain whatever few joints do.
-constexpr double kFarAlone = 8.0, kClear = 100.0, kAlmostOneForce = 0.9, kTellingJoints = 4.5;
+/// joints move, as the three components of a force explain whatever few joints do. With four joints one number tells whether it is a
+/// force: it has to be nearer to one, and clearer.
+struct Clear {
+  double statistic, far_alone, share, joints;
+};
+constexpr Clear kClear{100.0, 8.0, 0.9, 4.5}, kClearOfFour{300.0, 8.0, 0.95, 3.6};
 constexpr std::size_t kMostTouches = 5;
 /// Where runs without a touch show what friction and a rough model leave, a touch need not stand so far above it: beyond
 /// this many times their largest statistic, not by chance, and with this share by one force.
@@ -135,7 +139,7 @@ std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
   while (found.size() <= kMostTouches) {
     found.push_back(taken.empty() ? first : best_touch(sums, taken));
     const Touch& last = found.back();
-    if (last.count == 0 || last.statistic < kClear || last.share < kOneForce) break;
+    if (last.count == 0 || last.statistic < kClear.statistic || last.share < kOneForce) break;
     taken.push_back(with_margin(last, sums));
   }
   while (found.size() > 1) {
@@ -147,7 +151,9 @@ std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
       });
     };
     if (each_has(std::max(kTouch, kAlone * next), kOneForce, 0.0)) return found;
-    if (each_has(std::max(kClear, kFarAlone * next), kAlmostOneForce, kTellingJoints)) return found;
+    for (const Clear& least : {kClear, kClearOfFour}) {
+      if (each_has(std::max(least.statistic, least.far_alone * next), least.share, least.joints)) return found;
+    }
   }
   return {};
 }
