@@ -204,19 +204,33 @@ TEST(FlippedJoint, ComesFirstAndNoEffectIsSoughtInIt) {
       << judgement.reasons.front();
 }
 
-TEST(SpringOfAnElbow, IsNotTakenForAJointThatContradictsTheArm) {
-  const UndeclaredCase c = test::make_undeclared_case("spring", "arm7", 52);
+/// Masses of a joint's own imitate what it lacks, and those that it shares with the other joints do not.
+class OneThingLacking : public testing::TestWithParam<std::tuple<std::string, std::uint64_t>> {};
+
+TEST_P(OneThingLacking, IsNotTakenForAJointThatContradictsTheArm) {
+  const auto& [kind, seed] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case(kind, "arm7", seed);
   const Diagnosis d = diagnosed(c);
   EXPECT_TRUE(d.not_explained.empty());
   ASSERT_EQ(d.findings.size(), 1U) << said(d);
   EXPECT_TRUE(names(d.findings.front(), c.effects.front())) << said(d);
 }
 
-// Two at once ----------------------------------------------------------------------------------------------
+INSTANTIATE_TEST_SUITE_P(Joints, OneThingLacking,
+                         testing::Values(std::tuple{"spring", 52}, std::tuple{"rotor_inertia", 71}),
+                         [](const auto& p) { return std::get<0>(p.param); });
 
-class TwoEffects : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
+// Several at once ----------------------------------------------------------------------------------------------
 
-TEST_P(TwoEffects, AreBothNamed) {
+std::string name_of_several(const testing::TestParamInfo<std::tuple<std::string, std::string, std::uint64_t>>& info) {
+  std::string name = std::get<0>(info.param) + "_" + std::get<1>(info.param);
+  std::replace(name.begin(), name.end(), '+', '_');
+  return name;
+}
+
+class SeveralEffects : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
+
+TEST_P(SeveralEffects, AreAllNamed) {
   const auto& [kinds, arm, seed] = GetParam();
   const UndeclaredCase c = test::make_undeclared_case(kinds, arm, seed);
   const Diagnosis d = diagnosed(c);
@@ -228,7 +242,7 @@ TEST_P(TwoEffects, AreBothNamed) {
   EXPECT_EQ(d.findings.size(), c.effects.size()) << said(d);
 }
 
-INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
+INSTANTIATE_TEST_SUITE_P(Pairs, SeveralEffects,
                          testing::Values(std::tuple{"base_tilt+ripple", "scara4", 1},
                                          std::tuple{"hysteresis+delay", "arm6", 1},
                                          std::tuple{"wrist_coupling+offset", "arm6", 1},
@@ -241,11 +255,18 @@ INSTANTIATE_TEST_SUITE_P(Pairs, TwoEffects,
                                          std::tuple{"delay+rotor_inertia", "arm6", 31},
                                          // First taken for a second spring.
                                          std::tuple{"elasticity+rotor_inertia", "arm7", 32}),
-                         [](const auto& p) {
-                           std::string name = std::string(std::get<0>(p.param)) + "_" + std::get<1>(p.param);
-                           std::replace(name.begin(), name.end(), '+', '_');
-                           return name;
-                         });
+                         name_of_several);
+
+INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
+                         testing::Values(std::tuple{"rotor_inertia+spring+stribeck", "scara4", 91},
+                                         std::tuple{"load_friction+ripple+spring", "scara4", 91},
+                                         // The rest of a push looked like a spring in the rail with the rotor.
+                                         std::tuple{"contact+friction_drift+rotor_inertia", "scara4", 91},
+                                         // A large rotor inertia looked like a joint that contradicts the arm.
+                                         std::tuple{"load_friction+offset+rotor_inertia", "arm7", 92},
+                                         // Behind a low cut-off a stiff spring that deflects against the load gained more.
+                                         std::tuple{"base_tilt+contact+elasticity", "arm6", 91}),
+                         name_of_several);
 
 TEST(LateTorque, IsMeasuredAwayFromTheChangesOfDirectionThatItShowsLate) {
   const UndeclaredCase c = test::make_undeclared_case("delay", "arm6", 65);

@@ -97,7 +97,7 @@ int main(int argc, char** argv) {
   std::string out, kind, arm;
   std::vector<std::uint64_t> seeds;
   app.add_option("OUT", out, "Folder for the cases")->required();
-  app.add_option("--kind", kind, "One kind, or two with a plus between; all without it");
+  app.add_option("--kind", kind, "One kind, or several with a plus between; all without it");
   app.add_option("--arm", arm, "scara4, arm6 or arm7; all without it");
   app.add_option("--seeds", seeds, "First and last seed")->expected(2)->required();
   CLI11_PARSE(app, argc, argv);

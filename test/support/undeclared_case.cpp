@@ -1030,6 +1030,13 @@ class CaseMaker {
     return false;
   }
 
+  /// How many of the first joints have an effect.
+  int taken_of(int joints) const {
+    int count = 0;
+    for (int j = 0; j < joints; ++j) count += taken(j) ? 1 : 0;
+    return count;
+  }
+
   /// Inertia about a joint, mean along the motion.
   double mean_inertia(int joint, const model::Dynamics& dynamics) const {
     double mean = 0.0;
@@ -1054,9 +1061,11 @@ class CaseMaker {
   void add_elasticity(double target) {
     UndeclaredEffect e;
     e.kind = "elasticity";
+    const int carrying = n_ == 4 ? 2 : 3;  // joints that carry something
+    if (taken_of(carrying) == carrying)
+      throw std::invalid_argument("every joint that could be elastic has another effect");
     do {
-      // One of the joints that carry something.
-      e.joint = pick(random_, n_ == 4 ? 2 : 3);
+      e.joint = pick(random_, carrying);
     } while (taken(e.joint));
     const model::Dynamics dynamics(case_.truth);
     const double load = mean_inertia(e.joint, dynamics);

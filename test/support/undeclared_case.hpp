@@ -62,9 +62,10 @@ const std::vector<std::string>& outside_kinds();
 const std::vector<std::string>& undeclared_arms();
 
 /// Makes a case. The same arguments give the same case. Takes seconds.
-/// @param kind  an id, "none", an outside kind, or two ids with a plus between ("stribeck+spring")
+/// @param kind  an id, "none", an outside kind, or several ids with a plus between ("stribeck+spring")
 /// @param arm   scara4 (joint 3 prismatic), arm6 or arm7
-/// @throws std::invalid_argument for a name that does not exist, and for wrist_coupling on scara4.
+/// @throws std::invalid_argument for a name that does not exist, for wrist_coupling on scara4, and where other effects have
+/// left no joint.
 UndeclaredCase make_undeclared_case(const std::string& kind, const std::string& arm, std::uint64_t seed);
 
 }  // namespace heft::test
