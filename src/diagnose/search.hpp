@@ -60,6 +60,8 @@ class Search {
   void take_rotor_and_offset(int joint);
 
   /// Refusals that count, each once, those that would explain most first.
+  /// Notes why a candidate is no finding, if it explains enough to be worth a word.
+  void refuse(const Candidate& c, const std::string& why);
   std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;
   const std::vector<std::string>& notes() const { return notes_; }
 
@@ -85,7 +87,6 @@ class Search {
   void take(const Candidate& candidate);
   void find_load_change_again();
   void find_memory_again(int joint);
-  void refuse(const Candidate& c, const std::string& why);
   void trace_pool(const std::vector<Candidate>& pool, const Rules::Round& round) const;
   /// The model without an effect, and what could take its place.
   struct Without {

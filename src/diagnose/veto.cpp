@@ -190,8 +190,8 @@ void reject_needless(Search& search, const Identified& identified) {
   };
   struct Doubtful {
     std::size_t effect;
-    double gain, t;           ///< on left-out blocks
-    validate::Score without;  ///< on the validation logs
+    double gain, t;                        ///< on left-out blocks
+    std::vector<validate::Score> without;  ///< it on the validation logs, and without any spring where it is one of several
   };
   while (true) {
     const std::vector<Candidate>& accepted = search.engine().accepted;
@@ -205,7 +205,9 @@ void reject_needless(Search& search, const Identified& identified) {
       rest[e] = false;
       const std::unique_ptr<Engine> without = fitted(rest);
       if (search.other_spring(e) >= 0) {  // no columns of its own say what it does next to another one
-        found[e] = Doubtful{e, own.trial.cv_gain, kSteadyGain, score(*without)};
+        for (std::size_t k = 0; k < rest.size(); ++k) rest[k] = !accepted[k].is_elastic();
+        // One may only undo what the other one does.
+        found[e] = Doubtful{e, own.trial.cv_gain, kSteadyGain, {score(*without), score(*fitted(rest))}};
         return;
       }
       own.replaces = own.replaces >= 0 ? identified.base->coulomb(own.joint)
@@ -219,7 +221,7 @@ void reject_needless(Search& search, const Identified& identified) {
       // This base explains a part of it, as masses and a rotor explain the constant part of a spring that weight acts along:
       // what the rest does the fits with it and without it say.
       if (!own.trial.valid) own.trial.cv_gain = accepted[e].trial.cv_gain, own.trial.cv_t = kSteadyGain;
-      found[e] = Doubtful{e, own.trial.cv_gain, own.trial.cv_t, score(*without)};
+      found[e] = Doubtful{e, own.trial.cv_gain, own.trial.cv_t, {score(*without)}};
     });
     std::erase_if(found, [](const auto& one) { return !one.has_value(); });
     if (found.empty()) return;
@@ -228,9 +230,11 @@ void reject_needless(Search& search, const Identified& identified) {
       const Candidate& own = accepted[one->effect];
       Index main = own.joint;
       if (search.other_spring(one->effect) < 0) fall(own.trial).maxCoeff(&main);
-      const double ratio = with_all.rmse[main] / one->without.rmse[main];
-      const double in_band = with_all.rmse_in_band[main] / one->without.rmse_in_band[main];
-      return one->t > kShown && (ratio < kClearlyLess || (ratio < kLess && in_band < kMuchLessInBand));
+      return one->t > kShown && std::all_of(one->without.begin(), one->without.end(), [&](const validate::Score& without) {
+        const double ratio = with_all.rmse[main] / without.rmse[main];
+        const double in_band = with_all.rmse_in_band[main] / without.rmse_in_band[main];
+        return ratio < kClearlyLess || (ratio < kLess && in_band < kMuchLessInBand);
+      });
     });
     // One at a time, the least gain first: what makes an effect needless may be another one that is.
     const auto least = std::min_element(found.begin(), found.end(),

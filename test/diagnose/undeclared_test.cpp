@@ -633,11 +633,11 @@ TEST(NoiseOfTheMeasurement, IsNamedAsSuchAndNotAsMissingPhysics) {
 
 // What is on no list ---------------------------------------------------------------------------------------
 
-class Unknown : public testing::TestWithParam<std::tuple<std::string, std::string>> {};
+class Unknown : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
 
 TEST_P(Unknown, EndsInUnexplainedAndIsPinnedOnNothing) {
-  const auto& [kind, arm] = GetParam();
-  const UndeclaredCase c = test::make_undeclared_case("outside:" + kind, arm, 1);
+  const auto& [kind, arm, seed] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case("outside:" + kind, arm, seed);
   const Diagnosis d = diagnosed(c);
   EXPECT_TRUE(d.findings.empty()) << said(d);
   EXPECT_FALSE(d.unexplained.empty());
@@ -645,9 +645,11 @@ TEST_P(Unknown, EndsInUnexplainedAndIsPinnedOnNothing) {
 
 INSTANTIATE_TEST_SUITE_P(
     OffTheList, Unknown,
-    testing::Values(std::tuple{"vibrating_base", "scara4"}, std::tuple{"vibrating_base", "arm6"},
-                    std::tuple{"time_sine", "scara4"}, std::tuple{"random_walk", "scara4"},
-                    std::tuple{"backlash", "scara4"}, std::tuple{"backlash", "arm6"}),
+    testing::Values(std::tuple{"vibrating_base", "scara4", 1}, std::tuple{"vibrating_base", "arm6", 1},
+                    // Two springs take up what a wide low-pass makes of the vibration, and identify's does not see it.
+                    std::tuple{"vibrating_base", "arm7", 401}, std::tuple{"time_sine", "scara4", 1},
+                    std::tuple{"random_walk", "scara4", 1}, std::tuple{"backlash", "scara4", 1},
+                    std::tuple{"backlash", "arm6", 1}),
     [](const auto& p) { return std::string(std::get<0>(p.param)) + "_" + std::get<1>(p.param); });
 
 }  // namespace
