@@ -216,7 +216,7 @@ void reject_needless(Search& search, const Identified& identified) {
       if (own.has_motor() && own.replaces < 0) remove_motor(own.columns);
       own.stale = true;
       without->judge_again(own);
-      // A spring swings with whatever these blocks have in common, touches for one: it must show on the validation logs.
+      // A spring swings with whatever these blocks have in common, touches for one: it must matter on the validation logs too.
       if (own.trial.valid && own.trial.cv_t > kSteadyGain && !own.is_elastic()) return;
       // This base explains a part of it, as masses and a rotor explain the constant part of a spring that weight acts along:
       // what the rest does the fits with it and without it say.
@@ -233,7 +233,8 @@ void reject_needless(Search& search, const Identified& identified) {
       return one->t > kShown && std::all_of(one->without.begin(), one->without.end(), [&](const validate::Score& without) {
         const double ratio = with_all.rmse[main] / without.rmse[main];
         const double in_band = with_all.rmse_in_band[main] / without.rmse_in_band[main];
-        return ratio < kClearlyLess || (ratio < kLess && in_band < kMuchLessInBand);
+        return ratio < (one->t > kSteadyGain ? 1.0 - kRelevantGain : kClearlyLess) ||
+               (ratio < kLess && in_band < kMuchLessInBand);
       });
     });
     // One at a time, the least gain first: what makes an effect needless may be another one that is.

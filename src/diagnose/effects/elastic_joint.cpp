@@ -82,7 +82,8 @@ class SpringSearch {
     }
     put_found(found, c);
     // Masses that are off look like a stiff spring that deflects against the load: a soft one may stand behind it.
-    constexpr double kSofter = 1.5;
+    // It is one if it explains more than the motor's inertia does, which comes with it.
+    constexpr double kSofter = 1.5, kMostOfMotor = 0.9;
     const bool against = c.trial.valid && c.trial.coefficients[0] < kAtLeast;
     if (joints_.size() > 1 || !against || found.swings[0].hz < kSofter * kSofter * kFrom) return c;
     Found softer;
@@ -91,7 +92,8 @@ class SpringSearch {
     other.joint = c.joint;
     put_found(softer, other);
     other.tried += c.tried;
-    return other.refused.empty() && other.trial.valid ? other : c;
+    const bool found_one = other.refused.empty() && other.trial.valid && kMostOfMotor * other.trial.cv_gain > gain_of_motor();
+    return found_one ? other : c;
   }
 
  private:
@@ -110,6 +112,15 @@ class SpringSearch {
   int elastic(Index a) const { return elastic_[static_cast<std::size_t>(a)]; }
   /// A joint's column of M along the motion, m × n.
   const MatrixXd& column(int joint) const { return inertia_[static_cast<std::size_t>(joint)]; }
+
+  /// What the motor's inertia alone explains.
+  double gain_of_motor() const {
+    Candidate motor(RotorInertia{});
+    motor.joint = joints_.front();
+    motor.columns = {{motor.joint}, {MatrixXd(bench_.motion->qdd.col(motor.joint))}};
+    motor.trial = judge(bench_, motor);
+    return motor.trial.valid ? motor.trial.cv_gain : 0.0;
+  }
 
   void put_found(const Found& found, Candidate& c) const {
     c.tried = found.tried;
