@@ -45,6 +45,8 @@ std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& fir
 /// @param acceleration  of the motor, m
 void append_motor(Columns& columns, int joint, const Eigen::VectorXd& acceleration);
 void remove_motor(Columns& columns);
+/// A motor's inertia without a spring, not judged yet.
+Candidate motor_alone(int joint, const Eigen::VectorXd& acceleration);
 
 /// Time after a change of direction whose rows say nothing about a delay of this size [s].
 double delay_reach(double delay);

@@ -74,7 +74,7 @@ class Engine {
                                  const std::function<void(double)>& done) const;
   /// A spring together with one of another joint, see there.
   std::vector<Candidate> spring_pairs(const Candidate& first, const std::vector<bool>& others) const;
-  /// An effect in each of its forms, those of one joint or the whole arm's best one, judged next to those in place.
+  /// An effect of one joint in each of its forms, or one of the whole arm at its best shape, judged next to those in place.
   std::vector<Candidate> forms_of(const Candidate& effect) const;
   /// Judges a candidate again with the effects that are in place now.
   void judge_again(Candidate& candidate) const;

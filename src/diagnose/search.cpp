@@ -232,10 +232,7 @@ bool Search::find_motors() {
   for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
     Candidate spring = engine().accepted[e];
     if (!spring.is_elastic() || spring.has_motor()) continue;
-    Candidate motor(RotorInertia{});
-    motor.joint = spring.joint;
-    motor.columns = {{spring.joint}, {MatrixXd(engine().motion().qdd.col(spring.joint))}};
-    motor.stale = true;
+    Candidate motor = motor_alone(spring.joint, engine().motion().qdd.col(spring.joint));
     engine().judge_again(motor);
     const Trial& trial = motor.trial;
     if (!trial.valid || !(trial.coefficients[0] > 0.0 && trial.p_value < kLevel && trial.cv_gain > 0.0)) continue;

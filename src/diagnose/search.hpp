@@ -59,9 +59,9 @@ class Search {
   /// Takes rotor inertia and offset of a joint that nothing speaks against: what stood in their place is out.
   void take_rotor_and_offset(int joint);
 
-  /// Refusals that count, each once, those that would explain most first.
   /// Notes why a candidate is no finding, if it explains enough to be worth a word.
   void refuse(const Candidate& c, const std::string& why);
+  /// Refusals that count, each once, those that would explain most first.
   std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;
   const std::vector<std::string>& notes() const { return notes_; }
 

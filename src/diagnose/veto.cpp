@@ -191,12 +191,17 @@ void reject_needless(Search& search, const Identified& identified) {
   struct Doubtful {
     std::size_t effect;
     double gain, t;                        ///< on left-out blocks
-    std::vector<validate::Score> without;  ///< it on the validation logs, and without any spring where it is one of several
+    std::vector<validate::Score> without;  ///< on the validation logs: without it, and of several springs without any
   };
   while (true) {
     const std::vector<Candidate>& accepted = search.engine().accepted;
     const std::vector<bool> all(accepted.size(), true);
     std::vector<std::optional<Doubtful>> found(accepted.size());
+    // Each of several springs must also show without the others: one may only undo what another one does.
+    std::vector<bool> rigid;
+    for (const Candidate& e : accepted) rigid.push_back(!e.is_elastic());
+    std::optional<validate::Score> without_springs;
+    if (std::count(rigid.begin(), rigid.end(), false) > 1) without_springs = score(*fitted(rigid));
     host::for_each_parallel(accepted.size(), [&](std::size_t e) {
       Candidate own = accepted[e];
       const bool paired = search.engine().first_memory(e) >= 0 || search.engine().second_memory(e) >= 0;
@@ -205,9 +210,7 @@ void reject_needless(Search& search, const Identified& identified) {
       rest[e] = false;
       const std::unique_ptr<Engine> without = fitted(rest);
       if (search.other_spring(e) >= 0) {  // no columns of its own say what it does next to another one
-        for (std::size_t k = 0; k < rest.size(); ++k) rest[k] = !accepted[k].is_elastic();
-        // One may only undo what the other one does.
-        found[e] = Doubtful{e, own.trial.cv_gain, kSteadyGain, {score(*without), score(*fitted(rest))}};
+        found[e] = Doubtful{e, own.trial.cv_gain, kSteadyGain, {score(*without), *without_springs}};
         return;
       }
       own.replaces = own.replaces >= 0 ? identified.base->coulomb(own.joint)

@@ -220,7 +220,7 @@ INSTANTIATE_TEST_SUITE_P(Joints, OneThingLacking,
                          testing::Values(std::tuple{"spring", 52}, std::tuple{"rotor_inertia", 71}),
                          [](const auto& p) { return std::get<0>(p.param); });
 
-// Several at once ----------------------------------------------------------------------------------------------
+// Several at once ------------------------------------------------------------------------------------------
 
 std::string name_of_several(const testing::TestParamInfo<std::tuple<std::string, std::string, std::uint64_t>>& info) {
   std::string name = std::get<0>(info.param) + "_" + std::get<1>(info.param);
@@ -260,6 +260,12 @@ INSTANTIATE_TEST_SUITE_P(Pairs, SeveralEffects,
 INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
                          testing::Values(std::tuple{"rotor_inertia+spring+stribeck", "scara4", 91},
                                          std::tuple{"load_friction+ripple+spring", "scara4", 91},
+                                         // Three pushes as clear as each other, where four joints move.
+                                         std::tuple{"contact+payload_change+spring", "scara4", 91},
+                                         // A change of load that was found too late left a push.
+                                         std::tuple{"hysteresis+load_friction+payload_change", "scara4", 91},
+                                         // A formula judged before the load friction lost to a free curve judged after it.
+                                         std::tuple{"load_friction+offset+stribeck", "arm6", 92},
                                          // The rest of a push looked like a spring in the rail with the rotor.
                                          std::tuple{"contact+friction_drift+rotor_inertia", "scara4", 91},
                                          // A large rotor inertia looked like a joint that contradicts the arm.

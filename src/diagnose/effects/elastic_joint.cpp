@@ -82,8 +82,8 @@ class SpringSearch {
     }
     put_found(found, c);
     // Masses that are off look like a stiff spring that deflects against the load: a soft one may stand behind it.
-    // It is one if it explains more than the motor's inertia does, which comes with it.
-    constexpr double kSofter = 1.5, kMostOfMotor = 0.9;
+    // It is one if the motor's inertia, which comes with it, explains less than this part of what both do.
+    constexpr double kSofter = 1.5, kMostByMotor = 0.9;
     const bool against = c.trial.valid && c.trial.coefficients[0] < kAtLeast;
     if (joints_.size() > 1 || !against || found.swings[0].hz < kSofter * kSofter * kFrom) return c;
     Found softer;
@@ -92,7 +92,7 @@ class SpringSearch {
     other.joint = c.joint;
     put_found(softer, other);
     other.tried += c.tried;
-    const bool found_one = other.refused.empty() && other.trial.valid && kMostOfMotor * other.trial.cv_gain > gain_of_motor();
+    const bool found_one = other.refused.empty() && other.trial.valid && kMostByMotor * other.trial.cv_gain > gain_of_motor();
     return found_one ? other : c;
   }
 
@@ -115,11 +115,8 @@ class SpringSearch {
 
   /// What the motor's inertia alone explains.
   double gain_of_motor() const {
-    Candidate motor(RotorInertia{});
-    motor.joint = joints_.front();
-    motor.columns = {{motor.joint}, {MatrixXd(bench_.motion->qdd.col(motor.joint))}};
-    motor.trial = judge(bench_, motor);
-    return motor.trial.valid ? motor.trial.cv_gain : 0.0;
+    const Trial trial = judge(bench_, motor_alone(joints_.front(), bench_.motion->qdd.col(joints_.front())));
+    return trial.valid ? trial.cv_gain : 0.0;
   }
 
   void put_found(const Found& found, Candidate& c) const {
@@ -383,6 +380,14 @@ void append_motor(Columns& columns, int joint, const VectorXd& acceleration) {
 
 void remove_motor(Columns& columns) {
   for (MatrixXd& values : columns.values) values.conservativeResize(Eigen::NoChange, values.cols() - 1);
+}
+
+Candidate motor_alone(int joint, const VectorXd& acceleration) {
+  Candidate motor(RotorInertia{});
+  motor.joint = joint;
+  motor.columns = {{joint}, {MatrixXd(acceleration)}};
+  motor.stale = true;
+  return motor;
 }
 
 std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& first, const std::vector<bool>& others) {
