@@ -113,7 +113,7 @@ std::vector<Contestant> in_lanes(const model::Robot& robot, model::Lanes lanes) 
   for (Index j = 0; j < n; ++j) {
     for (Index c = 10 * j; c < 10 * n; ++c) columns[static_cast<std::size_t>(j)].push_back(static_cast<int>(c));
   }
-  const auto rows = std::make_shared<std::vector<MatrixXd>>();
+  const auto rows = std::make_shared<model::RegressorRows>();
   const Eigen::VectorXd x = link_parameters_of(robot);
   return {{name, Quantity::kTorque,
            [batch](const StateSet& s, Results& out) {
@@ -122,7 +122,7 @@ std::vector<Contestant> in_lanes(const model::Robot& robot, model::Lanes lanes) 
           {name, Quantity::kRegressor,
            [batch, columns, rows, x, n](const StateSet& s, Results& out) {
              /// As a fit takes them: used before they leave the cache.
-             constexpr Index kBlock = 104;
+             constexpr Index kBlock = 256;
              for (Index first = 0; first < s.q.rows(); first += kBlock) {
                const Index size = std::min(kBlock, s.q.rows() - first);
                batch->regressor_rows(s.q.middleRows(first, size), s.qd.middleRows(first, size),

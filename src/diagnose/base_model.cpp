@@ -65,7 +65,7 @@ BaseRows BaseModel::rows(const Motion& motion) const {
   }
   host::for_each_parallel(static_cast<std::size_t>((m + kPiece - 1) / kPiece), [&](std::size_t piece) {
     const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, m - from);
-    std::vector<MatrixXd> of_links;
+    model::RegressorRows of_links;
     columns_.fill(motion.link_q, motion.link_qd, motion.link_qdd, from, count, columns, of_links);
     for (std::size_t j = 0; j < places_.size(); ++j) {
       rows[j].middleRows(from, count) = of_links[j];

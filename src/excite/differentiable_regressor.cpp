@@ -74,11 +74,11 @@ class ChosenColumns final : public DifferentiableRegressor {
     for (Index j = 0; j < n_; ++j) rows[static_cast<std::size_t>(j)].setZero(m, count - first(j));
     // The torque is summed over these rows, not taken from inverse dynamics, which rounds otherwise: the search ends in one of
     // many optima, and another last bit leads it to another motion.
-    Rows links;
+    model::RegressorRows links;
     batch_.regressor_rows(q, qd, qdd, link_columns_, links);
     tau.setZero(m, n_);
     for (Index i = 0; i < n_; ++i) {
-      const MatrixXd& felt = links[static_cast<std::size_t>(i)];
+      const model::RegressorRows::Matrix felt = links[static_cast<std::size_t>(i)];
       for (Index k = 0; k < felt.cols(); ++k) tau.col(i) += felt.col(k) * links_[10 * i + k];
       for (std::size_t c = 0; c < columns_.size(); ++c) {
         const Column& column = columns_[c];

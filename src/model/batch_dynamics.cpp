@@ -179,20 +179,20 @@ MatrixXd BatchDynamics::gravity_torque(const States& q) const {
 }
 
 void BatchDynamics::regressor_rows(const States& q, const States& qd, const States& qdd,
-                                   const std::vector<std::vector<int>>& columns,
-                                   std::vector<MatrixXd>& rows) const {
+                                   const std::vector<std::vector<int>>& columns, RegressorRows& rows) const {
   impl_->check(q, qd, qdd, "qdd");
   const auto n = static_cast<Index>(impl_->n);
   impl_->check("lists of columns", static_cast<Index>(columns.size()), 1, n, 1);
   const LaneArm& arm = *impl_->arm;
   const Padded all_q(q, arm.width()), all_qd(qd, arm.width()), all_qdd(qdd, arm.width());
   const Index link_columns = kParametersPerLink * n;
-  std::vector<double*> places(static_cast<std::size_t>(n * link_columns), nullptr);
-  rows.resize(columns.size());
+  std::vector<Index> counts;
+  for (const std::vector<int>& list : columns) counts.push_back(static_cast<Index>(list.size()));
+  rows.resize(q.rows(), counts, all_q.rows());
+  std::vector<double*> places(static_cast<std::size_t>(n * link_columns), rows.spare());
   for (Index j = 0; j < n; ++j) {
     const std::vector<int>& list = columns[static_cast<std::size_t>(j)];
-    MatrixXd& matrix = rows[static_cast<std::size_t>(j)];
-    matrix.resize(all_q.rows(), static_cast<Index>(list.size()));
+    RegressorRows::Matrix matrix = rows[static_cast<std::size_t>(j)];
     for (std::size_t c = 0; c < list.size(); ++c) {
       const Index column = list[c];
       if (column < 0 || column >= 14 * n) {
@@ -212,28 +212,27 @@ void BatchDynamics::regressor_rows(const States& q, const States& qd, const Stat
         to.setZero();
         continue;
       }
-      auto known = to.head(q.rows());
       switch ((column - link_columns) / n) {
-        case 0: known = qdd.col(j); break;
-        case 1: known = qd.col(j).unaryExpr([](double v) { return velocity_sign(v, 0.0); }); break;
-        case 2: known = qd.col(j); break;
-        default: known.setOnes(); break;
+        case 0: to = qdd.col(j); break;
+        case 1: to = qd.col(j).unaryExpr([](double v) { return velocity_sign(v, 0.0); }); break;
+        case 2: to = qd.col(j); break;
+        default: to.setOnes(); break;
       }
     }
   }
   if (q.rows() == 0) return;
   arm.regressor(lane_states(all_q, all_qd, all_qdd), places.data());
-  if (q.rows() == all_q.rows()) return;
-  for (MatrixXd& matrix : rows) matrix.conservativeResize(q.rows(), Eigen::NoChange);
 }
 
 std::vector<MatrixXd> BatchDynamics::regressor_rows(const States& q, const States& qd, const States& qdd,
                                                     const std::vector<int>& columns) const {
   std::vector<int> wanted = columns;
   for (int c = 0; columns.empty() && c < 14 * impl_->n; ++c) wanted.push_back(c);
-  std::vector<MatrixXd> rows;
+  RegressorRows rows;
   regressor_rows(q, qd, qdd, std::vector<std::vector<int>>(static_cast<std::size_t>(impl_->n), wanted), rows);
-  return rows;
+  std::vector<MatrixXd> matrices;
+  for (std::size_t j = 0; j < rows.size(); ++j) matrices.emplace_back(rows[j]);
+  return matrices;
 }
 
 void BatchDynamics::mass_matrix(const States& q, Result mass) const {

@@ -48,10 +48,10 @@ class Signals {
  public:
   Signals(const RegressionColumns& columns, const std::vector<int>& selected)
       : columns_(columns), places_(places_by_joint(columns, selected)) {
-    for (std::size_t joint = 0; joint < places_.size(); ++joint) {
-      for (const int place : places_[joint]) {
-        entries_.push_back({static_cast<int>(joint), selected[static_cast<std::size_t>(place)]});
-      }
+    for (const std::vector<int>& places : places_) {
+      std::vector<int>& list = lists_.emplace_back();
+      for (const int place : places) list.push_back(selected[static_cast<std::size_t>(place)]);
+      entries_ += static_cast<Eigen::Index>(list.size());
     }
   }
 
@@ -70,8 +70,7 @@ class Signals {
   /// @param with_torque  false: of the entries alone
   Filtered filtered(const data::MotionChunk& chunk, double cutoff, Eigen::Index step, bool with_torque) const {
     const Eigen::Index torques = with_torque ? chunk.tau.cols() : 0, rows = chunk.time.size();
-    const auto entries = static_cast<Eigen::Index>(entries_.size());
-    const Eigen::Index signals = (torques + entries + 1) / 2 * 2;
+    const Eigen::Index signals = (torques + entries_ + 1) / 2 * 2;
     const Eigen::Index first = first_kept(chunk, step);
     Filtered out;
     std::optional<data::DecimatedLowPass> low_pass;
@@ -82,28 +81,47 @@ class Signals {
       all.resize(rows, signals);  // every row is kept
     }
     std::vector<double> some(static_cast<std::size_t>(kRowsAtOnce * signals), 0.0);
+    model::RegressorRows joints;
     for (Eigen::Index row = 0; row < rows; row += kRowsAtOnce) {
       const Eigen::Index count = std::min(kRowsAtOnce, rows - row);
       double* const to = low_pass ? some.data() : all.data() + row * signals;
       for (Eigen::Index k = 0; k < count; ++k) {
         for (Eigen::Index j = 0; j < torques; ++j) to[k * signals + j] = chunk.tau(row + k, j);
       }
-      columns_.fill(chunk.q, chunk.qd, chunk.qdd, row, count, entries_, to + torques, signals);
+      columns_.fill(chunk.q, chunk.qd, chunk.qdd, row, count, lists_, joints);
+      put_side_by_side(joints, to + torques, signals);
       if (low_pass) low_pass->add(to, count);
     }
     if (low_pass) all = low_pass->finish();
     out.tau = all.leftCols(torques);
-    out.entries = all.middleCols(torques, entries);
+    out.entries = all.middleCols(torques, entries_);
     return out;
   }
 
  private:
+  /// The matrices' columns side by side, a row of `stride` numbers for each of theirs.
+  static void put_side_by_side(const model::RegressorRows& joints, double* to, Eigen::Index stride) {
+    constexpr Eigen::Index kTile = 8;  // rows: a cache line of each column
+    for (Eigen::Index row = 0; row < joints.rows(); row += kTile) {
+      const Eigen::Index count = std::min(kTile, joints.rows() - row);
+      double* entry = to + row * stride;
+      for (std::size_t j = 0; j < joints.size(); ++j) {
+        const model::RegressorRows::ConstMatrix columns = joints[j];
+        for (Eigen::Index c = 0; c < columns.cols(); ++c, ++entry) {
+          const double* const from = columns.col(c).data() + row;
+          for (Eigen::Index k = 0; k < count; ++k) entry[k * stride] = from[k];
+        }
+      }
+    }
+  }
+
   /// Rows that stay in the cache until they have passed the low-pass.
   static constexpr Eigen::Index kRowsAtOnce = 64;
 
   const RegressionColumns& columns_;
   std::vector<std::vector<int>> places_;
-  std::vector<RegressionColumns::Entry> entries_;
+  std::vector<std::vector<int>> lists_;  ///< the same among all parameters
+  Eigen::Index entries_{0};
 };
 
 /// Rows of a piece that a joint may use: usable, and faster than standstill within the reach of the filter.

@@ -99,28 +99,8 @@ Eigen::MatrixXd RegressionColumns::regressor(const Eigen::VectorXd& q, const Eig
 }
 
 void RegressionColumns::fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
-                             Eigen::Index first, Eigen::Index count, const std::vector<Entry>& entries, double* out,
-                             Eigen::Index stride) const {
-  std::vector<std::vector<int>> columns(static_cast<std::size_t>(num_joints()));
-  std::vector<std::vector<std::size_t>> places(columns.size());
-  for (std::size_t e = 0; e < entries.size(); ++e) {
-    columns[static_cast<std::size_t>(entries[e].joint)].push_back(entries[e].column);
-    places[static_cast<std::size_t>(entries[e].joint)].push_back(e);
-  }
-  std::vector<Eigen::MatrixXd> rows;
-  fill(q, qd, qdd, first, count, columns, rows);
-  for (std::size_t j = 0; j < rows.size(); ++j) {
-    for (std::size_t c = 0; c < places[j].size(); ++c) {
-      const double* const from = rows[j].col(static_cast<Eigen::Index>(c)).data();
-      double* to = out + places[j][c];
-      for (Eigen::Index row = 0; row < count; ++row, to += stride) *to = from[row];
-    }
-  }
-}
-
-void RegressionColumns::fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
                              Eigen::Index first, Eigen::Index count, const std::vector<std::vector<int>>& columns,
-                             std::vector<Eigen::MatrixXd>& rows) const {
+                             model::RegressorRows& rows) const {
   // Couplings are no columns of the full regressor; any column keeps their place.
   const int n = num_joints();
   std::vector<std::vector<int>> full(columns.size());
@@ -132,22 +112,22 @@ void RegressionColumns::fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd
   for (std::size_t j = 0; j < columns.size(); ++j) {
     for (std::size_t c = 0; c < columns[j].size(); ++c) {
       if ((*this)[columns[j][c]].coupling < 0) continue;
-      const Entry entry{static_cast<int>(j), columns[j][c]};
+      auto entry = rows[j].col(static_cast<Eigen::Index>(c));
       for (Eigen::Index row = 0; row < count; ++row)
-        rows[j](row, static_cast<Eigen::Index>(c)) = coupled_entry(entry, qd.row(first + row), qdd.row(first + row));
+        entry[row] = coupled_entry(static_cast<int>(j), columns[j][c], qd.row(first + row), qdd.row(first + row));
     }
   }
 }
 
-double RegressionColumns::coupled_entry(const Entry& entry, const Eigen::RowVectorXd& qd,
+double RegressionColumns::coupled_entry(int joint, int index, const Eigen::RowVectorXd& qd,
                                         const Eigen::RowVectorXd& qdd) const {
-  const Column& column = (*this)[entry.column];
+  const Column& column = (*this)[index];
   const GearCoupling<double>& coupling = structure_.couplings[static_cast<std::size_t>(column.coupling)];
   const Eigen::RowVectorXd& motion = column.kind == ColumnKind::kCouplingInertia ? qdd : qd;
   double value = shared_motion(coupling, motion[coupling.driving], motion[coupling.driven]);
   if (column.kind == ColumnKind::kCouplingCoulomb) value = velocity_sign(value, 0.0);
-  if (entry.joint == coupling.driven) return value;
-  return entry.joint == coupling.driving ? coupling.ratio * value : 0.0;
+  if (joint == coupling.driven) return value;
+  return joint == coupling.driving ? coupling.ratio * value : 0.0;
 }
 
 Eigen::VectorXd RegressionColumns::values(const model::Robot& robot) const {

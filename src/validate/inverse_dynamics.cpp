@@ -64,7 +64,7 @@ Eigen::MatrixXd rows_of(const model::BatchDynamics& dynamics, const data::Log& l
   std::iota(wanted.begin(), wanted.end(), 0);
   const std::vector<std::vector<int>> wanted_of_joints(static_cast<std::size_t>(n), wanted);
   Eigen::MatrixXd values(count, columns);
-  std::vector<Eigen::MatrixXd> block;
+  model::RegressorRows block;
   for (Index first = 0; first < count; first += kBlock) {
     progress(static_cast<double>(first) / static_cast<double>(count));
     const Index size = std::min(kBlock, count - first);

@@ -1,8 +1,10 @@
 /// Dynamics in lanes against the same states one by one, whose truth is tested elsewhere (closed forms, KDL).
 #include "heft/model/batch_dynamics.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <limits>
 #include <memory>
@@ -151,11 +153,34 @@ TEST(BatchDynamics, GivesTheColumnsAskedForInTheirOrder) {
     const BatchDynamics batch(robot, lanes);
     const std::vector<MatrixXd> all = batch.regressor_rows(m.q, m.qd, m.qdd);
     // What was there before must not shine through, even where a column is known to be zero.
-    std::vector<MatrixXd> rows(4, MatrixXd::Constant(37, 4, 7.0));
+    RegressorRows rows;
+    rows.resize(37, {4, 4, 4, 4});
+    for (std::size_t j = 0; j < 4; ++j) rows[j].setConstant(7.0);
     batch.regressor_rows(m.q, m.qd, m.qdd, columns, rows);
     ASSERT_EQ(rows.size(), 4U);
     for (std::size_t j = 0; j < 4; ++j)
       expect_same(rows[j], all[j](Eigen::all, columns[j]), to_string(lanes));
+  }
+}
+
+TEST(RegressorRows, BeginEveryColumnOnACacheLineAndShareNone) {
+  RegressorRows rows;
+  for (const Index m : {1, 7, 64, 1000}) {
+    rows.resize(m, {3, 0, 5}, 8);
+    double value = 0.0;
+    for (std::size_t j = 0; j < rows.size(); ++j) {
+      EXPECT_EQ(rows[j].rows(), m);
+      for (Index c = 0; c < rows[j].cols(); ++c) {
+        EXPECT_EQ(reinterpret_cast<std::uintptr_t>(rows[j].col(c).data()) % 64, 0U) << m << " rows, column " << c;
+        rows[j].col(c).setConstant(value++);
+      }
+    }
+    std::fill_n(rows.spare(), std::max<Index>(m, 8), -1.0);
+    value = 0.0;
+    for (std::size_t j = 0; j < rows.size(); ++j) {
+      for (Index c = 0; c < rows[j].cols(); ++c, ++value)
+        EXPECT_TRUE((rows[j].col(c).array() == value).all()) << m << " rows, column " << c;
+    }
   }
 }
 

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "heft/model/regressor_rows.hpp"
 #include "heft/model/robot.hpp"
 
 namespace heft::model {
@@ -57,9 +58,9 @@ class BatchDynamics {
   /// Rows of the regressor, joint by joint and only the columns asked for: of one joint most are known to be zero.
   /// @param columns  n lists of columns of Dynamics::regressor (0 to 14n − 1), for each joint those of its matrix, each
   ///                 once in a list. Coulomb columns with the sharp sign, 0 at standstill.
-  /// @param rows     n matrices, made m × columns[j].size(); storage of that size is used again
+  /// @param rows     made m × columns[j].size(); its storage is used again
   void regressor_rows(const States& q, const States& qd, const States& qdd,
-                      const std::vector<std::vector<int>>& columns, std::vector<Eigen::MatrixXd>& rows) const;
+                      const std::vector<std::vector<int>>& columns, RegressorRows& rows) const;
   /// The same columns for every joint: all 14n when none are named; the columns that a set of base parameters keeps make
   /// the base regressor.
   std::vector<Eigen::MatrixXd> regressor_rows(const States& q, const States& qd, const States& qdd,

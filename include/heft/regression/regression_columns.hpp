@@ -67,21 +67,12 @@ class RegressionColumns {
   Eigen::MatrixXd regressor(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                             const Eigen::VectorXd& qdd) const;
 
-  /// Entry of the regressor: row of a joint, column of a parameter, counted from 0.
-  struct Entry {
-    int joint{0};
-    int column{0};
-  };
-  /// Some entries of the regressors of many instants.
+  /// Some entries of the regressors of many instants, a matrix of each joint.
   /// @param q, qd, qdd  rows × n each; rows first .. first + count are taken
-  /// @param out  count rows of `stride` numbers, of which entries.size() are filled
-  void fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, Eigen::Index first,
-            Eigen::Index count, const std::vector<Entry>& entries, double* out, Eigen::Index stride) const;
-  /// The same as matrices, one of each joint.
   /// @param columns  n lists of parameters
-  /// @param rows     n matrices, made count × columns[j].size(); storage of that size is used again
+  /// @param rows     made count × columns[j].size(); its storage is used again
   void fill(const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, Eigen::Index first,
-            Eigen::Index count, const std::vector<std::vector<int>>& columns, std::vector<Eigen::MatrixXd>& rows) const;
+            Eigen::Index count, const std::vector<std::vector<int>>& columns, model::RegressorRows& rows) const;
 
   /// The robot's present values of these parameters, p. Couplings are found by their pair of joints.
   Eigen::VectorXd values(const model::Robot& robot) const;
@@ -89,7 +80,7 @@ class RegressionColumns {
   void apply(const Eigen::VectorXd& values, model::Robot& robot) const;
 
  private:
-  double coupled_entry(const Entry& entry, const Eigen::RowVectorXd& qd, const Eigen::RowVectorXd& qdd) const;
+  double coupled_entry(int joint, int column, const Eigen::RowVectorXd& qd, const Eigen::RowVectorXd& qdd) const;
 
   ModelStructure structure_;
   model::Dynamics dynamics_;

@@ -31,8 +31,8 @@ class LaneArm {
   virtual std::ptrdiff_t width() const noexcept = 0;
   /// @param tau  of joint j from tau[j * step] on
   virtual void inverse_dynamics(const LaneStates& states, double* tau, std::ptrdiff_t step) const noexcept = 0;
-  /// @param places  n × 10n row by row: where the m numbers of an entry go, null for one that nobody wants; zeros of
-  ///                links inboard of a joint are not written
+  /// @param places  n × 10n row by row: where the m numbers of an entry go, those that nobody wants to one place (a store
+  ///                costs less than asking); zeros of links inboard of a joint are not written
   virtual void regressor(const LaneStates& states, double* const* places) const noexcept = 0;
   /// @param mass  of column c (i + n j) from mass[c * step] on; qd and qdd are not looked at
   virtual void mass_matrix(const LaneStates& states, double* mass, std::ptrdiff_t step) const noexcept = 0;

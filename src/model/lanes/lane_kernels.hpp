@@ -31,17 +31,15 @@ class EntryPlaces {
   struct IsZeroBelow {};
   struct ExchangesColumns {};
   static constexpr int kColumns = kParametersPerLink * N;
-  /// Entries that nobody wants go to one place that stays: a store costs less than asking.
   struct Place {
     double* to;
-    std::uintptr_t moves;  ///< all bits, or none
-    std::uint64_t sign;    ///< the bit of a sign that changes, or none
+    std::uint64_t sign;  ///< the bit of a sign that changes, or none
   };
   struct Entry {
     const Place& place;
-    std::uintptr_t state;
+    std::ptrdiff_t state;
     void operator=(const Pack<double, W>& value) const noexcept {
-      value.with_bits_changed(place.sign).store(place.to + (state & place.moves));
+      value.with_bits_changed(place.sign).store(place.to + state);
     }
   };
 
@@ -54,9 +52,7 @@ class EntryPlaces {
           const int user = exchange.exact ? exchange.column[static_cast<std::size_t>(inner)] : inner;
           const bool minus = exchange.exact && exchange.minus[static_cast<std::size_t>(inner)];
           const int first = kColumns * row + kParametersPerLink * link;
-          double* to = places[first + user];
-          places_[first + inner] = {to == nullptr ? unwanted_ : to, to == nullptr ? 0 : ~std::uintptr_t{0},
-                                    std::uint64_t{minus} << 63};
+          places_[first + inner] = {places[first + user], std::uint64_t{minus} << 63};
         }
       }
     }
@@ -64,13 +60,12 @@ class EntryPlaces {
   EntryPlaces(const EntryPlaces&) = delete;
   EntryPlaces& operator=(const EntryPlaces&) = delete;
 
-  void set_state(std::ptrdiff_t state) noexcept { state_ = static_cast<std::uintptr_t>(state); }
+  void set_state(std::ptrdiff_t state) noexcept { state_ = state; }
   Entry operator()(int row, int column) const noexcept { return {places_[kColumns * row + column], state_}; }
 
  private:
   Place places_[N * kColumns];
-  alignas(sizeof(double) * W) double unwanted_[W];
-  std::uintptr_t state_{0};
+  std::ptrdiff_t state_{0};
 };
 
 template <int N, int W>
