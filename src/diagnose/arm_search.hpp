@@ -51,8 +51,8 @@ Candidate motor_alone(int joint, const Eigen::VectorXd& acceleration);
 /// Time after a change of direction whose rows say nothing about a delay of this size [s].
 double delay_reach(double delay);
 
-/// Torque of the present fit's masses under a horizontal acceleration of 1 m/s² in the two horizontal directions.
-Columns tilt_columns(const Workbench& bench);
+/// Columns of a tilt with the masses of the present fit, and Candidate::hidden.
+void put_tilt_columns(const Workbench& bench, Candidate& tilt);
 
 // For the files under effects/ -----------------------------------------------------------------------------
 

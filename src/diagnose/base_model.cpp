@@ -163,6 +163,29 @@ regression::BlockFactors BaseModel::rows_in_parts(const std::vector<data::Log>& 
   return factors;
 }
 
+MatrixXd BaseModel::hidden_masses() const {
+  const auto entry_of = [&](int column) { return 10 * columns_[column].joint + columns_[column].entry; };
+  std::vector<VectorXd> found;
+  for (int p = 0; p < columns_.count(); ++p) {
+    if (columns_[p].kind != ColumnKind::kLink || std::find(base_.kept.begin(), base_.kept.end(), p) != base_.kept.end())
+      continue;
+    // The kept columns of G are the identity: x_p is made up for by them.
+    VectorXd direction = VectorXd::Zero(10 * num_joints());
+    direction[entry_of(p)] = 1.0;
+    bool of_links = true;
+    for (int b = 0; b < columns(); ++b) {
+      const double share = base_.regrouping(b, p);
+      if (share == 0.0) continue;
+      of_links = of_links && is_link(b);
+      if (is_link(b)) direction[entry_of(base_.kept[static_cast<std::size_t>(b)])] -= share;
+    }
+    if (of_links) found.push_back(std::move(direction));
+  }
+  MatrixXd directions(10 * num_joints(), static_cast<Index>(found.size()));
+  for (std::size_t k = 0; k < found.size(); ++k) directions.col(static_cast<Index>(k)) = found[k];
+  return directions;
+}
+
 VectorXd BaseModel::prior() const {
   VectorXd beta = base_.regrouping * columns_.values(columns_.robot());
   for (int c = 0; c < columns(); ++c) {

@@ -91,6 +91,8 @@ class BaseModel {
   Eigen::VectorXd prior() const;
   /// What ten parameters of a link add to the base parameters, b × 10.
   Eigen::MatrixXd link_share(int link) const;
+  /// What links' parameters may change by without any base parameter changing, 10 n × r.
+  Eigen::MatrixXd hidden_masses() const;
   /// Columns of k quantities that add to the base parameters, of each joint m × k.
   /// @param share  b × k, what each adds
   std::vector<Eigen::MatrixXd> columns_of(const BaseRows& rows, const Eigen::MatrixXd& share) const;

@@ -51,6 +51,8 @@ struct Candidate {
   bool beside{false};
   std::vector<Candidate> parts;  ///< springs of several joints that are taken together; empty: it is one effect
   std::string refused;           ///< why it cannot be; empty: it can
+  Eigen::Vector2d tilt{0.0, 0.0};  ///< tilted base: horizontal part of gravity in the last fit [m/s²]; 0: not fitted yet
+  Eigen::MatrixXd hidden;          ///< tilted base: 10 n × h, see shown_by_tilt(); the coefficients behind the first two are of these
   std::vector<std::pair<double, double>> events;  ///< contact: begin and length [s]
   std::vector<Eigen::Vector3d> forces;            ///< contact [N]
   std::vector<int> event_runs;

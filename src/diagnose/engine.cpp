@@ -244,7 +244,7 @@ void Engine::find_columns() {
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     Columns& columns = accepted[e].columns;
     if (accepted[e].effect.joint_effect() >= 0) columns.values = {std::move(found[e])};
-    if (accepted[e].effect.is<BaseTilt>()) columns = tilt_columns(bench());
+    if (accepted[e].effect.is<BaseTilt>()) put_tilt_columns(bench(), accepted[e]);
   }
 }
 
@@ -282,7 +282,13 @@ void Engine::add_to_problem(bool deflect) {
   const bool turns = deflect && linear_.springs.count() > 0;
   if (turns) list.push_back(linear_.springs);
   const std::vector<int> firsts = problem_->append(list);
-  for (std::size_t k = 0; k < whose.size(); ++k) first_column_[whose[k]] = firsts[k];
+  for (std::size_t k = 0; k < whose.size(); ++k) {
+    first_column_[whose[k]] = firsts[k];
+    // Masses that only a tilt shows are those of the given robot where the motion shows little of it.
+    constexpr double kGivenMasses = 1e-4;
+    if (const auto hidden = static_cast<int>(accepted[whose[k]].hidden.cols()); hidden > 0)
+      problem_->lean(firsts[k] + 2, hidden, kGivenMasses);
+  }
   if (turns) first_spring_column_ = firsts.back();
 }
 
@@ -319,6 +325,9 @@ void Engine::refit(bool deflect) {
 void Engine::note_fit() {
   const VectorXd theta = problem_->theta();
   rigid_ = base_.robot(theta);
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    if (accepted[e].effect.is<BaseTilt>() && first_column_[e] >= 0) accepted[e].tilt = fitted(e).head(2);
+  }
   loaded_.assign(static_cast<std::size_t>(table_.num_joints), false);
   lazy_load_.setZero(table_.rows(), table_.num_joints);
   find_holding_torque();

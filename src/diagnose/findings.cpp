@@ -44,8 +44,8 @@ void describe(const Candidate& own, const VectorXd& c, const model::Robot& robot
 /// @param sample  time between two samples of the logs [s]
 std::vector<double> half_widths_of(const Candidate& own, std::size_t index, const std::vector<Replica>& replicas,
                                    const std::vector<std::pair<std::string, double>>& stated, double sample) {
-  // A tilt goes by masses that level ground may hide, the knots of a curve are no parameters of nature, and when the motor of two
-  // joints turns back their low-passes blur.
+  // A tilt is multiplied by masses that are fitted with it, the knots of a curve are no parameters of nature, and when the motor of
+  // two joints turns back their low-passes blur.
   if (own.effect.is<BaseTilt>() || own.effect.is<FrictionCurve>() || own.effect.is<WristCoupling>()) return {};
   Candidate moved = own;
   const auto parameters_of = [&](const Replica& replica) {

@@ -138,6 +138,20 @@ INSTANTIATE_TEST_SUITE_P(QuickKinds, ParameterBesideMasses,
 INSTANTIATE_TEST_SUITE_P(OtherArms, ParameterBesideMasses,
                          testing::Values(KindOnArm{"payload_change", "arm6"}, KindOnArm{"torque_scale", "arm7"}), name_of);
 
+// The first moment of a SCARA's first link turns no joint on level ground, so that no log says what it is until the base leans.
+TEST(TiltedScara, HasItsAngleWhateverMassesLevelGroundHides) {
+  const UndeclaredCase c = test::make_undeclared_case("base_tilt", "scara4", 501);
+  const Diagnosis d = diagnosed(c);
+  const UndeclaredEffect& effect = c.effects.front();
+  const auto found = found_in(d, effect);
+  ASSERT_NE(found, d.findings.end()) << said(d);
+  EXPECT_EQ(d.findings.size(), 1U) << said(d);
+  for (std::size_t p = 0; p < found->parameters.size(); ++p) {
+    const auto& [name, value] = found->parameters[p];
+    EXPECT_NEAR(value, effect.parameters.at(name), name == "tilt_deg" ? 0.01 * effect.parameters.at(name) : 1.0) << name;
+  }
+}
+
 TEST(HysteresisInPart, IsNamedWithThePart) {
   const UndeclaredCase c = test::make_undeclared_case("hysteresis_in_part", "scara4", 1);
   const Diagnosis d = diagnosed(c);

@@ -6,7 +6,8 @@
 #include <Eigen/Geometry>
 
 #include "../arm_search.hpp"
-#include "heft/model/dynamics.hpp"
+#include "heft/host/decompositions.hpp"
+#include "heft/model/batch_dynamics.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -25,20 +26,63 @@ std::pair<Vector3d, Vector3d> horizontal_directions(const model::Robot& robot) {
   return {first, first.cross(down)};
 }
 
+/// Torque of gravity in some poses, m × n.
+/// @param links  parameters of the links, 10 n
+MatrixXd gravity_torque(model::Robot robot, const VectorXd& links, const Vector3d& gravity, const MatrixXd& q) {
+  robot.gravity = {gravity.x(), gravity.y(), gravity.z()};
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    for (std::size_t k = 0; k < 10; ++k) robot.joints[j].link[k] = links[static_cast<Index>(10 * j + k)];
+  }
+  return model::BatchDynamics(robot).gravity_torque(q);
+}
+
+VectorXd links_of(const model::Robot& robot) {
+  VectorXd links(10 * robot.num_joints());
+  Index at = 0;
+  for (const model::RobotJoint& joint : robot.joints) {
+    for (const double parameter : joint.link) links[at++] = parameter;
+  }
+  return links;
+}
+
+/// Directions among the links' parameters that level ground hides and a tilt shows, 10 n × h: a first moment about an upright
+/// axis turns no joint until the axis leans.
+/// @param horizontal  part of gravity
+MatrixXd shown_by_tilt(const Workbench& bench, const Vector3d& horizontal) {
+  const MatrixXd hidden = bench.base->hidden_masses();
+  constexpr Index kPoses = 200;
+  const MatrixXd& q = bench.motion->link_q;
+  MatrixXd poses(kPoses, q.cols());
+  for (Index k = 0; k < kPoses; ++k) poses.row(k) = q.row(k * (q.rows() - 1) / (kPoses - 1));
+  MatrixXd torque(kPoses * q.cols(), hidden.cols());
+  for (Index c = 0; c < hidden.cols(); ++c)
+    torque.col(c) = gravity_torque(*bench.robot, hidden.col(c), horizontal, poses).reshaped();
+  const Svd svd = svd_of(triangle_of(torque));
+  constexpr double kShown = 1e-6;  // of the largest: others are zero but for rounding
+  Index shown = 0;
+  while (shown < svd.values.size() && svd.values[shown] > kShown * svd.values[0]) ++shown;
+  return hidden * svd.V.leftCols(shown);
+}
+
 std::vector<Candidate> propose_tilt(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(BaseTilt{});
-  c.columns = tilt_columns(bench);
+  put_tilt_columns(bench, c);
   c.trial = judge(bench, c);
   return {std::move(c)};
 }
 
-/// @param c  horizontal part of gravity; the vertical part keeps the length
-void apply_tilt(const Candidate&, const VectorXd& c, model::Robot& robot) {
+/// @param c  horizontal part of gravity, of which the vertical part keeps the length; then the masses that only a tilt shows
+void apply_tilt(const Candidate& tilt, const VectorXd& c, model::Robot& robot) {
   const Vector3d g(robot.gravity.data());
   const auto [first, second] = horizontal_directions(robot);
   Vector3d tilted = g + c[0] * first + c[1] * second;
   tilted *= g.norm() / tilted.norm();
   robot.gravity = {tilted.x(), tilted.y(), tilted.z()};
+  if (tilt.hidden.cols() == 0) return;
+  const VectorXd change = tilt.hidden * c.segment(2, tilt.hidden.cols());
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    for (std::size_t k = 0; k < 10; ++k) robot.joints[j].link[k] += change[static_cast<Index>(10 * j + k)];
+  }
 }
 
 void describe_tilt(const Candidate&, const VectorXd& c, const model::Robot& robot, Finding& finding) {
@@ -49,24 +93,25 @@ void describe_tilt(const Candidate&, const VectorXd& c, const model::Robot& robo
 
 }  // namespace
 
-Columns tilt_columns(const Workbench& bench) {
-  const int n = bench.table->num_joints;
+/// Two columns, of the horizontal part of gravity with the masses of the fit; from the second fit on, around that tilt, those of
+/// the masses that only it shows.
+void put_tilt_columns(const Workbench& bench, Candidate& tilt) {
   const auto [first, second] = horizontal_directions(*bench.robot);
-  Columns columns;
-  columns.joints = all_joints(n);
-  columns.values.assign(static_cast<std::size_t>(n), MatrixXd(bench.table->rows(), 2));
-  int column = 0;
-  for (const Vector3d& direction : {first, second}) {
-    model::Robot robot = *bench.robot;
-    robot.gravity = {direction.x(), direction.y(), direction.z()};
-    const model::Dynamics dynamics(robot);
-    for (Index i = 0; i < bench.table->rows(); ++i) {
-      const VectorXd tau = dynamics.gravity_torque(bench.motion->link_q.row(i).transpose());
-      for (int j = 0; j < n; ++j) columns.values[static_cast<std::size_t>(j)](i, column) = tau[j];
-    }
-    ++column;
+  const Vector3d horizontal = tilt.tilt[0] * first + tilt.tilt[1] * second;
+  tilt.hidden.resize(10 * bench.table->num_joints, 0);
+  if (horizontal.norm() > 0.0) tilt.hidden = shown_by_tilt(bench, horizontal);
+  const MatrixXd& q = bench.motion->link_q;
+  std::vector<MatrixXd> torques;
+  for (const Vector3d& direction : {first, second})
+    torques.push_back(gravity_torque(*bench.robot, links_of(*bench.robot), direction, q));
+  for (Index h = 0; h < tilt.hidden.cols(); ++h)
+    torques.push_back(gravity_torque(*bench.robot, tilt.hidden.col(h), horizontal, q));
+  tilt.columns.joints = all_joints(bench.table->num_joints);
+  tilt.columns.values.assign(tilt.columns.joints.size(), MatrixXd(q.rows(), static_cast<Index>(torques.size())));
+  for (std::size_t j = 0; j < tilt.columns.values.size(); ++j) {
+    for (std::size_t c = 0; c < torques.size(); ++c)
+      tilt.columns.values[j].col(static_cast<Index>(c)) = torques[c].col(static_cast<Index>(j));
   }
-  return columns;
 }
 
 ArmSearch search_of(BaseTilt) { return {propose_tilt, apply_tilt, describe_tilt}; }
