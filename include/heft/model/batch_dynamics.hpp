@@ -30,7 +30,7 @@ Lanes widest_lanes();
 ///
 /// States are m × n matrices, a row a state, as logs have them. Every value is that of Dynamics at this state to the last
 /// bit (but for the sign of a zero) where the compiler leaves products and sums apart, as on x86-64; elsewhere within
-/// rounding. Nothing is kept between calls, which may come from several threads at once. Cost: bench/lanes_bench.
+/// rounding. Nothing is kept between calls, which may come from several threads at once. Cost: bench/dynamics_bench.
 class BatchDynamics {
  public:
   /// m × n: q [rad, m], qd, qdd; a block of rows of a matrix is taken as it is.

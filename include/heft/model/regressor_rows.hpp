@@ -49,7 +49,7 @@ class RegressorRows {
             Eigen::OuterStride<>(stride_)};
   }
 
-  /// A column that belongs to nobody, for what nobody wants.
+  /// A column that belongs to no joint, for entries that nobody wants. @pre resize() was called
   double* spare() { return begin(storage_.data()) + stride_ * first_.back(); }
 
  private:

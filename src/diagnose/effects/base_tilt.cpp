@@ -27,22 +27,23 @@ std::pair<Vector3d, Vector3d> horizontal_directions(const model::Robot& robot) {
 }
 
 /// Torque of gravity in some poses, m × n.
-/// @param links  parameters of the links, 10 n
-MatrixXd gravity_torque(model::Robot robot, const VectorXd& links, const Vector3d& gravity, const MatrixXd& q) {
+MatrixXd gravity_torque(model::Robot robot, const Vector3d& gravity, const MatrixXd& q) {
   robot.gravity = {gravity.x(), gravity.y(), gravity.z()};
-  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    for (std::size_t k = 0; k < 10; ++k) robot.joints[j].link[k] = links[static_cast<Index>(10 * j + k)];
-  }
   return model::BatchDynamics(robot).gravity_torque(q);
 }
 
-VectorXd links_of(const model::Robot& robot) {
-  VectorXd links(10 * robot.num_joints());
-  Index at = 0;
-  for (const model::RobotJoint& joint : robot.joints) {
-    for (const double parameter : joint.link) links[at++] = parameter;
+/// @param change  of the links' parameters, 10 n
+void add_to_links(const VectorXd& change, model::Robot& robot) {
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    for (std::size_t k = 0; k < 10; ++k) robot.joints[j].link[k] += change[static_cast<Index>(10 * j + k)];
   }
-  return links;
+}
+
+/// The torque that a change of the links' parameters adds.
+MatrixXd gravity_torque_of(const VectorXd& change, model::Robot robot, const Vector3d& gravity, const MatrixXd& q) {
+  for (model::RobotJoint& joint : robot.joints) joint.link = {};
+  add_to_links(change, robot);
+  return gravity_torque(std::move(robot), gravity, q);
 }
 
 /// Directions among the links' parameters that level ground hides and a tilt shows, 10 n × h: a first moment about an upright
@@ -56,7 +57,7 @@ MatrixXd shown_by_tilt(const Workbench& bench, const Vector3d& horizontal) {
   for (Index k = 0; k < kPoses; ++k) poses.row(k) = q.row(k * (q.rows() - 1) / (kPoses - 1));
   MatrixXd torque(kPoses * q.cols(), hidden.cols());
   for (Index c = 0; c < hidden.cols(); ++c)
-    torque.col(c) = gravity_torque(*bench.robot, hidden.col(c), horizontal, poses).reshaped();
+    torque.col(c) = gravity_torque_of(hidden.col(c), *bench.robot, horizontal, poses).reshaped();
   const Svd svd = svd_of(triangle_of(torque));
   constexpr double kShown = 1e-6;  // of the largest: others are zero but for rounding
   Index shown = 0;
@@ -78,11 +79,7 @@ void apply_tilt(const Candidate& tilt, const VectorXd& c, model::Robot& robot) {
   Vector3d tilted = g + c[0] * first + c[1] * second;
   tilted *= g.norm() / tilted.norm();
   robot.gravity = {tilted.x(), tilted.y(), tilted.z()};
-  if (tilt.hidden.cols() == 0) return;
-  const VectorXd change = tilt.hidden * c.segment(2, tilt.hidden.cols());
-  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    for (std::size_t k = 0; k < 10; ++k) robot.joints[j].link[k] += change[static_cast<Index>(10 * j + k)];
-  }
+  if (tilt.hidden.cols() > 0) add_to_links(tilt.hidden * c.segment(2, tilt.hidden.cols()), robot);
 }
 
 void describe_tilt(const Candidate&, const VectorXd& c, const model::Robot& robot, Finding& finding) {
@@ -102,10 +99,9 @@ void put_tilt_columns(const Workbench& bench, Candidate& tilt) {
   if (horizontal.norm() > 0.0) tilt.hidden = shown_by_tilt(bench, horizontal);
   const MatrixXd& q = bench.motion->link_q;
   std::vector<MatrixXd> torques;
-  for (const Vector3d& direction : {first, second})
-    torques.push_back(gravity_torque(*bench.robot, links_of(*bench.robot), direction, q));
+  for (const Vector3d& direction : {first, second}) torques.push_back(gravity_torque(*bench.robot, direction, q));
   for (Index h = 0; h < tilt.hidden.cols(); ++h)
-    torques.push_back(gravity_torque(*bench.robot, tilt.hidden.col(h), horizontal, q));
+    torques.push_back(gravity_torque_of(tilt.hidden.col(h), *bench.robot, horizontal, q));
   tilt.columns.joints = all_joints(bench.table->num_joints);
   tilt.columns.values.assign(tilt.columns.joints.size(), MatrixXd(q.rows(), static_cast<Index>(torques.size())));
   for (std::size_t j = 0; j < tilt.columns.values.size(); ++j) {
