@@ -1,6 +1,7 @@
 #include "refit.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -36,15 +37,18 @@ constexpr double kEnough = 0.98;
 constexpr double kContradiction = 1.25;
 
 /// The log less the torque of the effects.
-data::Log less_effects(data::Log log, const model::Robot& robot) {
-  if (robot.couplings.empty() && robot.cables.empty() && robot.effects.empty() && robot.elasticities.empty() && !(robot.torque_delay > 0.0))
+/// @param level  gravity of the base, which a tilt turns
+data::Log less_effects(data::Log log, const model::Robot& robot, const std::array<double, 3>& level) {
+  if (robot.couplings.empty() && robot.cables.empty() && robot.effects.empty() && robot.elasticities.empty() &&
+      !(robot.torque_delay > 0.0) && robot.gravity == level)
     return log;
   data::StreamOptions options;
   options.displacement = true;
   options.temperature = model::needs_temperature(robot);
   const data::MotionStream stream(log, options);
-  validate::Predictor with(robot, stream.summary().begin),
-      without(model::without_effects(robot), stream.summary().begin);
+  model::Robot bare = model::without_effects(robot);
+  bare.gravity = level;
+  validate::Predictor with(robot, stream.summary().begin), without(bare, stream.summary().begin);
   MatrixXd effects(log.tau.rows(), log.tau.cols());
   Index at = 0;
   stream.for_each([&](const data::MotionChunk& piece) {
@@ -55,9 +59,16 @@ data::Log less_effects(data::Log log, const model::Robot& robot) {
   return log;
 }
 
-/// The written model with another base.
+/// The written model with another base. What that base does not see remains: the gravity of a tilt, and masses that only a tilt
+/// shows.
 model::Robot with_base(const model::Robot& written, const BaseModel& base, const VectorXd& beta) {
   model::Robot robot = base.robot(beta);
+  const model::Robot seen = base.robot(base.parameters(written));
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    for (std::size_t k = 0; k < robot.joints[j].link.size(); ++k)
+      robot.joints[j].link[k] += written.joints[j].link[k] - seen.joints[j].link[k];
+  }
+  robot.gravity = written.gravity;
   robot.effects = written.effects;
   robot.elasticities = written.elasticities;
   robot.couplings = written.couplings;
@@ -150,9 +161,10 @@ class LeftOut {
       : written_(written), base_(base), cuts_(validate.size()) {
     Logs logs = train;
     logs.insert(logs.end(), validate.begin(), validate.end());
+    const std::array<double, 3> level = base.robot(base.prior()).gravity;
     host::for_each_parallel(logs.size() + validate.size(), [&](std::size_t k) {
       if (k < logs.size()) {
-        logs[k] = less_effects(logs[k], written);
+        logs[k] = less_effects(logs[k], written, level);
       } else {
         cuts_[k - logs.size()].emplace(written, validate[k - logs.size()], reading);
       }
