@@ -90,12 +90,13 @@ Rival rival_of(const Candidate& candidate, const model::Robot& robot, int tried)
           described.driven_joint};
 }
 
-/// Other explanations of the same joint, or of the whole arm.
+/// Other explanations of the same joint, or of the whole arm; of a torque scale those of other joints.
 /// @param gain  of the effect taken
 void add_rivals(const Candidate& own, double gain, const std::vector<Candidate>& candidates, int tried,
                 const model::Robot& robot, Finding& f) {
   for (const Candidate& c : candidates) {
-    const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint;
+    const bool scales = own.effect.is<TorqueScale>() && c.effect.is<TorqueScale>();
+    const bool elsewhere = c.joint >= 0 && own.joint >= 0 && c.joint != own.joint && !scales;
     if (same_place(c, own) || elsewhere || !c.parts.empty() || !c.trial.valid || !c.refused.empty() || c.effect.is<Contact>())
       continue;
     // An effect comes in several forms, the best first; it is a rival once.

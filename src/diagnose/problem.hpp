@@ -50,6 +50,7 @@ struct Trial {
   double gain{0.0};              ///< fall of the weighted squared error on the rows of the fit
   double cv_gain{0.0};           ///< rows times fall of ln(squared error) on left-out blocks: what counts
   double cv_t{0.0};              ///< mean of it over blocks against its standard error
+  double lost{1.0};              ///< what blocks lose by it, in parts of what others gain
   double wald{0.0};              ///< statistic of the coefficients tested, robust
   double p_value{1.0};           ///< of it, one candidate
   double effective_rows{0.0};    ///< rows less what their correlation costs

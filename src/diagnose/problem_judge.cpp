@@ -249,6 +249,8 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
   }
   const Index half = gains.size() / 2;
   trial.cv_t = steadiness(gains);
+  const double gained = gains.cwiseMax(0.0).sum();
+  trial.lost = gained > 0.0 ? (gained - gains.sum()) / gained : 1.0;
   trial.half_t[0] = steadiness(gains.head(half));
   trial.half_t[1] = steadiness(gains.tail(gains.size() - half));
 }

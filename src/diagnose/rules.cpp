@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -55,6 +57,10 @@ VectorXd fall(const Trial& trial) {
     }
   }
   return result;
+}
+
+bool is_steady(const Trial& trial) {
+  return trial.cv_t > kSteadyGain || (trial.cv_t > kSteadyGainOfFew && trial.lost < kNextToNothing);
 }
 
 int parameters_of(const Candidate& c) {
@@ -120,7 +126,7 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   if (at_turns && squared(fall(c.trial).maxCoeff()) < kBothSides)
     return "shows only around reversals, whose instant the low-pass leaves open";
   if (!c.in_time() && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
-  if (!(c.trial.cv_t > kSteadyGain)) return "does not help on stretches that it was not fitted to";
+  if (!is_steady(c.trial)) return "does not help on stretches that it was not fitted to";
   // Several runs that agree say what one run leaves open.
   const auto& runs = c.trial.run_gain;
   const bool agreed = runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
@@ -158,6 +164,24 @@ bool both_needed(const std::vector<Candidate>& candidates, const Candidate& pair
   return needed(a, b) && needed(b, a);
 }
 
+/// A spring in one of the joints of a cable and an offset in the other one, which have as many parameters as the cable, where they
+/// gain as much; nullptr: there is none. Of different joints gains add up.
+/// @param takeable  whether a candidate may be taken
+const Candidate* spring_instead_of(const Candidate& cable, const std::vector<Candidate>& candidates,
+                                   const std::function<bool(const Candidate&)>& takeable) {
+  const auto in = [&](int joint, bool spring) {
+    const auto found = std::find_if(candidates.begin(), candidates.end(), [&](const Candidate& c) {
+      return c.joint == joint && (spring ? c.effect.is<Spring>() : c.effect.is<Offset>()) && takeable(c);
+    });
+    return found == candidates.end() ? nullptr : &*found;
+  };
+  for (const auto& [joint, other] : {std::pair(cable.pair.driving, cable.pair.driven), std::pair(cable.pair.driven, cable.pair.driving)}) {
+    const Candidate *spring = in(joint, true), *offset = in(other, false);
+    if (spring != nullptr && offset != nullptr && spring->trial.cv_gain + offset->trial.cv_gain > cable.trial.cv_gain) return spring;
+  }
+  return nullptr;
+}
+
 }  // namespace
 
 const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const Candidate* best,
@@ -175,6 +199,10 @@ const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const
     const double least = best->effect.is<FrictionCurve>() ? kFormula : kSimpler;
     if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < least * best->trial.cv_gain) continue;
     if (objection(c, round).empty()) simple = &c;
+  }
+  if (simple->effect.is<Cable>()) {
+    const auto takeable = [&](const Candidate& c) { return objection(c, round).empty(); };
+    if (const Candidate* spring = spring_instead_of(*simple, candidates, takeable)) return spring;
   }
   return simple;
 }

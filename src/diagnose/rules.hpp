@@ -16,6 +16,9 @@ namespace heft::diagnose {
 inline constexpr double kLevel = 1e-3;
 /// Mean gain on left-out blocks against its standard error.
 inline constexpr double kSteadyGain = 2.5;
+/// The same where others lose next to nothing by it, at most the second number in parts of what is gained: a spring, which swings
+/// where the motion is violent and nowhere else, gains in few blocks.
+inline constexpr double kSteadyGainOfFew = 2.0, kNextToNothing = 0.05;
 /// Least fall of the rms error on left-out blocks in the joint where it shows most.
 inline constexpr double kRelevantGain = 0.02;
 /// The same when three or more runs all gain from it.
@@ -47,8 +50,9 @@ inline constexpr double kMuchMore = 1.5;
 inline constexpr double kFormula = 0.7;
 /// Most that a joint's torque scale may be off, as a share: gains of drives and gears are known better.
 inline constexpr double kLargestScale = 0.4;
-/// Least training motion for a free curve: its values want time at every speed [s].
-inline constexpr double kCurveSeconds = 30.0;
+/// Least training motion for a free curve: its values want time at every speed [s]. Half a minute, of which the last row is
+/// logged a sample or some before its end.
+inline constexpr double kCurveSeconds = 29.5;
 /// Most that all effects may raise the error of a joint on a validation log.
 inline constexpr double kMayRise = 0.02;
 /// Most that an effect may raise its own joint's error in band there: what is bought with the slow part of the torque
@@ -63,6 +67,8 @@ inline constexpr double kRival = 0.3, kEquivalent = 0.97;
 Eigen::VectorXd fall(const Trial& trial);
 /// The same part of the squared error.
 inline double squared(double fall) { return 1.0 - (1.0 - fall) * (1.0 - fall); }
+/// Whether it gains on blocks that it was not fitted to by more than a few of them say by chance.
+bool is_steady(const Trial& trial);
 /// What a candidate has to choose: coefficients, its shape, begin and length of events.
 int parameters_of(const Candidate& c);
 /// Robust chi-square of the coefficients against what they cost.

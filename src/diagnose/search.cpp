@@ -56,10 +56,10 @@ void Search::trace_pool(const std::vector<Candidate>& pool, const Rules::Round& 
   for (const Candidate& c : pool) {
     if (!c.trial.valid || shown++ >= kMost) continue;
     trace(
-        fmt::format("  {:18s} j{} shape {:.4g} c [{:.4g}] gain {:.0f} t {:.1f} wald {:.0f} p {:.1e} fall "
+        fmt::format("  {:18s} j{} shape {:.4g} c [{:.4g}] gain {:.0f} t {:.1f} lost {:.2f} wald {:.0f} p {:.1e} fall "
                     "{:.3f} dBIC {:.0f} drift {:.2f} {}",
                     c.effect.id(), joints_of(c), c.shape, fmt::join(c.trial.coefficients, " "),
-                    c.trial.cv_gain, c.trial.cv_t, c.trial.wald, c.trial.p_value * round.tried,
+                    c.trial.cv_gain, c.trial.cv_t, c.trial.lost, c.trial.wald, c.trial.p_value * round.tried,
                     c.trial.joint_before.size() > 0 ? fall(c.trial).maxCoeff() : 0.0, bic_of(c, round.tried),
                     c.trial.drift, rules().objection(c, round)));
   }
@@ -362,12 +362,28 @@ std::ptrdiff_t Search::other_spring(std::size_t e) const {
   return -1;
 }
 
+/// Torque scales of all joints but one: two joints that share masses only with each other may each be the one that is off.
+void Search::add_scales_of_others(int joint, const Engine& rest, std::vector<Candidate>& found) const {
+  const std::vector<bool> joints = looked_at({});
+  for (int other = 0; other < start_.robot.num_joints(); ++other) {
+    if (other == joint || !joints[static_cast<std::size_t>(other)]) continue;
+    Candidate scale(TorqueScale{});
+    scale.joint = other;
+    for (Candidate& c : rest.forms_of(scale)) found.push_back(std::move(c));
+  }
+  sort_by_gain(found);
+}
+
 /// What could stand in the place of an accepted effect.
 /// @param rest  the model without it
 std::vector<Candidate> Search::in_place_of(std::size_t e, const Engine& rest) const {
   const Candidate& own = engine().accepted[e];
   const std::ptrdiff_t other = other_spring(e);
-  if (other < 0) return propose(rest, own.joint < 0 ? std::vector<int>{} : std::vector{own.joint});
+  if (other < 0) {
+    std::vector<Candidate> found = propose(rest, own.joint < 0 ? std::vector<int>{} : std::vector{own.joint});
+    if (own.effect.is<TorqueScale>()) add_scales_of_others(own.joint, rest, found);
+    return found;
+  }
   std::vector<Candidate> found = propose(rest, {own.joint, engine().accepted[static_cast<std::size_t>(other)].joint});
   add_spring_pairs(rest, {own.joint, engine().accepted[static_cast<std::size_t>(other)].joint}, found);
   std::erase_if(found, [&](const Candidate& c) { return c.joint >= 0 && c.joint != own.joint && !c.is_elastic(); });

@@ -77,6 +77,7 @@ class Search {
   double cutoff_for_springs() const;
   std::vector<bool> looked_at(const std::vector<int>& of) const;
   bool add_spring_pairs(const Engine& engine, const std::vector<int>& of, std::vector<Candidate>& pool) const;
+  void add_scales_of_others(int joint, const Engine& rest, std::vector<Candidate>& found) const;
   std::vector<Candidate> in_place_of(std::size_t effect, const Engine& rest) const;
   std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
                                  const std::function<void(double)>& done = {}) const;

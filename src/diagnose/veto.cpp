@@ -62,7 +62,7 @@ class Veto {
       const auto [joint, run, culprit] = joint_made_worse(at_first, after.each, without_each);
       if (culprit < 0) return;
       const auto at = static_cast<std::size_t>(culprit);
-      if (!swap_in_held(at)) {
+      if (!swap_in_held(at, false)) {
         search_.take_out(
             at, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
       }
@@ -92,7 +92,7 @@ class Veto {
       without_each.push_back(without.each);
       const std::string why = harm(search_.engine().accepted[e], after, without);
       if (why.empty()) continue;
-      if (!take_another_form(e, without)) search_.take_out(e, why);
+      if (!take_another_form(e, without) && !swap_in_held(e, true)) search_.take_out(e, why);
       return false;
     }
     return true;
@@ -148,16 +148,24 @@ class Veto {
     return judged_.rms_error(judged_.predicted(engine.robot())).array().log().sum();
   }
 
-  /// Against an effect that another joint pays for: holds weights or masses where that does better than to leave it out.
-  bool swap_in_held(std::size_t effect) {
+  /// Against an effect that a joint pays for: holds weights or masses where that does better than to leave it out.
+  /// @param harmless  weights alone, and where it does no harm then: next to held masses no test says what an effect is worth
+  bool swap_in_held(std::size_t effect, bool harmless) {
     const Engine& engine = search_.engine();
     double least = judged(*search_.rebuilt_without(effect));
     std::unique_ptr<Engine> best;
     for (const bool masses : {false, true}) {
-      if (masses ? engine.masses_held : engine.weights_held) continue;
-      auto tried = search_.rebuilt(-1, engine.weights_held || !masses, engine.masses_held || masses);
+      if (masses ? engine.masses_held || harmless : engine.weights_held) continue;
+      const bool weights_held = engine.weights_held || !masses, masses_held = engine.masses_held || masses;
+      auto tried = search_.rebuilt(-1, weights_held, masses_held);
       const double now = judged(*tried);
-      if (now < least) least = now, best = std::move(tried);
+      if (!(now < least)) continue;
+      if (harmless) {
+        const auto rest = search_.rebuilt(static_cast<std::ptrdiff_t>(effect), weights_held, masses_held);
+        if (!harm(engine.accepted[effect], errors_of(*tried), errors_of(*rest)).empty()) continue;
+      }
+      least = now;
+      best = std::move(tried);
     }
     if (best == nullptr) return false;
     search_.take_over(std::move(best));

@@ -61,6 +61,7 @@ std::string findings_in_words(const Diagnosis& diagnosis) {
     line("the same as", rivals_in_words(finding.equivalent, false));
     if (!finding.rivals.empty() || !finding.equivalent.empty()) line("shown by", shown_by(finding));
   }
+  if (text.find("±") != std::string::npos) text += "\n±: 95 % intervals.\n";
   return text;
 }
 

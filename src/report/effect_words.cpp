@@ -163,17 +163,19 @@ std::string parameters_in_words(const Finding& finding, const model::Robot& robo
   const auto x = parameter(finding, "com_x"), y = parameter(finding, "com_y"),
              z = parameter(finding, "com_z");
   const bool vector = x && y && z;
+  const auto with_half_width = [&](std::size_t k, const std::string& number) {
+    const double half = k < finding.half_widths.size() ? finding.half_widths[k] : kNaN;
+    return std::isfinite(half) ? number + " ± " + short_number(half, 2) : number;
+  };
   for (std::size_t k = 0; k < finding.parameters.size(); ++k) {
     const auto& [key, value] = finding.parameters[k];
     if (vector && key == "com_x") {
-      parts.push_back(
-          fmt::format("com ({}, {}, {}) m", short_number(*x, 3), short_number(*y, 3), short_number(*z, 3)));
+      parts.push_back(fmt::format("com ({}, {}, {}) m", with_half_width(k, short_number(*x, 3)),
+                                  with_half_width(k + 1, short_number(*y, 3)), with_half_width(k + 2, short_number(*z, 3))));
     }
     if (vector && key.starts_with("com_")) continue;
     const std::string unit = unit_of(finding.effect, key, prismatic);
-    const double half = k < finding.half_widths.size() ? finding.half_widths[k] : kNaN;
-    parts.push_back(std::isfinite(value) ? fmt::format("{} {}{}{}{}", key, short_number(value),
-                                                       std::isfinite(half) ? " ± " + short_number(half, 2) : "",
+    parts.push_back(std::isfinite(value) ? fmt::format("{} {}{}{}", key, with_half_width(k, short_number(value)),
                                                        unit.empty() || unit == "°" ? "" : " ", unit)
                                          : fmt::format("{} not determined", key));
   }

@@ -2,6 +2,7 @@
 #include "contact.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -34,7 +35,7 @@ constexpr double kAlone = 3.0;
 struct Clear {
   double statistic, far_alone, share, joints;
 };
-constexpr Clear kClear{100.0, 8.0, 0.9, 4.5}, kClearOfFour{300.0, 8.0, 0.95, 3.6};
+constexpr std::array kClear{Clear{100.0, 8.0, 0.9, 4.5}, Clear{300.0, 8.0, 0.95, 3.6}};
 constexpr std::size_t kMostTouches = 5;
 /// Where runs without a touch show what friction and a rough model leave, a touch need not stand so far above it: beyond
 /// this many times their largest statistic, not by chance, and with this share by one force.
@@ -139,21 +140,22 @@ std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
   while (found.size() <= kMostTouches) {
     found.push_back(taken.empty() ? first : best_touch(sums, taken));
     const Touch& last = found.back();
-    if (last.count == 0 || last.statistic < kClear.statistic || last.share < kOneForce) break;
+    if (last.count == 0 || last.statistic < kClear.front().statistic || last.share < kOneForce) break;
     taken.push_back(with_margin(last, sums));
   }
   while (found.size() > 1) {
     const double next = found.back().statistic;
     found.pop_back();
-    const auto each_has = [&](double statistic, double share, double joints) {
-      return std::all_of(found.begin(), found.end(), [&](const Touch& touch) {
-        return touch.statistic >= statistic && touch.share >= share && joints_in(touch, sums) >= joints;
+    const auto is_clear = [&](const Touch& touch) {
+      const auto has = [&](double statistic, double far_alone, double share, double joints) {
+        return touch.statistic >= std::max(statistic, far_alone * next) && touch.share >= share && joints_in(touch, sums) >= joints;
+      };
+      if (has(kTouch, kAlone, kOneForce, 0.0)) return true;
+      return std::any_of(kClear.begin(), kClear.end(), [&](const Clear& least) {
+        return has(least.statistic, least.far_alone, least.share, least.joints);
       });
     };
-    if (each_has(std::max(kTouch, kAlone * next), kOneForce, 0.0)) return found;
-    for (const Clear& least : {kClear, kClearOfFour}) {
-      if (each_has(std::max(least.statistic, least.far_alone * next), least.share, least.joints)) return found;
-    }
+    if (std::all_of(found.begin(), found.end(), is_clear)) return found;
   }
   return {};
 }
