@@ -293,7 +293,7 @@ INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
                                          std::tuple{"base_tilt+contact+elasticity", "arm6", 91},
                                          // An offset and a spring looked like a cable over their joints.
                                          std::tuple{"viscous_nonlinear+offset+spring", "arm6", 98},
-                                         // One push is clear as four joints move in it, two are without that.
+                                         // Of three pushes one is clear because four joints move in it, two because they are large.
                                          std::tuple{"contact+rotor_inertia+base_tilt", "scara4", 96}),
                          name_of_several);
 
