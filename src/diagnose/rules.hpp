@@ -50,6 +50,9 @@ inline constexpr double kMuchMore = 1.5;
 inline constexpr double kFormula = 0.7;
 /// Most that a joint's torque scale may be off, as a share: gains of drives and gears are known better.
 inline constexpr double kLargestScale = 0.4;
+/// Most damping of a spring with its link, in parts of critical damping, at the least that the intervals allow: the joints of
+/// robots have a few hundredths.
+inline constexpr double kMostDamped = 0.2;
 /// Least training motion for a free curve: its values want time at every speed [s]. Half a minute, of which the last row is
 /// logged a sample or some before its end.
 inline constexpr double kCurveSeconds = 29.5;

@@ -9,6 +9,7 @@
 
 #include "arm_search.hpp"
 #include "heft/host/parallel.hpp"
+#include "intervals.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -256,6 +257,33 @@ void reject_needless(Search& search, const Identified& identified) {
     search.take_out((*least)->effect,
                     "rotor inertia and offsets, which the identified model has anyway, explain it as well");
     if (joint >= 0) search.take_rotor_and_offset(joint);
+  }
+}
+
+void reject_impossible_springs(Search& search) {
+  /// Least part of critical damping that the intervals of an elastic joint allow.
+  const auto least_damping = [](const Engine& engine, std::size_t e, const std::vector<Replica>& replicas) {
+    const Candidate& own = engine.accepted[e];
+    Finding f(own.effect);
+    describe(own, engine.coefficients(e), engine.robot(), f);
+    const std::vector<double> half = half_widths_of(own, e, replicas, f.parameters, 1.0 / engine.table().logged_rate);
+    // ζ = D / (2 √(K M))
+    return 0.5 * (own.second - half[1]) / std::sqrt((own.shape + half[0]) * own.inertia);
+  };
+  for (bool again = true; again;) {
+    again = false;
+    const Engine& engine = search.engine();
+    std::vector<Replica> replicas;
+    for (std::size_t e = 0; e < engine.accepted.size() && !again; ++e) {
+      if (!engine.accepted[e].is_elastic()) continue;
+      if (replicas.empty()) replicas = engine.replicas();
+      const double damping = least_damping(engine, e, replicas);
+      if (!(damping > kMostDamped)) continue;
+      const int joint = engine.accepted[e].joint;
+      search.take_out(e, fmt::format("its damping would be {:.2f} of the critical one or more, which no gear has", damping));
+      search.take_rotor_and_offset(joint);
+      again = true;
+    }
   }
 }
 

@@ -294,7 +294,9 @@ INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
                                          // An offset and a spring looked like a cable over their joints.
                                          std::tuple{"viscous_nonlinear+offset+spring", "arm6", 98},
                                          // Of three pushes one is clear because four joints move in it, two because they are large.
-                                         std::tuple{"contact+rotor_inertia+base_tilt", "scara4", 96}),
+                                         std::tuple{"contact+rotor_inertia+base_tilt", "scara4", 96},
+                                         // Once with a spring damped by half of the critical damping.
+                                         std::tuple{"rotor_inertia+payload_change+stribeck", "scara4", 98}),
                          name_of_several);
 
 // Two joints of a SCARA share masses with each other alone: only their ratio is known.
