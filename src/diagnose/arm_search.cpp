@@ -14,8 +14,8 @@ Columns columns_of_pair(const GearCoupling<double>& pair, const Eigen::MatrixXd&
   return {{pair.driving, pair.driven}, {pair.ratio * torque, torque}};
 }
 
-Trial judge(const Workbench& bench, const Candidate& candidate) {
-  return bench.problem->judge(bench.problem->moments(candidate.columns));
+Trial judge(const Workbench& bench, const Candidate& candidate, double least) {
+  return bench.problem->judge(bench.problem->moments(candidate.columns), -1, 0, least);
 }
 
 }  // namespace heft::diagnose

@@ -63,7 +63,8 @@ std::vector<int> all_joints(int n);
 /// @param torque  m × k
 Columns columns_of_pair(const GearCoupling<double>& pair, const Eigen::MatrixXd& torque);
 
-Trial judge(const Workbench& bench, const Candidate& candidate);
+/// @param least  see Problem::judge()
+Trial judge(const Workbench& bench, const Candidate& candidate, double least = 0.0);
 
 /// Takes the best of several shapes where it is better than what there is.
 /// @param write  (joint, from, values): puts in some rows of a joint's columns, one a shape

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 #include <random>
+#include <span>
 
 namespace heft::diagnose {
 namespace {
@@ -38,74 +39,102 @@ struct Tree {
 };
 
 struct Cell {
-  double sum{0.0}, count{0.0};
+  using Pair [[gnu::vector_size(2 * sizeof(double))]] = double;
+  Pair sum_and_count{0.0, 0.0};
+  double sum() const { return sum_and_count[0]; }
+  double count() const { return sum_and_count[1]; }
+  double explained() const { return sum() * sum() / count(); }
+  void add(double target) { sum_and_count += Pair{target, 1.0}; }
 };
 
-/// Sums of the target by node and step, of one quantity.
-class Histogram {
+/// Rows that a tree is fitted to, in the order in which they are read.
+struct Sample {
+  std::vector<Index> rows;
+  std::vector<double> target;
+  std::vector<int> place;  ///< node that each has come to
+};
+
+/// Sums of the target by node and step, of a few quantities: a cell waits for the last row that came to it, so that several of
+/// them are filled in the same time as one.
+class Histograms {
  public:
-  void fill(const BinnedFeatures& features, Index feature, const VectorXd& target,
-            const std::vector<Index>& rows, const std::vector<int>& place, int first_node) {
-    cells_.fill({});
-    const auto column = features.column(feature);
-    for (std::size_t k = 0; k < rows.size(); ++k) {
-      Cell& cell = at(place[k] - first_node, column[rows[k]]);
-      cell.sum += target[rows[k]];
-      cell.count += 1.0;
+  static constexpr std::size_t kTogether = 4;
+
+  /// @param asked  kTogether at most
+  void fill(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample, int first_node) {
+    cells_.assign(asked.size() * kCells, {});
+    std::array<const std::uint8_t*, kTogether> steps{};
+    for (std::size_t f = 0; f < asked.size(); ++f) steps[f] = features.column(asked[f]).data();
+    const auto add = [&]<std::size_t kCount>() {
+      for (std::size_t k = 0; k < sample.rows.size(); ++k) {
+        Cell* const of_node = &cells_[static_cast<std::size_t>(sample.place[k] - first_node) * BinnedFeatures::kSteps];
+        for (std::size_t f = 0; f < kCount; ++f) {
+          of_node[f * kCells + steps[f][sample.rows[k]]].add(sample.target[k]);
+        }
+      }
+    };
+    switch (asked.size()) {
+      case 1: add.template operator()<1>(); break;
+      case 2: add.template operator()<2>(); break;
+      case 3: add.template operator()<3>(); break;
+      default: add.template operator()<kTogether>();
     }
   }
-  Cell& at(int node, int step) {
-    return cells_[static_cast<std::size_t>(node * BinnedFeatures::kSteps + step)];
+  const Cell& at(std::size_t quantity, int node, int step) const {
+    return cells_[quantity * kCells + static_cast<std::size_t>(node * BinnedFeatures::kSteps + step)];
   }
 
  private:
-  std::array<Cell, static_cast<std::size_t>(kLeaves / 2 * BinnedFeatures::kSteps)> cells_{};
+  static constexpr auto kCells = static_cast<std::size_t>(kLeaves / 2 * BinnedFeatures::kSteps);  ///< of a quantity
+  std::vector<Cell> cells_;
 };
 
 /// The division that lowers the squared error most, of all nodes of one level.
-void divide(const BinnedFeatures& features, const std::vector<Index>& asked, const VectorXd& target,
-            const std::vector<Index>& rows, const std::vector<int>& place, int level, double least,
+void divide(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample, int level, double least,
             Tree& tree) {
   const int first = (1 << level) - 1, nodes = 1 << level;
-  Histogram histogram;
-  for (const Index feature : asked) {
-    histogram.fill(features, feature, target, rows, place, first);
-    for (int node = 0; node < nodes; ++node) {
-      Cell all, left;
-      for (int s = 0; s < BinnedFeatures::kSteps; ++s) {
-        all.sum += histogram.at(node, s).sum;
-        all.count += histogram.at(node, s).count;
-      }
-      for (int s = 0; s + 1 < BinnedFeatures::kSteps; ++s) {
-        left.sum += histogram.at(node, s).sum;
-        left.count += histogram.at(node, s).count;
-        const Cell right{all.sum - left.sum, all.count - left.count};
-        if (left.count < least || right.count < least) continue;
-        const double gain = left.sum * left.sum / left.count + right.sum * right.sum / right.count -
-                            all.sum * all.sum / all.count;
-        Tree::Question& question = tree.questions[static_cast<std::size_t>(first + node)];
-        if (gain > question.gain) question = {feature, s, gain};
+  Histograms histograms;
+  for (std::size_t from = 0; from < asked.size(); from += Histograms::kTogether) {
+    const auto together = asked.subspan(from, std::min(Histograms::kTogether, asked.size() - from));
+    histograms.fill(features, together, sample, first);
+    for (std::size_t f = 0; f < together.size(); ++f) {
+      for (int node = 0; node < nodes; ++node) {
+        Cell all, left;
+        for (int s = 0; s < BinnedFeatures::kSteps; ++s) {
+          all.sum_and_count += histograms.at(f, node, s).sum_and_count;
+        }
+        for (int s = 0; s + 1 < BinnedFeatures::kSteps; ++s) {
+          left.sum_and_count += histograms.at(f, node, s).sum_and_count;
+          const Cell right{all.sum_and_count - left.sum_and_count};
+          if (left.count() < least || right.count() < least) continue;
+          const double gain = left.explained() + right.explained() - all.explained();
+          Tree::Question& question = tree.questions[static_cast<std::size_t>(first + node)];
+          if (gain > question.gain) question = {together[f], s, gain};
+        }
       }
     }
   }
 }
 
 Tree fitted_tree(const BinnedFeatures& features, const std::vector<Index>& asked, const VectorXd& target,
-                 const std::vector<Index>& rows, double least) {
+                 std::vector<Index> rows, double least) {
   Tree tree;
-  std::vector<int> place(rows.size(), 0);
+  Sample sample{std::move(rows), {}, {}};
+  sample.target.reserve(sample.rows.size());
+  for (const Index row : sample.rows) sample.target.push_back(target[row]);
+  sample.place.assign(sample.rows.size(), 0);
   for (int level = 0; level < kDepth; ++level) {
-    divide(features, asked, target, rows, place, level, least, tree);
-    for (std::size_t k = 0; k < rows.size(); ++k) place[k] = tree.next(place[k], features, rows[k]);
+    divide(features, asked, sample, level, least, tree);
+    for (std::size_t k = 0; k < sample.rows.size(); ++k)
+      sample.place[k] = tree.next(sample.place[k], features, sample.rows[k]);
   }
   std::array<Cell, kLeaves> leaves{};
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    Cell& leaf = leaves[static_cast<std::size_t>(place[k] - (kLeaves - 1))];
-    leaf.sum += target[rows[k]];
-    leaf.count += 1.0;
+  for (std::size_t k = 0; k < sample.rows.size(); ++k) {
+    Cell& leaf = leaves[static_cast<std::size_t>(sample.place[k] - (kLeaves - 1))];
+    leaf.add(sample.target[k]);
   }
   for (std::size_t l = 0; l < leaves.size(); ++l)
-    tree.values[l] = leaves[l].count > 0.0 ? leaves[l].sum / leaves[l].count : 0.0;
+    tree.values[l] = leaves[l].count() > 0.0 ? leaves[l].sum() / leaves[l].count() : 0.0;
   return tree;
 }
 

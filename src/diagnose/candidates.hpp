@@ -74,8 +74,8 @@ struct Candidate {
 };
 
 /// Judges a candidate with its columns.
-/// @param tested  see Problem::judge()
-void judge(const Problem& problem, const MotionTable& table, Candidate& candidate, int tested = 0);
+/// @param tested, least  see Problem::judge()
+void judge(const Problem& problem, const MotionTable& table, Candidate& candidate, int tested = 0, double least = 0.0);
 
 /// The same effect in the same place, whatever its form.
 inline bool same_place(const Candidate& a, const Candidate& b) {
@@ -87,6 +87,9 @@ struct FirstMemory {
   const Candidate* effect{nullptr};  ///< none: nullptr
   int column{-1};                    ///< of the problem, the effect's
 };
+
+/// Why one is not looked at closely, see Workbench::least_gain.
+inline constexpr const char* kOfNoUse = "explains too little";
 
 /// What candidates are made from.
 struct Workbench {
@@ -103,6 +106,9 @@ struct Workbench {
   std::vector<const Candidate*> springs;  ///< n: the one that a joint has already; none: nullptr
   /// Pairs of joints that may share a motor, with the ratio.
   std::span<const GearCoupling<double>> pairs;
+  /// Gain on the rows of the fit below which a candidate is of no use: one for the place of an effect of a joint that gains far more.
+  /// 0: any is
+  double least_gain{0.0};
 };
 
 /// Finds the best candidate of one kind and form, judged.

@@ -526,10 +526,11 @@ MatrixXd Engine::predicted(Index begin, Index count) const {
   return tau;
 }
 
-std::vector<Candidate> Engine::propose(const std::vector<bool>& joints,
-                                       const std::function<void(double)>& done) const {
+std::vector<Candidate> Engine::propose(const std::vector<bool>& joints, const std::function<void(double)>& done,
+                                       double least) const {
   load_all();
-  const Workbench bench = this->bench();
+  Workbench bench = this->bench();
+  bench.least_gain = least;
   // What takes longest comes first, so that no processor waits for it at the end.
   std::vector<std::function<std::vector<Candidate>()>> of_arm;
   for_each_arm_effect([&](auto type) {

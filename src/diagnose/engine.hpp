@@ -70,8 +70,9 @@ class Engine {
   void tune();
   /// Candidates for one more effect, judged: those of the joints asked for and those of the whole arm.
   /// @param joints  n; `done` gets 0..1
-  std::vector<Candidate> propose(const std::vector<bool>& joints,
-                                 const std::function<void(double)>& done) const;
+  /// @param least   see Workbench::least_gain
+  std::vector<Candidate> propose(const std::vector<bool>& joints, const std::function<void(double)>& done,
+                                 double least) const;
   /// A spring together with one of another joint, see there.
   std::vector<Candidate> spring_pairs(const Candidate& first, const std::vector<bool>& others) const;
   /// An effect of one joint in each of its forms, or one of the whole arm at its best shape, judged next to those in place.

@@ -178,7 +178,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
         });
     const std::vector<double> gains = bench.problem->gains(all, pairs, in_place.column);
     const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-    return std::pair(owns[top / others.size()], others[top % others.size()]);
+    return std::tuple(owns[top / others.size()], others[top % others.size()], gains[top]);
   };
   // Every second distance of the grids, then finer steps around the best pair.
   const auto coarse = [&](Displacement by) {
@@ -186,10 +186,14 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
     for (std::size_t k = 0; k < all.size(); k += 2) some.push_back(all[k]);
     return some;
   };
-  auto [own, other] = best_of(coarse(displacement), coarse(first.displacement));
+  auto [own, other, gain] = best_of(coarse(displacement), coarse(first.displacement));
+  if (gain < bench.least_gain) {
+    c.refused = kOfNoUse;
+    return c;
+  }
   double step = range_ratio<Effect>();
   for (int k = 0; k < 4; ++k, step = std::sqrt(step)) {
-    std::tie(own, other) = best_of({own / step, own, own * step}, {other / step, other, other * step});
+    std::tie(own, other, gain) = best_of({own / step, own, own * step}, {other / step, other, other * step});
   }
   MatrixXd values(bench.table->rows(), 3);
   values << part(own, displacement), part(other, first.displacement), bench.motion->direction.col(joint);
@@ -197,7 +201,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   c.shape = own;
   c.second = other;
   c.replaces = in_place.column;
-  judge(*bench.problem, *bench.table, c, 1);
+  judge(*bench.problem, *bench.table, c, 1, bench.least_gain);
   const VectorXd& parts = c.trial.coefficients;
   if (!(parts[0] > 0.0)) c.refused = "would be negative";
   const bool too_much =
@@ -219,6 +223,7 @@ class ShapeSearch {
   Candidate run() {
     Candidate candidate(Effect{});
     candidate.joint = joint_;
+    candidate.displacement = form_.displacement;
     double best = 0.0;
     if constexpr (Effect::kShapes.size() > 0) {
       const ShapeRange range = range_of<Effect>(form_.displacement);
@@ -230,6 +235,10 @@ class ShapeSearch {
         if (gains[s] > gains[top]) top = s;
       }
       best = grid[top];
+      if (gains[top] < bench_.least_gain) {
+        candidate.refused = kOfNoUse;
+        return candidate;
+      }
       if constexpr (EffectWithMemory<Effect>) {
         // A part of the friction holds a resting joint with less than all of it.
         if (!form_.whole && gains[top] > 0.0) {
@@ -255,11 +264,10 @@ class ShapeSearch {
     candidate.shape = best;
     candidate.columns.joints = {joint_};
     candidate.columns.values = {columns_of<Effect>(bench_, joint_, best, form_, level_)};
-    candidate.displacement = form_.displacement;
     candidate.level = level_;
     if (form_.whole) candidate.replaces = bench_.base->coulomb(joint_);
     if (candidate.refused.empty()) {
-      judge(*bench_.problem, *bench_.table, candidate);
+      judge(*bench_.problem, *bench_.table, candidate, 0, bench_.least_gain);
       for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
         if (Effect::kNotNegative[static_cast<std::size_t>(c)] &&
             candidate.trial.coefficients[c] < -2.0 * candidate.trial.std[c]) {
@@ -359,8 +367,8 @@ class ShapeSearch {
 
 }  // namespace
 
-void judge(const Problem& problem, const MotionTable& table, Candidate& c, int tested) {
-  c.trial = problem.judge(problem.moments(c.columns), c.replaces, tested);
+void judge(const Problem& problem, const MotionTable& table, Candidate& c, int tested, double least) {
+  c.trial = problem.judge(problem.moments(c.columns), c.replaces, tested, least);
   c.at_turns = 0.0;
   if (const double times = c.turns_that_matter(); times > 0.0 && c.trial.valid)
     c.at_turns = problem.part_of_fall(c.columns, c.trial, c.joint, table.turns(c.joint, times));

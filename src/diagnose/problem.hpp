@@ -150,7 +150,8 @@ class Problem {
   /// @param without  column of the base that the candidate replaces; -1: none
   double gain(const ColumnMoments& moments, int without = -1) const;
   /// @param tested  how many of the first coefficients chance is asked of; 0: all
-  Trial judge(const ColumnMoments& moments, int without = -1, int tested = 0) const;
+  /// @param least   gain below which it is not valid
+  Trial judge(const ColumnMoments& moments, int without = -1, int tested = 0, double least = 0.0) const;
   /// Part of the fall of a joint's squared error that lies in some of its rows; 0 where the error does not fall.
   /// @param trial  of the columns, by this problem
   /// @param where  m, 1 or 0

@@ -51,7 +51,7 @@ const Problem::LeftOut& Problem::left_out() const {
   return *left_out_;
 }
 
-Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
+Trial Problem::judge(const ColumnMoments& m, int without, int tested, double least) const {
   const int k = m.count;
   Trial trial;
   trial.joint_before = trial.joint_after = VectorXd::Zero(num_joints());
@@ -70,6 +70,7 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested) const {
   trial.gain = error_ - joint.fit.error;
   trial.coefficients = joint.fit.theta.tail(k);
   trial.base = joint.fit.theta.head(columns_) + prior_;
+  if (trial.gain < least) return trial;
   const MatrixXd scores = scores_of(joint);
   if (!test_coefficients(joint, scores, tested, trial)) return trial;
   trial.drift = drift_of(joint, scores);

@@ -30,6 +30,17 @@ std::string joints_of(const Candidate& c) {
 /// Parts of the time that have gone when effects were taken, and when each was looked at without the others.
 constexpr double kForward = 0.6, kBackward = 0.7;
 
+/// Least gain of what could stand in the place of an effect of a joint, or be its rival.
+double of_use_in_place_of(const Candidate& effect, const Engine& rest) {
+  // Far below kRival: shapes tried first may be far from the best, and what leaves next to nothing gains more by its logarithm.
+  constexpr double kOfUse = 0.05;
+  if (effect.joint < 0 || effect.is_elastic()) return 0.0;
+  Candidate own = effect;
+  own.stale = true;
+  rest.judge_again(own);
+  return own.trial.valid ? kOfUse * own.trial.gain : 0.0;
+}
+
 }  // namespace
 
 Search::Search(Start& start, const DiagnoseOptions& options) : start_(start), options_(options) {}
@@ -98,8 +109,8 @@ bool Search::add_spring_pairs(const Engine& engine, const std::vector<int>& of, 
 
 /// Candidates of some joints and of the whole arm; no joints: of all.
 std::vector<Candidate> Search::propose(const Engine& engine, const std::vector<int>& of,
-                                       const std::function<void(double)>& done) const {
-  std::vector<Candidate> candidates = engine.propose(looked_at(of), done);
+                                       const std::function<void(double)>& done, double least) const {
+  std::vector<Candidate> candidates = engine.propose(looked_at(of), done, least);
   sort_by_gain(candidates);
   return candidates;
 }
@@ -380,7 +391,8 @@ std::vector<Candidate> Search::in_place_of(std::size_t e, const Engine& rest) co
   const Candidate& own = engine().accepted[e];
   const std::ptrdiff_t other = other_spring(e);
   if (other < 0) {
-    std::vector<Candidate> found = propose(rest, own.joint < 0 ? std::vector<int>{} : std::vector{own.joint});
+    std::vector<Candidate> found =
+        propose(rest, own.joint < 0 ? std::vector<int>{} : std::vector{own.joint}, {}, of_use_in_place_of(own, rest));
     if (own.effect.is<TorqueScale>()) add_scales_of_others(own.joint, rest, found);
     return found;
   }

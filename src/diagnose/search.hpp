@@ -80,7 +80,7 @@ class Search {
   void add_scales_of_others(int joint, const Engine& rest, std::vector<Candidate>& found) const;
   std::vector<Candidate> in_place_of(std::size_t effect, const Engine& rest) const;
   std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
-                                 const std::function<void(double)>& done = {}) const;
+                                 const std::function<void(double)>& done = {}, double least = 0.0) const;
   bool judge_simpler_again(std::vector<Candidate>& pool, const Candidate& best) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
   void tune();

@@ -74,6 +74,7 @@ std::string matter_of(Effect, const Finding& finding) {
 std::string matter_of(PayloadChange, const Finding& finding) {
   const auto mass = parameter(finding, "mass"), time = parameter(finding, "time");
   if (!mass || !time) return "The model lacks " + effect_name(finding.effect);
+  if (!std::isfinite(*mass)) return fmt::format("The load of the arm changes {} s into the training log", short_number(*time, 3));
   return fmt::format("A load of {} kg was {} {} s into the training log", short_number(*mass, 3),
                      word(finding, "event") == "dropped" ? "put down" : "picked up", short_number(*time, 3));
 }
@@ -167,11 +168,13 @@ std::string parameters_in_words(const Finding& finding, const model::Robot& robo
     const double half = k < finding.half_widths.size() ? finding.half_widths[k] : kNaN;
     return std::isfinite(half) ? number + " ± " + short_number(half, 2) : number;
   };
+  const auto component = [&](std::size_t k, double value) {
+    return std::isfinite(value) ? with_half_width(k, short_number(value, 3)) : "not determined";
+  };
   for (std::size_t k = 0; k < finding.parameters.size(); ++k) {
     const auto& [key, value] = finding.parameters[k];
     if (vector && key == "com_x") {
-      parts.push_back(fmt::format("com ({}, {}, {}) m", with_half_width(k, short_number(*x, 3)),
-                                  with_half_width(k + 1, short_number(*y, 3)), with_half_width(k + 2, short_number(*z, 3))));
+      parts.push_back(fmt::format("com ({}, {}, {}) m", component(k, *x), component(k + 1, *y), component(k + 2, *z)));
     }
     if (vector && key.starts_with("com_")) continue;
     const std::string unit = unit_of(finding.effect, key, prismatic);

@@ -312,6 +312,19 @@ TEST(TorqueScale, OfTheOtherJointIsTheSame) {
   EXPECT_EQ(joints, (std::set{0, 1})) << said(d);
 }
 
+// Height of the load turns no joint of a SCARA whose axes are upright.
+TEST(PickedUp, HasNoCentreOfMassWhereTheMotionShowsNone) {
+  const UndeclaredCase c = test::make_undeclared_case("payload_change", "scara4", 95);
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), 1U) << said(d);
+  for (std::size_t k = 0; k < d.findings[0].parameters.size(); ++k) {
+    const auto& [name, value] = d.findings[0].parameters[k];
+    const bool shown = name != "com_z";
+    EXPECT_EQ(std::isfinite(value), shown) << name;
+    EXPECT_EQ(std::isfinite(d.findings[0].half_widths[k]), shown && name != "time") << name;
+  }
+}
+
 TEST(LateTorque, IsMeasuredAwayFromTheChangesOfDirectionThatItShowsLate) {
   const UndeclaredCase c = test::make_undeclared_case("delay", "arm6", 65);
   const Diagnosis d = diagnosed(c);

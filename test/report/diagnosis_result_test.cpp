@@ -288,6 +288,21 @@ TEST(DiagnosisVerdict, TellsEventsAsTheyHappened) {
       "validation log from 2.00 to 1.00 N (−50 %).");
 }
 
+TEST(DiagnosisWords, SayOfALoadWhatTheMotionDoesNotShow) {
+  Diagnosis diagnosis = empty_diagnosis();
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  Finding load(PayloadChange{});
+  load.parameters = {{"mass", 0.5}, {"time", 14.2}, {"com_x", 0.01}, {"com_y", 0.02}, {"com_z", kUnknown}};
+  load.half_widths = {0.1, kUnknown, 0.003, 0.004, kUnknown};
+  load.words = {{"event", "picked_up"}};
+  diagnosis.findings = {load};
+  EXPECT_THAT(report::full(diagnosis, kContext), HasSubstr("com (0.01 ± 0.003, 0.02 ± 0.004, not determined) m"));
+  EXPECT_TRUE(report::diagnosis_json(diagnosis, kContext).at("effects").at(0).at("parameters").at("com").at(2).is_null());
+  diagnosis.findings[0].parameters[0].second = kUnknown;
+  diagnosis.findings[0].words = {{"event", "changed"}};
+  EXPECT_THAT(report::brief(diagnosis), StartsWith("The load of the arm changes 14.2 s into the training log"));
+}
+
 TEST(DiagnosisWords, TellEffectsKindByKindAndJointByJoint) {
   Diagnosis diagnosis = empty_diagnosis();
   const auto of = [](EffectKind effect, int joint) {

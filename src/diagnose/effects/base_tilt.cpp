@@ -68,7 +68,7 @@ MatrixXd shown_by_tilt(const Workbench& bench, const Vector3d& horizontal) {
 std::vector<Candidate> propose_tilt(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(BaseTilt{});
   put_tilt_columns(bench, c);
-  c.trial = judge(bench, c);
+  c.trial = judge(bench, c, bench.least_gain);
   return {std::move(c)};
 }
 

@@ -79,7 +79,7 @@ Candidate candidate(const Workbench& bench, int driving, int driven) {
   const VectorXd x = bench.motion->q.col(driven) + best * bench.motion->q.col(driving);
   // Stiffness, and its part of the neutral position.
   c.columns = columns_of_pair(c.pair, (MatrixXd(x.size(), 2) << x, VectorXd::Ones(x.size())).finished());
-  c.trial = judge(bench, c);
+  c.trial = judge(bench, c, bench.least_gain);
   if (!c.trial.valid) return c;
   if (c.trial.coefficients[0] < -2.0 * c.trial.std[0]) c.refused = "would be negative";
   const double low = x.minCoeff(), high = x.maxCoeff(), k = c.trial.coefficients[0];

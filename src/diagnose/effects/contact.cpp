@@ -220,6 +220,10 @@ void sort_events(Candidate& contact) {
 
 std::vector<Candidate> propose_contact(const Workbench& bench, const std::vector<bool>&) {
   Candidate c(Contact{});
+  if (bench.least_gain > 0.0) {
+    c.refused = kOfNoUse;  // what comes and goes is none of a joint
+    return {std::move(c)};
+  }
   const MotionTable& table = *bench.table;
   const MatrixXd residual = bench.problem->residual();
   const model::Kinematics kinematics(*bench.robot);

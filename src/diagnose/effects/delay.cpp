@@ -49,6 +49,10 @@ std::vector<Candidate> propose_delay(const Workbench& bench, const std::vector<b
     }
   };
   take_best(bench, grid, write, best, best_gain);
+  if (best_gain < bench.least_gain) {
+    c.refused = kOfNoUse;
+    return {std::move(c)};
+  }
   // The coefficient of a shift that is right is 1; a smaller shift than tried shows as a smaller coefficient.
   for (int pass = 0; pass < 4 && best != 0.0; ++pass) {
     c.columns = delay_columns(bench, predicted, best);

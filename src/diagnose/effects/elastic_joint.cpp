@@ -106,6 +106,7 @@ class SpringSearch {
     Swings swings{};
     double gain{0.0};
     int tried{0};
+    bool of_use{true};  ///< see Workbench::least_gain
   };
 
   Index count() const { return static_cast<Index>(elastic_.size()); }
@@ -119,10 +120,18 @@ class SpringSearch {
     return trial.valid ? trial.cv_gain : 0.0;
   }
 
+  /// @param gain  of the deflection; the motor's inertia, which comes with it, may explain more
+  bool is_of_use(double gain) const {
+    if (gain >= bench_.least_gain) return true;
+    const int joint = joints_.front();
+    const Candidate motor = motor_alone(joint, bench_.motion->qdd.col(joint));
+    return gain + bench_.problem->gain(bench_.problem->moments(motor.columns)) >= bench_.least_gain;
+  }
+
   void put_found(const Found& found, Candidate& c) const {
     c.tried = found.tried;
-    if (!(found.gain > 0.0)) {
-      c.refused = "explains nothing";
+    if (!(found.gain > 0.0) || !found.of_use) {
+      c.refused = found.of_use ? "explains nothing" : kOfNoUse;
       return;
     }
     put_columns(found.swings, c);
@@ -179,6 +188,8 @@ class SpringSearch {
     const std::size_t tried = several.size();
     take_best_of(several, found);
     if (!(found.gain > 0.0)) return;
+    found.of_use = is_of_use(found.gain);
+    if (!found.of_use) return;
     for (int pass = 0; pass < 5; ++pass) {
       width = std::sqrt(width);
       const double hz = found.swings[0].hz;
@@ -259,7 +270,7 @@ class SpringSearch {
     for (const Motors& way : ways) {
       motors = way;
       c.columns = columns_of(acceleration, 0, count(), way);
-      c.trial = judge(bench_, c);
+      c.trial = judge(bench_, c, bench_.least_gain);
       if (c.trial.valid && !is_negative()) break;
     }
     if (joints_.size() == 1) {
@@ -347,7 +358,7 @@ std::vector<Candidate> propose_spring(const Workbench& bench, const std::vector<
   for (int j = 0; j < bench.table->num_joints; ++j) {
     if (!joints[static_cast<std::size_t>(j)] || bench.springs[static_cast<std::size_t>(j)] != nullptr) continue;
     found.push_back(SpringSearch(bench, inertia, {j}).run());
-    if (found.back().refused.empty() && found.back().trial.valid) continue;
+    if ((found.back().refused.empty() && found.back().trial.valid) || found.back().refused == kOfNoUse) continue;
     if (!given) given.emplace(bench);
     Candidate other = given->run(j);
     other.tried += found.back().tried;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -116,19 +117,18 @@ void apply_payload_change(const Candidate& effect, const VectorXd& c, model::Rob
 
 void describe_payload_change(const Candidate& effect, const VectorXd& c, const model::Robot&,
                              Finding& finding) {
-  double mass = 0.0;
-  std::array<double, 3> moment{};
+  // What this motion does not show is not known, rather than 0.
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  double mass = kUnknown;
+  std::array<double, 3> moment{kUnknown, kUnknown, kUnknown};
   for (std::size_t k = 0; k < effect.entries.size(); ++k) {
     const int entry = effect.entries[k];
     if (entry == 0) mass = c[static_cast<Index>(k)];
     if (entry >= 1 && entry <= 3) moment[static_cast<std::size_t>(entry - 1)] = c[static_cast<Index>(k)];
   }
   finding.parameters = {{"mass", std::abs(mass)}, {"time", effect.shape}};
-  if (mass != 0.0) {
-    for (std::size_t k = 0; k < 3; ++k)
-      finding.parameters.emplace_back(fmt::format("com_{}", "xyz"[k]), moment[k] / mass);
-  }
-  finding.words = {{"event", mass >= 0.0 ? "picked_up" : "dropped"}};
+  for (std::size_t k = 0; k < 3; ++k) finding.parameters.emplace_back(fmt::format("com_{}", "xyz"[k]), moment[k] / mass);
+  finding.words = {{"event", std::isnan(mass) ? "changed" : mass >= 0.0 ? "picked_up" : "dropped"}};
 }
 
 }  // namespace
