@@ -356,10 +356,19 @@ void Search::refuse(const Candidate& c, const std::string& why) {
 }
 
 void Search::backward() {
-  evidence_.clear();
-  ahead_.clear();
-  for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
-    if (check(e)) ++e;
+  constexpr int kMostTimes = 3;
+  for (int time = 0; time < kMostTimes; ++time) {
+    evidence_.clear();
+    ahead_.clear();
+    exchanged_elsewhere_ = false;
+    for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
+      if (check(e)) ++e;
+    }
+    // An effect of another place stood in for what is there: the one that went may be there as well.
+    const std::size_t before = engine().accepted.size();
+    if (exchanged_elsewhere_) forward(false);
+    if (engine().accepted.size() == before) break;
+    tune();  // springs and delays were found without it
   }
   progress(kBackward);
 }
@@ -471,6 +480,7 @@ bool Search::check(std::size_t e) {
   }
   if (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain) {
     trace(fmt::format("exchanged {} for {}", name_of(own), name_of(*best)));
+    exchanged_elsewhere_ = exchanged_elsewhere_ || best->joint != own.joint;
     model().put(e, *best);
     model().build();
     if (!remembers) find_memory_again(own.joint);

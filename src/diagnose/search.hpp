@@ -25,7 +25,8 @@ class Search {
   double forward(bool may_stop);
   /// Begins with the springs of a search of the same logs behind another cut-off.
   void take_springs_of(const Search& other);
-  /// Takes each effect out again: one that another has made needless goes, one that another does better is exchanged.
+  /// Takes each effect out again: one that another has made needless goes, one that another does better is exchanged. Where that
+  /// one is of another place, goes forward again.
   void backward();
 
   const Engine& engine() const { return *start_.engine; }
@@ -108,6 +109,7 @@ class Search {
   std::vector<NotExplained> wrong_joints_;        ///< see check_joints()
   std::vector<std::string> notes_;
   int tried_{0};  ///< most candidates of a round, shapes counted
+  bool exchanged_elsewhere_{false};  ///< a backward check has put an effect of another joint, or of the arm, in an effect's place
 };
 
 }  // namespace heft::diagnose
