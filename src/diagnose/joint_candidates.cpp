@@ -193,7 +193,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   }
   double step = range_ratio<Effect>();
   for (int k = 0; k < 4; ++k, step = std::sqrt(step)) {
-    std::tie(own, other, gain) = best_of({own / step, own, own * step}, {other / step, other, other * step});
+    std::tie(own, other, std::ignore) = best_of({own / step, own, own * step}, {other / step, other, other * step});
   }
   MatrixXd values(bench.table->rows(), 3);
   values << part(own, displacement), part(other, first.displacement), bench.motion->direction.col(joint);

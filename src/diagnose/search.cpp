@@ -357,16 +357,18 @@ void Search::refuse(const Candidate& c, const std::string& why) {
 
 void Search::backward() {
   constexpr int kMostTimes = 3;
-  for (int time = 0; time < kMostTimes; ++time) {
+  for (int time = 1;; ++time) {
     evidence_.clear();
     ahead_.clear();
     exchanged_elsewhere_ = false;
     for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
       if (check(e)) ++e;
     }
+    // Whatever is taken is looked at again: none the last time.
+    if (!exchanged_elsewhere_ || time == kMostTimes) break;
     // An effect of another place stood in for what is there: the one that went may be there as well.
     const std::size_t before = engine().accepted.size();
-    if (exchanged_elsewhere_) forward(false);
+    forward(false);
     if (engine().accepted.size() == before) break;
     tune();  // springs and delays were found without it
   }

@@ -295,7 +295,7 @@ INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
                                          std::tuple{"viscous_nonlinear+offset+spring", "arm6", 98},
                                          // Of three pushes one is clear because four joints move in it, two because they are large.
                                          std::tuple{"contact+rotor_inertia+base_tilt", "scara4", 96},
-                                         // The delay was taken for a hysteresis first, and put in its place.
+                                         // The delay, first taken for the hysteresis, was put in the place of that.
                                          std::tuple{"hysteresis+delay+torque_scale", "scara4", 100},
                                          // Once with a spring damped by half of the critical damping.
                                          std::tuple{"rotor_inertia+payload_change+stribeck", "scara4", 98}),
