@@ -109,6 +109,8 @@ struct Workbench {
   /// Gain on the rows of the fit below which a candidate is of no use: one for the place of an effect of a joint that gains far more.
   /// 0: any is
   double least_gain{0.0};
+  /// The same of an effect of a joint: what does not take enough of that joint's error is of no use anywhere.
+  double least_gain_of(int joint) const;
 };
 
 /// Finds the best candidate of one kind and form, judged.

@@ -6,6 +6,7 @@
 
 #include "candidates.hpp"
 #include "heft/core/effects/arm_effects.hpp"
+#include "rules.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -142,6 +143,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   c.beside = true;
   c.level = first.level;
   c.columns.joints = {joint};
+  const double least = bench.least_gain_of(joint);
   const auto part = [&](double shape, Displacement by) {
     return columns_of<Effect>(bench, joint, shape, {false, by}, first.level);
   };
@@ -187,7 +189,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
     return some;
   };
   auto [own, other, gain] = best_of(coarse(displacement), coarse(first.displacement));
-  if (gain < bench.least_gain) {
+  if (gain < least) {
     c.refused = kOfNoUse;
     return c;
   }
@@ -201,7 +203,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   c.shape = own;
   c.second = other;
   c.replaces = in_place.column;
-  judge(*bench.problem, *bench.table, c, 1, bench.least_gain);
+  judge(*bench.problem, *bench.table, c, 1, least);
   const VectorXd& parts = c.trial.coefficients;
   if (!(parts[0] > 0.0)) c.refused = "would be negative";
   const bool too_much =
@@ -218,6 +220,7 @@ class ShapeSearch {
       : bench_(bench),
         joint_(joint),
         form_(form),
+        least_(bench.least_gain_of(joint)),
         level_(bench.robot->joints[static_cast<std::size_t>(joint)].actuation.coulomb_friction) {}
 
   Candidate run() {
@@ -235,7 +238,7 @@ class ShapeSearch {
         if (gains[s] > gains[top]) top = s;
       }
       best = grid[top];
-      if (gains[top] < bench_.least_gain) {
+      if (gains[top] < least_) {
         candidate.refused = kOfNoUse;
         return candidate;
       }
@@ -267,7 +270,7 @@ class ShapeSearch {
     candidate.level = level_;
     if (form_.whole) candidate.replaces = bench_.base->coulomb(joint_);
     if (candidate.refused.empty()) {
-      judge(*bench_.problem, *bench_.table, candidate, 0, bench_.least_gain);
+      judge(*bench_.problem, *bench_.table, candidate, 0, least_);
       for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
         if (Effect::kNotNegative[static_cast<std::size_t>(c)] &&
             candidate.trial.coefficients[c] < -2.0 * candidate.trial.std[c]) {
@@ -362,10 +365,18 @@ class ShapeSearch {
   const Workbench& bench_;
   int joint_;
   FrictionForm form_;
+  double least_;  ///< see Workbench::least_gain_of()
   double level_;  ///< the joint's Coulomb friction in the present fit
 };
 
 }  // namespace
+
+double Workbench::least_gain_of(int joint) const {
+  // What does not take half of what matters with the shapes tried first does not with the best one; what matters is asked of
+  // left-out blocks, where it is less.
+  constexpr double kOfWhatMatters = 0.5;
+  return std::max(least_gain, kOfWhatMatters * squared(kRelevantGainInRuns) * problem->weight(joint) * problem->squares_of(joint));
+}
 
 void judge(const Problem& problem, const MotionTable& table, Candidate& c, int tested, double least) {
   c.trial = problem.judge(problem.moments(c.columns), c.replaces, tested, least);

@@ -21,80 +21,130 @@ void add_moments(const MatrixXd& part, const std::vector<int>& places, double we
   total(last, last) += weight * part(p, p);
 }
 
+Added nothing_added(int columns, int k) {
+  return {MatrixXd::Zero(columns, k), MatrixXd::Zero(k, k), VectorXd::Zero(k)};
+}
+
 void add_columns(const ColumnMoments& m, std::size_t block, const std::vector<std::vector<int>>& places,
-                 const VectorXd& noise, int columns, MatrixXd& total) {
-  const Index p = columns, k = m.count, last = p + k;
+                 const VectorXd& noise, Added& sum) {
   for (std::size_t a = 0; a < m.joints.size(); ++a) {
     const auto j = static_cast<std::size_t>(m.joints[a]);
     const double w = 1.0 / (noise[m.joints[a]] * noise[m.joints[a]]);
     const MatrixXd& cross = m.cross[block][a];
-    for (Index c = 0; c < k; ++c) {
-      for (Index r = 0; r + 1 < cross.rows(); ++r) {
-        const int place = places[j][static_cast<std::size_t>(r)];
-        total(place, p + c) += w * cross(r, c);
-        total(p + c, place) += w * cross(r, c);
-      }
-      total(last, p + c) += w * cross(cross.rows() - 1, c);
-      total(p + c, last) += w * cross(cross.rows() - 1, c);
+    const Index p = cross.rows() - 1;
+    for (Index c = 0; c < m.count; ++c) {
+      for (Index r = 0; r < p; ++r) sum.cross(places[j][static_cast<std::size_t>(r)], c) += w * cross(r, c);
+      sum.torque[c] += w * cross(p, c);
     }
-    total.block(p, p, k, k) += w * m.square[block][a];
+    sum.square += w * m.square[block][a];
   }
 }
 
-MatrixXd widened(const MatrixXd& base, int k) {
-  const Index p = base.rows() - 1;
-  MatrixXd wide = MatrixXd::Zero(p + k + 1, p + k + 1);
-  wide.topLeftCorner(p, p) = base.topLeftCorner(p, p);
-  wide.col(p + k).head(p) = base.col(p).head(p);
-  wide.row(p + k).head(p) = base.row(p).head(p);
-  wide(p + k, p + k) = base(p, p);
-  return wide;
+namespace {
+
+/// Norms of columns; of those that are 0, 1.
+VectorXd norms(const Eigen::Ref<const VectorXd>& squares) {
+  return (squares.array() > 0.0).select(squares.array().sqrt(), 1.0);
 }
 
-Solved solve(const MatrixXd& moments, int without, double steady, const VectorXd& ridge, Index inverse) {
+/// A candidate's columns next to a factored base.
+///   | L   0  | | Lᵀ  Y  |
+///   | Yᵀ  L₁ | | 0   L₁ᵀ |
+struct Border {
+  VectorXd scale, z;  ///< k: as those of the base
+  MatrixXd Y, L;      ///< p × k, k × k
+};
+
+Border border_of(const Factored& base, const Added& candidate, double steady) {
+  Border border;
+  border.scale = norms(candidate.square.diagonal());
+  const auto per_norm = border.scale.cwiseInverse().asDiagonal();
+  border.Y = base.scale.cwiseInverse().asDiagonal() * candidate.cross * per_norm;
+  solve_lower(base.factor, border.Y);
+  MatrixXd S = per_norm * candidate.square * per_norm;
+  S.diagonal().array() += steady;
+  S -= transposed_times(border.Y, border.Y);
+  cholesky(S, border.L);
+  border.z = candidate.torque.cwiseQuotient(border.scale) - transposed_times(border.Y, base.z);
+  solve_lower(border.L, border.z);
+  return border;
+}
+
+}  // namespace
+
+Factored factored(const MatrixXd& moments, int without, double steady, const VectorXd& ridge) {
   const Index p = moments.rows() - 1;
-  VectorXd scale = moments.diagonal().head(p).cwiseSqrt();
-  for (Index c = 0; c < p; ++c) {
-    if (!(scale[c] > 0.0)) scale[c] = 1.0;
-  }
-  MatrixXd A =
-      scale.cwiseInverse().asDiagonal() * moments.topLeftCorner(p, p) * scale.cwiseInverse().asDiagonal();
+  Factored f;
+  f.scale = norms(moments.diagonal().head(p));
+  const auto per_norm = f.scale.cwiseInverse().asDiagonal();
+  MatrixXd A = per_norm * moments.topLeftCorner(p, p) * per_norm;
   A.diagonal().array() += steady;
   A.diagonal().head(ridge.size()) += ridge;
   if (without >= 0) A(without, without) += 1e12;
-  const VectorXd right = moments.col(p).head(p).cwiseQuotient(scale);
-  MatrixXd L;
-  cholesky(A, L);
-  VectorXd x = right;
-  solve_lower(L, x);
-  solve_lower_transposed(L, x);
+  cholesky(A, f.factor);
+  f.z = moments.col(p).head(p).cwiseQuotient(f.scale);
+  solve_lower(f.factor, f.z);
+  f.error = moments(p, p) - f.z.squaredNorm();
+  return f;
+}
+
+VectorXd theta_of(const Factored& base) {
+  VectorXd x = base.z;
+  solve_lower_transposed(base.factor, x);
+  return x.cwiseQuotient(base.scale);
+}
+
+Solved solve_beside(const Factored& base, const Added& candidate, double steady) {
+  const Border border = border_of(base, candidate, steady);
+  const Index p = base.z.size(), k = border.z.size();
+  const auto backwards = [&](VectorXd own, const VectorXd& of_base) {
+    solve_lower_transposed(border.L, own);
+    VectorXd rest = of_base - border.Y * own;
+    solve_lower_transposed(base.factor, rest);
+    VectorXd all(p + k);
+    all << rest.cwiseQuotient(base.scale), own.cwiseQuotient(border.scale);
+    return all;
+  };
   Solved s;
-  s.theta = x.cwiseQuotient(scale);
-  s.error = moments(p, p) - right.dot(x);
-  s.inverse.resize(p, inverse);
-  for (Index c = 0; c < inverse; ++c) {  // (S A S)⁻¹ = S⁻¹ L⁻ᵀ L⁻¹ S⁻¹
-    VectorXd column = VectorXd::Zero(p);
-    column[p - inverse + c] = 1.0 / scale[p - inverse + c];
-    solve_lower(L, column);
-    solve_lower_transposed(L, column);
-    s.inverse.col(c) = column.cwiseQuotient(scale);
+  s.theta = backwards(border.z, base.z);
+  s.error = base.error - border.z.squaredNorm();
+  s.inverse.resize(p + k, k);
+  for (Index c = 0; c < k; ++c) {  // (D A D)⁻¹ = D⁻¹ A⁻¹ D⁻¹
+    VectorXd own = VectorXd::Zero(k);
+    own[c] = 1.0 / border.scale[c];
+    solve_lower(border.L, own);
+    s.inverse.col(c) = backwards(own, VectorXd::Zero(p));
   }
   return s;
 }
 
-double squared_error(const MatrixXd& base, const std::vector<int>& places, const VectorXd& theta,
-                     const ColumnMoments* m, std::size_t block, int place_of_joint, int columns) {
+double error_beside(const Factored& base, const Added& candidate, double steady) {
+  return base.error - border_of(base, candidate, steady).z.squaredNorm();
+}
+
+Solved solve(const MatrixXd& moments, int without, double steady, const VectorXd& ridge, Index inverse) {
+  const Factored f = factored(moments, without, steady, ridge);
+  const Index p = f.z.size();
+  Solved s;
+  s.theta = theta_of(f);
+  s.error = f.error;
+  s.inverse.resize(p, inverse);
+  for (Index c = 0; c < inverse; ++c) {
+    VectorXd column = VectorXd::Zero(p);
+    column[p - inverse + c] = 1.0 / f.scale[p - inverse + c];
+    solve_lower(f.factor, column);
+    solve_lower_transposed(f.factor, column);
+    s.inverse.col(c) = column.cwiseQuotient(f.scale);
+  }
+  return s;
+}
+
+double squared_error(const MatrixXd& base, const std::vector<int>& places, const VectorXd& theta) {
   const Index p = static_cast<Index>(places.size());
   VectorXd own(p + 1);
   own.head(p) = theta(places);
   own[p] = -1.0;
-  double error = own.dot(transposed_times(base, own).col(0));  // the moments are symmetric
-  if (m != nullptr && place_of_joint >= 0) {
-    const auto a = static_cast<std::size_t>(place_of_joint);
-    const VectorXd c = theta.segment(columns, m->count);
-    error += 2.0 * own.dot(m->cross[block][a] * c) + c.dot(m->square[block][a] * c);
-  }
-  return error;
+  return own.dot(transposed_times(base, own).col(0));  // the moments are symmetric
 }
 
 }  // namespace heft::diagnose

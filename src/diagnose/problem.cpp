@@ -55,7 +55,7 @@ void Problem::choose_steady() {
       const VectorXd theta = solve(total_ - folds_[out], -1, steady_, ridge_).theta;
       for (int j = 0; j < num_joints(); ++j) {
         const auto s = static_cast<std::size_t>(j);
-        error[j] += squared_error(moments_of_fold_[out][s], places_[s], theta, nullptr, 0, -1, columns_);
+        error[j] += squared_error(moments_of_fold_[out][s], places_[s], theta);
       }
     }
     double sum = 0.0;
@@ -93,6 +93,13 @@ void Problem::collect(std::size_t block, const Problem* like) {
     M(p, p) = yb.squaredNorm();
     moments_[block][j] = std::make_shared<const MatrixXd>(std::move(M));
   }
+}
+
+double Problem::squares_of(int joint) const {
+  const auto s = static_cast<std::size_t>(joint);
+  double squares = 0.0;
+  for (const auto& fold : moments_of_fold_) squares += squared_error(fold[s], places_[s], theta_);
+  return squares;
 }
 
 MatrixXd Problem::counted_of(int joint, const MatrixXd& values) const {
@@ -242,25 +249,13 @@ void Problem::sum_base() {
     }
   }
   for (const MatrixXd& fold : folds_) total_ += fold;
-  scale_ = total_.diagonal().head(columns_).cwiseSqrt();
-  for (Index c = 0; c < columns_; ++c) {
-    if (!(scale_[c] > 0.0)) scale_[c] = 1.0;
-  }
-  MatrixXd A = scale_.cwiseInverse().asDiagonal() * total_.topLeftCorner(columns_, columns_) *
-               scale_.cwiseInverse().asDiagonal();
-  A.diagonal().array() += steady_;
-  A.diagonal() += ridge_;
-  cholesky(A, factor_);
-  VectorXd z = total_.col(columns_).head(columns_).cwiseQuotient(scale_);
-  solve_lower(factor_, z);
-  error_ = total_(columns_, columns_) - z.squaredNorm();
-  solve_lower_transposed(factor_, z);
-  theta_ = z.cwiseQuotient(scale_);
+  base_ = std::make_shared<const Factored>(factored(total_, -1, steady_, ridge_));
+  theta_ = theta_of(*base_);
 }
 
 void Problem::reweight() {
   sum_folds();
-  left_out_ = new_left_out();
+  base_fits_ = new_base_fits();
   if (!(noise_.minCoeff() > 0.0)) {
     // A first guess: rms torque, so that large joints do not drown small ones.
     for (int j = 0; j < num_joints(); ++j) {
@@ -275,10 +270,7 @@ void Problem::reweight() {
     change = 0.0;
     sum_base();
     for (int j = 0; j < num_joints(); ++j) {
-      const auto s = static_cast<std::size_t>(j);
-      double squares = 0.0;
-      for (const auto& fold : moments_of_fold_)
-        squares += squared_error(fold[s], places_[s], theta_, nullptr, 0, -1, columns_);
+      const double squares = squares_of(j);
       const double least = least_noise_.size() > 0 ? least_noise_[j] : 1e-9;
       const double rms = std::max(std::sqrt(std::max(0.0, squares) / std::max(1.0, counted_[j])), least);
       change = std::max(change, std::abs(rms / noise_[j] - 1.0));
@@ -348,9 +340,9 @@ ColumnMoments Problem::moments_from(Index row, const Columns& columns, const Col
 }
 
 double Problem::gain(const ColumnMoments& m, int without) const {
-  MatrixXd whole = widened(total_, m.count);
-  for (std::size_t b = 0; b < m.cross.size(); ++b) add_columns(m, b, places_, noise_, columns_, whole);
-  return std::max(0.0, error_ - solve(whole, without, steady_, ridge_).error);
+  Added added = nothing_added(columns_, m.count);
+  for (std::size_t b = 0; b < m.cross.size(); ++b) add_columns(m, b, places_, noise_, added);
+  return std::max(0.0, base_->error - error_beside(base_without(without), added, steady_));
 }
 
 }  // namespace heft::diagnose

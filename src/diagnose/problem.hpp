@@ -30,6 +30,8 @@ struct ColumnMoments {
   std::vector<std::vector<Eigen::MatrixXd>> cross, square;
 };
 
+struct Factored;  // moments.hpp
+
 /// Moments over all rows of columns of one joint that lie side by side, some to a candidate.
 struct WideMoments {
   int joint{-1};
@@ -157,6 +159,8 @@ class Problem {
   /// @param where  m, 1 or 0
   double part_of_fall(const Columns& columns, const Trial& trial, int joint,
                       const Eigen::VectorXd& where) const;
+  /// Sum of the squared residuals of a joint's rows that count [N²m²].
+  double squares_of(int joint) const;
   double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }
 
  private:
@@ -181,10 +185,16 @@ class Problem {
 
   /// Base and candidate together.
   struct Joint;
-  /// Base alone, fitted without each fold.
-  struct LeftOut;
-  const LeftOut& left_out() const;
-  static std::shared_ptr<LeftOut> new_left_out();
+  /// Fits of the base alone that candidates are held against.
+  struct BaseFits;
+  static std::shared_ptr<BaseFits> new_base_fits();
+  /// The total, and the total less each fold.
+  /// @param without  column to leave out; -1: none
+  const Factored& base_without(int without) const;
+  const std::vector<Factored>& folds_without(int without) const;
+  const std::vector<Eigen::VectorXd>& errors_left_out() const;
+  bool is_explained(const Joint& joint) const;
+  void put_products(Joint& joint) const;
   Eigen::MatrixXd scores_of(const Joint& joint) const;
   bool test_coefficients(const Joint& joint, const Eigen::MatrixXd& scores, int tested, Trial& trial) const;
   double drift_of(const Joint& joint, const Eigen::MatrixXd& scores) const;
@@ -208,12 +218,10 @@ class Problem {
   Eigen::VectorXd counted_, noise_, theta_;  ///< theta_: in addition to the prior
   Eigen::VectorXd least_noise_;                                ///< see hold_weights(); empty: any
   Eigen::VectorXd ridge_;                                      ///< p: see `hold` of the constructor
-  double error_{0.0};
-  Eigen::VectorXd scale_;               ///< p: column norms, weighted
   Eigen::MatrixXd total_;               ///< (p + 1)², weighted, unscaled
   std::vector<Eigen::MatrixXd> folds_;  ///< the same, one fold's blocks only
-  Eigen::MatrixXd factor_;              ///< lower Cholesky factor of the scaled, steadied total
-  std::shared_ptr<LeftOut> left_out_;   ///< of the present weights; filled when first asked for
+  std::shared_ptr<const Factored> base_;  ///< the total
+  std::shared_ptr<BaseFits> base_fits_;  ///< of the present weights; filled when first asked for
 };
 
 }  // namespace heft::diagnose

@@ -1,6 +1,8 @@
 // How one candidate does: its coefficients, whether they hold all the time, and its gain on left-out blocks.
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <mutex>
 
 #include "heft/host/decompositions.hpp"
 #include "heft/statistics/distributions.hpp"
@@ -18,37 +20,60 @@ using Eigen::VectorXd;
 /// Base and candidate fitted together.
 struct Problem::Joint {
   const ColumnMoments& candidate;
-  int without;                  ///< base column that the candidate replaces; -1: none
-  std::vector<MatrixXd> folds;  ///< moments of each fold's blocks
-  MatrixXd whole;
+  Added whole;
   Solved fit;
+  std::vector<VectorXd> left_out;  ///< theta without each fold
+  /// [block][joint]: products of the block's moments M with three vectors, (p_j + 1) × 3: M [-θ; 1] of the fit, M [a; 0] of what the
+  /// base and the candidate's other columns do not explain of its first one, c̃ = [X C] a, and M [θ; -1] of the fit without the
+  /// block's fold. Moments of all blocks are more than the processor's cache holds, so that they are read once.
+  std::vector<std::vector<MatrixXd>> products;
+  VectorXd rest;  ///< a, 1 for the column itself
 };
 
-struct Problem::LeftOut {
+struct Problem::BaseFits {
+  std::mutex asked;
+  std::map<int, Factored> whole;              ///< by the column without which
+  std::map<int, std::vector<Factored>> folds;
   std::once_flag once;
   /// [block][joint]: squared error of the fit without the block's fold.
   std::vector<VectorXd> errors;
 };
 
-std::shared_ptr<Problem::LeftOut> Problem::new_left_out() { return std::make_shared<LeftOut>(); }
+std::shared_ptr<Problem::BaseFits> Problem::new_base_fits() { return std::make_shared<BaseFits>(); }
+
+const Factored& Problem::base_without(int without) const {
+  if (without < 0) return *base_;
+  const std::lock_guard<std::mutex> lock(base_fits_->asked);
+  const auto found = base_fits_->whole.find(without);
+  if (found != base_fits_->whole.end()) return found->second;
+  return base_fits_->whole.emplace(without, factored(total_, without, steady_, ridge_)).first->second;
+}
+
+const std::vector<Factored>& Problem::folds_without(int without) const {
+  const std::lock_guard<std::mutex> lock(base_fits_->asked);
+  std::vector<Factored>& folds = base_fits_->folds[without];
+  if (folds.empty()) {
+    for (const MatrixXd& fold : folds_) folds.push_back(factored(total_ - fold, without, steady_, ridge_));
+  }
+  return folds;
+}
 
 /// What every candidate is held against.
-const Problem::LeftOut& Problem::left_out() const {
-  std::call_once(left_out_->once, [this] {
+const std::vector<VectorXd>& Problem::errors_left_out() const {
+  std::call_once(base_fits_->once, [this] {
     std::vector<VectorXd> thetas;
-    for (const MatrixXd& fold : folds_)
-      thetas.push_back(solve(total_ - fold, -1, steady_, ridge_).theta);
+    for (const Factored& fold : folds_without(-1)) thetas.push_back(theta_of(fold));
     for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
       const VectorXd& theta = thetas[static_cast<std::size_t>(table_->blocks[b].fold)];
       VectorXd errors(num_joints());
       for (int j = 0; j < num_joints(); ++j) {
         const auto s = static_cast<std::size_t>(j);
-        errors[j] = squared_error(*moments_[b][s], places_[s], theta, nullptr, b, -1, columns_);
+        errors[j] = squared_error(*moments_[b][s], places_[s], theta);
       }
-      left_out_->errors.push_back(std::move(errors));
+      base_fits_->errors.push_back(std::move(errors));
     }
   });
-  return *left_out_;
+  return base_fits_->errors;
 }
 
 Trial Problem::judge(const ColumnMoments& m, int without, int tested, double least) const {
@@ -57,26 +82,55 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested, double lea
   trial.joint_before = trial.joint_after = VectorXd::Zero(num_joints());
   trial.coefficients = trial.std = VectorXd::Zero(k);
 
-  std::vector<MatrixXd> wide;
-  for (const MatrixXd& fold : folds_) wide.push_back(widened(fold, k));
+  std::vector<Added> of_folds(folds_.size(), nothing_added(columns_, k));
   for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
-    add_columns(m, b, places_, noise_, columns_, wide[static_cast<std::size_t>(table_->blocks[b].fold)]);
+    add_columns(m, b, places_, noise_, of_folds[static_cast<std::size_t>(table_->blocks[b].fold)]);
   }
-  MatrixXd whole = MatrixXd::Zero(columns_ + k + 1, columns_ + k + 1);
-  for (const MatrixXd& fold : wide) whole += fold;
-  Solved fit = solve(whole, without, steady_, ridge_, k);
-  const Joint joint{m, without, std::move(wide), std::move(whole), std::move(fit)};
-
-  trial.gain = error_ - joint.fit.error;
-  trial.coefficients = joint.fit.theta.tail(k);
-  trial.base = joint.fit.theta.head(columns_) + prior_;
-  if (trial.gain < least) return trial;
+  Added whole = nothing_added(columns_, k);
+  for (const Added& fold : of_folds) whole.cross += fold.cross, whole.square += fold.square, whole.torque += fold.torque;
+  Solved fit = solve_beside(base_without(without), whole, steady_);
+  trial.gain = base_->error - fit.error;
+  trial.coefficients = fit.theta.tail(k);
+  trial.base = fit.theta.head(columns_) + prior_;
+  Joint joint{m, std::move(whole), std::move(fit), {}, {}, {}};
+  if (trial.gain < least || is_explained(joint)) return trial;
+  const std::vector<Factored>& folds = folds_without(without);
+  for (std::size_t f = 0; f < folds.size(); ++f) {
+    const Added rest{joint.whole.cross - of_folds[f].cross, joint.whole.square - of_folds[f].square,
+                     joint.whole.torque - of_folds[f].torque};
+    joint.left_out.push_back(solve_beside(folds[f], rest, steady_).theta);
+  }
+  joint.rest = joint.fit.inverse.col(0) / joint.fit.inverse(columns_, 0);
+  put_products(joint);
   const MatrixXd scores = scores_of(joint);
   if (!test_coefficients(joint, scores, tested, trial)) return trial;
   trial.drift = drift_of(joint, scores);
   cross_validate(joint, trial);
   trial.valid = true;
   return trial;
+}
+
+/// Whether the base explains one of the candidate's columns.
+bool Problem::is_explained(const Joint& joint) const {
+  for (int c = 0; c < joint.candidate.count; ++c) {
+    // Part of the column that the base leaves: 1 / (inverse entry), against its whole.
+    if (!(1.0 / joint.fit.inverse(columns_ + c, c) > 1e-5 * joint.whole.square(c, c))) return true;
+  }
+  return false;
+}
+
+void Problem::put_products(Joint& joint) const {
+  joint.products.resize(table_->blocks.size());
+  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+    const VectorXd& left_out = joint.left_out[static_cast<std::size_t>(table_->blocks[b].fold)];
+    for (const std::vector<int>& places : places_) {
+      const auto p = static_cast<Index>(places.size());
+      MatrixXd of(p + 1, 3);
+      of.topRows(p) << -joint.fit.theta(places), joint.rest(places), left_out(places);
+      of.row(p) << 1.0, 0.0, -1.0;
+      joint.products[b].push_back(transposed_times(*moments_[b][joint.products[b].size()], of));
+    }
+  }
 }
 
 /// Scores s_b = X_bᵀ W r_b of each block, p + k × blocks, X with the candidate's columns.
@@ -96,7 +150,7 @@ MatrixXd Problem::scores_of(const Joint& joint) const {
     own[p] = 1.0;
     for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
       auto score = scores.col(static_cast<Index>(b));
-      r = transposed_times(moments_[b][s]->leftCols(p), own);
+      r = joint.products[b][s].col(0).head(p);
       if (a < m.joints.size()) {
         r.noalias() -= m.cross[b][a].topRows(p) * theta.tail(k);
         score.tail(k) += w * (m.cross[b][a].transpose() * own - m.square[b][a] * theta.tail(k));
@@ -109,16 +163,12 @@ MatrixXd Problem::scores_of(const Joint& joint) const {
 
 /// Robust covariance V = A⁻¹ (Σ s_b s_bᵀ) A⁻¹ B/(B-1), and Hotelling's test with it (H. Hotelling, Ann. Math. Statist. 2
 /// (1931) 360).
-/// @return false where the base explains the columns, or there are too few blocks
+/// @return false where there are too few blocks
 bool Problem::test_coefficients(const Joint& joint, const MatrixXd& scores, int tested, Trial& trial) const {
   const ColumnMoments& m = joint.candidate;
   const Solved& fit = joint.fit;
   const int k = m.count;
   const MatrixXd tail = fit.inverse.bottomRows(k);
-  for (int c = 0; c < k; ++c) {
-    // Part of the column that the base leaves: 1 / (inverse entry), against its whole.
-    if (!(1.0 / tail(c, c) > 1e-5 * joint.whole(columns_ + c, columns_ + c))) return false;
-  }
   MatrixXd shares(k, static_cast<Index>(table_->blocks.size()));
   MatrixXd naive = tail;
   const MatrixXd bottom = fit.inverse.transpose();
@@ -150,16 +200,15 @@ double Problem::drift_of(const Joint& joint, const MatrixXd& scores) const {
   const int k = m.count;
   const double coefficient = joint.fit.theta[columns_];
   if (!(std::abs(coefficient) > 0.0)) return 0.0;
-  // c̃ = [X C] a, a = 1 for the column itself
-  const VectorXd a = joint.fit.inverse.col(0) / joint.fit.inverse(columns_, 0);
-  /// Square of the column in one block.
+  const VectorXd& a = joint.rest;
+  /// Square of c̃ in one block.
   const auto square_of = [&](std::size_t b) {
     double sum = 0.0;
     for (int j = 0; j < num_joints(); ++j) {
       const auto s = static_cast<std::size_t>(j);
       const auto p = static_cast<Index>(places_[s].size());
       const VectorXd of_base = a(places_[s]);
-      double own = of_base.dot(transposed_times(moments_[b][s]->topLeftCorner(p, p), of_base).col(0));
+      double own = of_base.dot(joint.products[b][s].col(1).head(p));
       for (std::size_t q = 0; q < m.joints.size(); ++q) {
         if (m.joints[q] != j) continue;
         own += 2.0 * of_base.dot(m.cross[b][q].topRows(p) * a.tail(k)) +
@@ -209,9 +258,22 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
   std::vector<int> place_of_joint(static_cast<std::size_t>(n), -1);
   for (std::size_t a = 0; a < m.joints.size(); ++a)
     place_of_joint[static_cast<std::size_t>(m.joints[a])] = static_cast<int>(a);
-  const std::vector<VectorXd>& alone = left_out().errors;
+  /// Squared error of a joint in a block that the fit has not seen.
+  const auto error_with = [&](std::size_t b, std::size_t j) {
+    const VectorXd& theta = joint.left_out[static_cast<std::size_t>(table_->blocks[b].fold)];
+    const auto p = static_cast<Index>(places_[j].size());
+    VectorXd own(p + 1);
+    own << theta(places_[j]), -1.0;
+    double error = own.dot(joint.products[b][j].col(2));
+    if (const int place = place_of_joint[j]; place >= 0) {
+      const auto a = static_cast<std::size_t>(place);
+      const VectorXd c = theta.tail(m.count);
+      error += 2.0 * own.dot(m.cross[b][a] * c) + c.dot(m.square[b][a] * c);
+    }
+    return error;
+  };
+  const std::vector<VectorXd>& alone = errors_left_out();
   for (std::size_t out = 0; out < folds_.size(); ++out) {
-    const Solved with = solve(joint.whole - joint.folds[out], joint.without, steady_, ridge_);
     for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
       const Block& block = table_->blocks[b];
       if (static_cast<std::size_t>(block.fold) != out) continue;
@@ -221,8 +283,7 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
         const double rows = keep_->col(j).segment(block.begin, block.count).sum();
         if (!(rows > 0.0)) continue;
         const double before = alone[b][j];
-        const double after =
-            squared_error(*moments_[b][s], places_[s], with.theta, &m, b, place_of_joint[s], columns_);
+        const double after = error_with(b, s);
         trial.joint_before[j] += before;
         trial.joint_after[j] += after;
         run_before(block.run, j) += before;

@@ -44,12 +44,10 @@ std::vector<std::pair<double, VectorXd>> Problem::scan(const WideMoments& m) con
   MatrixXd B = MatrixXd::Zero(columns_, m.cross.cols());
   for (Index r = 0; r < p; ++r) {
     const int place = places_[j][static_cast<std::size_t>(r)];
-    B.row(place) = w / scale_[place] * m.cross.row(r);
+    B.row(place) = w / base_->scale[place] * m.cross.row(r);
   }
-  solve_lower(factor_, B);
-  VectorXd z = total_.col(columns_).head(columns_).cwiseQuotient(scale_);
-  solve_lower(factor_, z);
-  const VectorXd t = w * m.cross.row(p).transpose() - B.transpose() * z;
+  solve_lower(base_->factor, B);
+  const VectorXd t = w * m.cross.row(p).transpose() - B.transpose() * base_->z;
   std::vector<std::pair<double, VectorXd>> result;
   for (Index c = 0; c + each <= m.cross.cols(); c += each) {
     const MatrixXd S = w * m.square.middleCols(c, each);

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <map>
 #include <numbers>
+#include <optional>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -115,21 +116,31 @@ std::vector<Candidate> Search::propose(const Engine& engine, const std::vector<i
   return candidates;
 }
 
+/// Finds candidates again of one joint, or of all that have changed since theirs were found, and of the whole arm.
+/// @param again     the joint; -1: all
+/// @param found_by  n: model by which the candidates of each joint were found
+void Search::find_again(int again, std::vector<std::shared_ptr<const Present>>& found_by, std::vector<Candidate>& pool,
+                        const std::function<void(double)>& done) {
+  const std::shared_ptr<const Present> now = present();
+  std::vector<bool> joints = looked_at(again < 0 ? std::vector<int>{} : std::vector{again});
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const auto joint = static_cast<int>(j);
+    if (again < 0 && found_by[j] != nullptr && hardly_changed(engine().problem(), *found_by[j], *now, joint)) joints[j] = false;
+    if (joints[j]) found_by[j] = now;
+  }
+  std::erase_if(pool, [&](const Candidate& c) { return c.joint < 0 || joints[static_cast<std::size_t>(c.joint)]; });
+  for (Candidate& c : pool) c.stale = true;
+  for (Candidate& c : engine().propose(joints, done, 0.0)) pool.push_back(std::move(c));
+}
+
 double Search::forward(bool may_stop) {
   std::vector<Candidate> pool;
+  std::vector<std::shared_ptr<const Present>> found_by(static_cast<std::size_t>(start_.robot.num_joints()));
   int again = -1;  // joint whose candidates have to be found again; -1: all
   for (auto round = static_cast<int>(engine().accepted.size()); round < options_.most_effects;) {
     const bool fresh = again < 0;
-    if (fresh) {
-      pool.clear();
-    } else {
-      std::erase_if(pool, [&](const Candidate& c) { return c.joint == again || c.joint < 0; });
-      for (Candidate& c : pool) c.stale = true;
-    }
     const double from = round / (round + 2.0), to = (round + 1.0) / (round + 3.0);
-    const auto done = [&](double part) { progress(kForward * (from + (to - from) * part)); };
-    const std::vector<int> of = fresh ? std::vector<int>{} : std::vector{again};
-    for (Candidate& c : propose(engine(), of, done)) pool.push_back(std::move(c));
+    find_again(again, found_by, pool, [&](double part) { progress(kForward * (from + (to - from) * part)); });
     sort_by_gain(pool);
     const VectorXd noise = engine().noise_floor();
     Rules::Round now{tried_of(pool), noise, engine().accepted};
@@ -358,8 +369,6 @@ void Search::refuse(const Candidate& c, const std::string& why) {
 void Search::backward() {
   constexpr int kMostTimes = 3;
   for (int time = 1;; ++time) {
-    evidence_.clear();
-    ahead_.clear();
     exchanged_elsewhere_ = false;
     for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
       if (check(e)) ++e;
@@ -413,48 +422,50 @@ std::vector<Candidate> Search::in_place_of(std::size_t e, const Engine& rest) co
   return found;
 }
 
-Search::Without Search::found_without(std::size_t e) const {
+std::shared_ptr<const Present> Search::present() {
+  const std::lock_guard<std::mutex> lock(present_asked_);
+  if (present_ == nullptr) present_ = present_of(engine());
+  return present_;
+}
+
+Evidence Search::found_without(std::size_t e) {
   const Candidate& own = engine().accepted[e];
   // A memory found with its joint's standstill is compared with it as well.
   const std::unique_ptr<Engine> rest = rebuilt(static_cast<std::ptrdiff_t>(e), engine().weights_held,
                                                engine().masses_held, own.has_memory() ? own.joint : -1, other_spring(e));
   std::vector<Candidate> candidates = in_place_of(e, *rest);
-  return {rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
+  return {{own, present()}, rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
 }
 
 /// As long as no effect goes or is exchanged, which is seldom, the next ones are looked at without each at the same time.
-Search::Without Search::without(std::size_t e) {
+/// @param with_columns  those of the candidates are needed
+Evidence& Search::without(std::size_t e, bool with_columns) {
   constexpr std::size_t kTogether = 4;  // what they hold takes memory
-  ahead_.resize(engine().accepted.size());
-  if (!ahead_[e]) {
-    const double share = static_cast<double>(e) / static_cast<double>(ahead_.size());
-    progress(kForward + (kBackward - kForward) * share);
-    host::for_each_parallel(std::min(kTogether, ahead_.size() - e),
-                            [&](std::size_t k) { ahead_[e + k] = found_without(e + k); });
+  const std::shared_ptr<const Present> now = present();
+  const auto kept = [&](std::size_t of) { return evidence_.of(engine(), *now, of); };
+  if (Evidence* found = kept(e); found != nullptr && (found->has_columns || !with_columns)) return *found;
+  const std::size_t count = engine().accepted.size();
+  std::vector<std::size_t> missing{e};
+  for (std::size_t other = e + 1; !with_columns && other < count && missing.size() < kTogether; ++other) {
+    if (kept(other) == nullptr) missing.push_back(other);
   }
-  Without found = std::move(*ahead_[e]);
-  ahead_[e].reset();
-  return found;
+  const double share = static_cast<double>(e) / static_cast<double>(count);
+  progress(kForward + (kBackward - kForward) * share);
+  std::vector<std::optional<Evidence>> found(missing.size());
+  host::for_each_parallel(missing.size(), [&](std::size_t k) { found[k] = found_without(missing[k]); });
+  for (std::size_t k = found.size(); k-- > 1;) evidence_.keep(std::move(*found[k]));
+  return evidence_.keep(std::move(*found[0]));
 }
 
-/// Of an effect that stays, what was found without it.
-void Search::keep_evidence(std::vector<Candidate> candidates) {
-  for (Candidate& c : candidates) c.columns = {};
-  evidence_.push_back(std::move(candidates));
-}
-
-/// Takes one effect out and looks at what does best in its place.
-/// @return whether an effect stays in that place
-bool Search::check(std::size_t e) {
-  const Candidate own = engine().accepted[e];
-  auto [noise, taken, candidates] = without(e);
-  const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, taken};
+Search::InPlace Search::best_in_place_of(std::size_t e, const Evidence& evidence) const {
+  const Candidate& own = engine().accepted[e];
+  const Rules::Round round{std::max(tried_, tried_of(evidence.candidates)), evidence.noise_floor, evidence.taken};
   const Candidate *same = nullptr, *best = nullptr;
-  for (const Candidate& c : candidates) {
+  for (const Candidate& c : evidence.candidates) {
     if (holds(c, own) && (same == nullptr || !c.parts.empty())) same = &c;
     if (best == nullptr && rules().objection(c, round).empty()) best = &c;
   }
-  if (best != nullptr) best = rules().simplest(candidates, best, round);
+  if (best != nullptr) best = rules().simplest(evidence.candidates, best, round);
   if (best != nullptr && best->is_elastic()) {
     // Springs are looked at together: this one stays if what does best has it, and goes if the other one does as well alone.
     if (holds(*best, own)) {
@@ -463,45 +474,55 @@ bool Search::check(std::size_t e) {
       best = nullptr;
     }
   }
-  const bool stays = own.effect.is<Contact>() || (best != nullptr && best == same);
-  if (!stays && other_spring(e) >= 0 && add_evidence_beside_other_spring(e)) return true;
-  if (stays) {
-    keep_evidence(std::move(candidates));
-    return true;
+  return {same, best, own.effect.is<Contact>() || (best != nullptr && best == same)};
+}
+
+/// Takes one effect out and looks at what does best in its place.
+/// @return whether an effect stays in that place
+bool Search::check(std::size_t e) {
+  const Candidate own = engine().accepted[e];
+  Evidence* evidence = &without(e, false);
+  InPlace found = best_in_place_of(e, *evidence);
+  if (!found.stays && !evidence->has_columns) {
+    evidence = &without(e, true);
+    found = best_in_place_of(e, *evidence);
   }
-  evidence_.clear();  // no longer that of the present model
-  ahead_.clear();
+  const auto [same, best, stays] = found;
+  if (!stays && other_spring(e) >= 0 && find_evidence_beside_other_spring(e)) return true;
   // A memory was compared in each of its forms above; the first of two takes its own distance again.
   const bool remembers = own.has_memory() && !own.beside;
-  if (best == nullptr) {
+  if (!stays && best == nullptr) {
+    evidence->drop_columns();
     refusals_.push_back({own.effect, own.joint, "another effect has made it needless", 0.0});
     model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(e));
     model().build();
     if (!remembers) find_memory_again(own.joint);
     return false;
   }
-  if (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain) {
+  if (!stays && (same == nullptr || best->trial.cv_gain > 1.02 * same->trial.cv_gain)) {
     trace(fmt::format("exchanged {} for {}", name_of(own), name_of(*best)));
     exchanged_elsewhere_ = exchanged_elsewhere_ || best->joint != own.joint;
     model().put(e, *best);
     model().build();
     if (!remembers) find_memory_again(own.joint);
   }
+  evidence->drop_columns();
   return true;
 }
 
 /// Looks at a spring once more with another one in place, around whose motion the fit is: where both are large, a search from
 /// rigid joints may find neither with both.
 /// @return whether it would be taken again
-bool Search::add_evidence_beside_other_spring(std::size_t e) {
+bool Search::find_evidence_beside_other_spring(std::size_t e) {
   const Candidate& own = engine().accepted[e];
   const std::unique_ptr<Engine> rest = rebuilt_without(e);
   std::vector<Candidate> candidates = propose(*rest, {own.joint});
-  const VectorXd noise = rest->noise_floor();
-  const Rules::Round round{std::max(tried_, tried_of(candidates)), noise, rest->accepted};
+  Evidence found{{own, present()}, rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
+  const Rules::Round round{std::max(tried_, tried_of(found.candidates)), found.noise_floor, found.taken};
   const auto taken = [&](const Candidate& c) { return holds(c, own) && rules().objection(c, round).empty(); };
-  if (std::none_of(candidates.begin(), candidates.end(), taken)) return false;
-  keep_evidence(std::move(candidates));
+  if (std::none_of(found.candidates.begin(), found.candidates.end(), taken)) return false;
+  found.drop_columns();
+  evidence_.keep(std::move(found));
   return true;
 }
 
@@ -526,14 +547,13 @@ std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_hel
 }
 
 std::vector<Candidate> Search::evidence(std::size_t effect) {
-  if (evidence_.size() == engine().accepted.size()) return std::move(evidence_[effect]);
-  return in_place_of(effect, *rebuilt(static_cast<std::ptrdiff_t>(effect), engine().weights_held, engine().masses_held, -1,
-                                      other_spring(effect)));
+  const Evidence* kept = evidence_.of(engine(), *present(), effect);
+  return kept != nullptr ? kept->candidates : found_without(effect).candidates;
 }
 
 void Search::take_over(std::unique_ptr<Engine> other) {
+  present_.reset();
   start_.engine = std::move(other);
-  evidence_.clear();
 }
 
 void Search::take_out(std::size_t effect, const std::string& why) {
@@ -542,7 +562,6 @@ void Search::take_out(std::size_t effect, const std::string& why) {
   refusals_.push_back({own.effect, own.joint, why, share});
   model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(effect));
   model().build();
-  evidence_.clear();
   trace("without " + name_of(own), start_.judged->predicted(engine().robot()));
 }
 

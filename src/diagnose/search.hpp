@@ -5,10 +5,11 @@
 #include <functional>
 #include <initializer_list>
 #include <memory>
-#include <optional>
+#include <mutex>
 #include <string>
 #include <vector>
 
+#include "evidence.hpp"
 #include "rules.hpp"
 #include "start.hpp"
 
@@ -30,6 +31,8 @@ class Search {
   void backward();
 
   const Engine& engine() const { return *start_.engine; }
+  /// Of the model as it is.
+  std::shared_ptr<const Present> present();
   const Start& start() const { return start_; }
   const std::vector<NotExplained>& wrong_joints() const { return wrong_joints_; }
   /// Looks for joints that the model as it is does not explain.
@@ -50,8 +53,7 @@ class Search {
   /// @param standing  joints whose standstill counts beside that of the accepted memories, one after the other; see
   ///                  Engine::standing_counts
   std::vector<Candidate> forms_of_memory(std::size_t effect, std::initializer_list<int> standing) const;
-  /// Candidates without an accepted effect, from the backward check or found now. May be asked once for each effect, for
-  /// several at the same time.
+  /// Candidates without an accepted effect, from the backward check or found now. May be asked for several at the same time.
   std::vector<Candidate> evidence(std::size_t effect);
 
   /// Goes on with another model.
@@ -73,7 +75,11 @@ class Search {
   bool traces() const { return static_cast<bool>(options_.trace); }
 
  private:
-  Engine& model() { return *start_.engine; }
+  /// To be changed.
+  Engine& model() {
+    present_.reset();
+    return *start_.engine;
+  }
   Candidate pair_for(const Candidate& spring, const std::vector<Candidate>& pool) const;
   double cutoff_for_springs() const;
   std::vector<bool> looked_at(const std::vector<int>& of) const;
@@ -82,6 +88,8 @@ class Search {
   std::vector<Candidate> in_place_of(std::size_t effect, const Engine& rest) const;
   std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
                                  const std::function<void(double)>& done = {}, double least = 0.0) const;
+  void find_again(int again, std::vector<std::shared_ptr<const Present>>& found_by, std::vector<Candidate>& pool,
+                  const std::function<void(double)>& done);
   bool judge_simpler_again(std::vector<Candidate>& pool, const Candidate& best) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
   void tune();
@@ -90,22 +98,23 @@ class Search {
   void find_load_change_again();
   void find_memory_again(int joint);
   void trace_pool(const std::vector<Candidate>& pool, const Rules::Round& round) const;
-  /// The model without an effect, and what could take its place.
-  struct Without {
-    Eigen::VectorXd noise_floor;
-    std::vector<Candidate> taken, candidates;
+  Evidence found_without(std::size_t effect);
+  Evidence& without(std::size_t effect, bool with_columns);
+  /// What does best in the place of an effect.
+  struct InPlace {
+    const Candidate *same, *best;  ///< the effect itself as a candidate, and the best one; nullptr: none
+    bool stays;                    ///< the effect as it is
   };
-  Without found_without(std::size_t effect) const;
-  Without without(std::size_t effect);
+  InPlace best_in_place_of(std::size_t effect, const Evidence& evidence) const;
   bool check(std::size_t effect);
-  void keep_evidence(std::vector<Candidate> candidates);
-  bool add_evidence_beside_other_spring(std::size_t effect);
+  bool find_evidence_beside_other_spring(std::size_t effect);
 
   Start& start_;
   const DiagnoseOptions& options_;
   std::vector<Refusal> refusals_;
-  std::vector<std::vector<Candidate>> evidence_;  ///< candidates without each accepted effect
-  std::vector<std::optional<Without>> ahead_;     ///< of each accepted effect, looked for already
+  EvidenceKept evidence_;
+  std::mutex present_asked_;
+  std::shared_ptr<const Present> present_;  ///< of the model; nullptr: not asked for since it has changed
   std::vector<NotExplained> wrong_joints_;        ///< see check_joints()
   std::vector<std::string> notes_;
   int tried_{0};  ///< most candidates of a round, shapes counted

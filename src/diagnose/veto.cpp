@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <set>
 
@@ -26,13 +27,11 @@ struct Errors {
 
 /// A joint whose error on a validation log is above that of the fit without effects.
 struct Worse {
-  Index joint{-1};
+  Index joint{-1};  ///< -1: there is none
   std::size_t run{0};
-  int culprit{-1};  ///< effect that raises its error most; -1: none
 };
 
-Worse joint_made_worse(const std::vector<VectorXd>& at_first, const std::vector<VectorXd>& after,
-                       const std::vector<std::vector<VectorXd>>& without_each) {
+Worse joint_made_worse(const std::vector<VectorXd>& at_first, const std::vector<VectorXd>& after) {
   Worse found;
   double most = kMayRise;
   for (std::size_t r = 0; r < after.size(); ++r) {
@@ -40,32 +39,48 @@ Worse joint_made_worse(const std::vector<VectorXd>& at_first, const std::vector<
     const VectorXd rise = (after[r].array() / at_first[r].array().max(1e-300)).matrix();
     if (!(rise.maxCoeff(&joint) - 1.0 > most)) continue;
     most = rise[joint] - 1.0;
-    found = {joint, r, -1};
-    double worst = 1.0;
-    for (std::size_t e = 0; e < without_each.size(); ++e) {
-      const double ratio = after[r][joint] / std::max(1e-300, without_each[e][r][joint]);
-      if (ratio > worst) worst = ratio, found.culprit = static_cast<int>(e);
-    }
+    found = {joint, r};
   }
   return found;
 }
 
+/// Effects of which nothing has to be done, for as long as what was found of them holds.
+class Settled {
+ public:
+  explicit Settled(Search& search) : search_(search) {}
+  bool has(std::size_t effect) const {
+    const Engine& engine = search_.engine();
+    const std::shared_ptr<const Present> now = search_.present();
+    return std::any_of(found_.begin(), found_.end(),
+                       [&](const Checked& found) { return still_holds(found, engine.accepted[effect], engine, *now); });
+  }
+  void add(std::size_t effect) {
+    if (has(effect)) return;
+    found_.push_back({search_.engine().accepted[effect], search_.present()});
+    found_.back().own.columns = {};
+  }
+
+ private:
+  Search& search_;
+  std::vector<Checked> found_;
+};
+
 class Veto {
  public:
-  explicit Veto(Search& search) : search_(search), judged_(*search.start().judged) {}
+  explicit Veto(Search& search) : search_(search), judged_(*search.start().judged), harmless_(search) {}
 
   void run(const MatrixXd& base) {
     const std::vector<VectorXd> at_first = judged_.rms_errors(base);
-    std::vector<std::vector<VectorXd>> without_each;
     while (!search_.engine().accepted.empty()) {
       const Errors after = errors_of(search_.engine());
-      if (!refuse_first(after, without_each)) continue;
-      const auto [joint, run, culprit] = joint_made_worse(at_first, after.each, without_each);
-      if (culprit < 0) return;
-      const auto at = static_cast<std::size_t>(culprit);
-      if (!swap_in_held(at, false)) {
+      if (!refuse_first(after)) continue;
+      const auto [joint, run] = joint_made_worse(at_first, after.each);
+      if (joint < 0) return;
+      const std::optional<std::size_t> culprit = raises_most(after.each[run][joint], joint, run);
+      if (!culprit) return;
+      if (!swap_in_held(*culprit, false)) {
         search_.take_out(
-            at, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
+            *culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
       }
     }
   }
@@ -76,25 +91,49 @@ class Veto {
     return {judged_.rms_errors(predicted), judged_.scores(predicted, search_.start().band)};
   }
 
+  /// Errors without some of the effects, which are fitted at the same time.
+  std::vector<Errors> errors_without(const std::vector<std::size_t>& effects) const {
+    std::vector<Errors> found(effects.size());
+    host::for_each_parallel(effects.size(), [&](std::size_t k) { found[k] = errors_of(*search_.rebuilt_without(effects[k])); });
+    return found;
+  }
+
+  /// Effect that raises an error of a joint most; none: no effect does.
+  std::optional<std::size_t> raises_most(double after, Index joint, std::size_t run) const {
+    std::vector<std::size_t> all(search_.engine().accepted.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    const std::vector<Errors> without = errors_without(all);
+    std::optional<std::size_t> found;
+    double worst = 1.0;
+    for (const std::size_t e : all) {
+      const double ratio = after / std::max(1e-300, without[e].each[run][joint]);
+      if (ratio > worst) worst = ratio, found = e;
+    }
+    return found;
+  }
+
   /// Takes out the first effect that does harm, or gives it another form.
   /// @return whether none does
-  bool refuse_first(const Errors& after, std::vector<std::vector<VectorXd>>& without_each) {
-    without_each.clear();
+  bool refuse_first(const Errors& after) {
     // Most effects do no harm, so that the next ones are fitted without at the same time.
     constexpr std::size_t kTogether = 8;
-    std::vector<Errors> ahead(search_.engine().accepted.size());
-    for (std::size_t e = 0; e < ahead.size(); ++e) {
-      if (e % kTogether == 0) {
-        host::for_each_parallel(std::min(kTogether, ahead.size() - e), [&](std::size_t k) {
-          ahead[e + k] = errors_of(*search_.rebuilt_without(e + k));
-        });
+    const std::size_t count = search_.engine().accepted.size();
+    for (std::size_t from = 0; from < count;) {
+      std::vector<std::size_t> next;
+      for (; from < count && next.size() < kTogether; ++from) {
+        if (!harmless_.has(from)) next.push_back(from);
       }
-      const Errors& without = ahead[e];
-      without_each.push_back(without.each);
-      const std::string why = harm(search_.engine().accepted[e], after, without);
-      if (why.empty()) continue;
-      if (!take_another_form(e, without) && !swap_in_held(e, true)) search_.take_out(e, why);
-      return false;
+      const std::vector<Errors> without = errors_without(next);
+      for (std::size_t k = 0; k < next.size(); ++k) {
+        const std::size_t e = next[k];
+        const std::string why = harm(search_.engine().accepted[e], after, without[k]);
+        if (why.empty()) {
+          harmless_.add(e);
+          continue;
+        }
+        if (!take_another_form(e, without[k]) && !swap_in_held(e, true)) search_.take_out(e, why);
+        return false;
+      }
     }
     return true;
   }
@@ -178,6 +217,7 @@ class Veto {
 
   Search& search_;
   const JudgedMotion& judged_;
+  Settled harmless_;
   std::set<int> exchanged_;  ///< joints whose memory has been given another form
 };
 
@@ -202,6 +242,7 @@ void reject_needless(Search& search, const Identified& identified) {
     double gain, t;                        ///< on left-out blocks
     std::vector<validate::Score> without;  ///< on the validation logs: without it, and of several springs without any
   };
+  Settled needed(search);
   while (true) {
     const std::vector<Candidate>& accepted = search.engine().accepted;
     const std::vector<bool> all(accepted.size(), true);
@@ -214,7 +255,7 @@ void reject_needless(Search& search, const Identified& identified) {
     host::for_each_parallel(accepted.size(), [&](std::size_t e) {
       Candidate own = accepted[e];
       const bool paired = search.engine().first_memory(e) >= 0 || search.engine().second_memory(e) >= 0;
-      if (identified.own_column(own) >= 0 || own.effect.is<Contact>() || paired) return;
+      if (identified.own_column(own) >= 0 || own.effect.is<Contact>() || paired || needed.has(e)) return;
       std::vector<bool> rest = all;
       rest[e] = false;
       const std::unique_ptr<Engine> without = fitted(rest);
@@ -249,6 +290,9 @@ void reject_needless(Search& search, const Identified& identified) {
                (ratio < kLess && in_band < kMuchLessInBand);
       });
     });
+    for (std::size_t e = 0; e < accepted.size(); ++e) {
+      if (std::none_of(found.begin(), found.end(), [e](const auto& one) { return one->effect == e; })) needed.add(e);
+    }
     // One at a time, the least gain first: what makes an effect needless may be another one that is.
     const auto least = std::min_element(found.begin(), found.end(),
                                         [](const auto& a, const auto& b) { return a->gain < b->gain; });

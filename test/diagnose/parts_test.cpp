@@ -11,8 +11,10 @@
 #include <Eigen/LU>
 
 #include "deflection.hpp"
+#include "evidence.hpp"
 #include "heft/data/motion_stream.hpp"
 #include "heft/host/decompositions.hpp"
+#include "moments.hpp"
 #include "motion_table.hpp"
 #include "problem.hpp"
 #include "products.hpp"
@@ -379,6 +381,58 @@ TEST(Products, AreThoseOfTheFactorsWhateverTheirShape) {
       EXPECT_EQ(gram_of(A), transposed_times(A, A)) << rows << p;  // to the last bit
     }
   }
+}
+
+TEST(Moments, FitBesideAFactoredBaseIsThatOfAllColumns) {
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  constexpr Index p = 7, k = 2;
+  const double steady = 1e-3;
+  const VectorXd ridge = VectorXd::Constant(p, 0.2);
+  MatrixXd all = MatrixXd::NullaryExpr(200, p + k + 1, [&] { return any(random); });
+  all.col(3) *= 1e4;                                  // other units
+  all.col(p) = all.col(0) + 1e-3 * all.col(p);        // next to what the base explains
+  const MatrixXd moments = all.transpose() * all;
+  MatrixXd base(p + 1, p + 1);
+  base << moments.topLeftCorner(p, p), moments.col(p + k).head(p), moments.row(p + k).head(p), moments(p + k, p + k);
+  const Added candidate{moments.block(0, p, p, k), moments.block(p, p, k, k), moments.col(p + k).segment(p, k)};
+  const VectorXd norm = moments.diagonal().head(p + k).cwiseSqrt();
+  for (const int without : {-1, 4}) {
+    MatrixXd A = moments.topLeftCorner(p + k, p + k).array() / (norm * norm.transpose()).array();
+    A.diagonal().array() += steady;
+    A.diagonal().head(p) += ridge;
+    if (without >= 0) A(without, without) += 1e12;
+    const MatrixXd inverse = A.fullPivLu().inverse().array() / (norm * norm.transpose()).array();
+    const VectorXd right = moments.col(p + k).head(p + k), theta = inverse * right;
+    const Factored factors = factored(base, without, steady, ridge);
+    const Solved found = solve_beside(factors, candidate, steady);
+    EXPECT_LT(((found.theta - theta).array() * norm.array()).abs().maxCoeff(), 1e-9 * norm.cwiseProduct(theta).norm());
+    EXPECT_NEAR(found.error, moments(p + k, p + k) - right.dot(theta), 1e-9 * moments(p + k, p + k));
+    EXPECT_DOUBLE_EQ(error_beside(factors, candidate, steady), found.error);
+    EXPECT_LT((found.inverse - inverse.rightCols(k)).cwiseAbs().maxCoeff(), 1e-9 * inverse.rightCols(k).cwiseAbs().maxCoeff());
+    const VectorXd alone = theta_of(factors), residual = all.col(p + k) - all.leftCols(p) * alone;
+    EXPECT_LT((alone - solve(base, without, steady, ridge).theta).norm(), 1e-12 * alone.norm());
+    // Normal equations of the base alone, with what steadies it.
+    VectorXd held = ridge.array() + steady;
+    if (without >= 0) held[without] += 1e12;
+    const VectorXd left = all.leftCols(p).transpose() * residual - held.cwiseProduct(norm.head(p).cwiseAbs2()).cwiseProduct(alone);
+    EXPECT_LT(left.cwiseQuotient(norm.head(p)).norm(), 1e-6 * all.col(p + k).norm());
+  }
+}
+
+TEST(Evidence, HoldsWhileThePredictedTorqueChangesByLessThanAFiftiethOfTheResidual) {
+  const Small data(0.8, 10);
+  const Problem problem = data.problem();
+  const VectorXd residual = problem.residual().col(0);
+  EXPECT_NEAR(problem.squares_of(0), residual.squaredNorm(), 1e-9 * residual.squaredNorm());
+  const Present before{data.tau - residual, problem.counted()};
+  const auto changed = [&](double part, const VectorXd& counted) {
+    return !hardly_changed(problem, before, {before.predicted + part * residual, counted}, 0);
+  };
+  EXPECT_FALSE(changed(0.0, problem.counted()));
+  EXPECT_FALSE(changed(-0.019, problem.counted()));
+  EXPECT_TRUE(changed(0.021, problem.counted()));
+  EXPECT_TRUE(changed(0.0, problem.counted().array() - 1.0));  // other rows count
 }
 
 TEST(Problem, ChanceIsCalledChance) {

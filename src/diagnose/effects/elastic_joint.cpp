@@ -122,10 +122,11 @@ class SpringSearch {
 
   /// @param gain  of the deflection; the motor's inertia, which comes with it, may explain more
   bool is_of_use(double gain) const {
-    if (gain >= bench_.least_gain) return true;
     const int joint = joints_.front();
+    const double least = bench_.least_gain_of(joint);
+    if (gain >= least) return true;
     const Candidate motor = motor_alone(joint, bench_.motion->qdd.col(joint));
-    return gain + bench_.problem->gain(bench_.problem->moments(motor.columns)) >= bench_.least_gain;
+    return gain + bench_.problem->gain(bench_.problem->moments(motor.columns)) >= least;
   }
 
   void put_found(const Found& found, Candidate& c) const {
