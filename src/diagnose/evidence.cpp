@@ -16,12 +16,13 @@ bool is_of_one_joint(const Candidate& effect) {
 
 std::shared_ptr<const Present> present_of(const Engine& engine) {
   return std::make_shared<const Present>(
-      Present{engine.predicted().cwiseProduct(engine.keep()), engine.problem().counted()});
+      Present{engine.predicted().cwiseProduct(engine.keep()), engine.problem().counted(), engine.weights_held, engine.masses_held});
 }
 
 bool hardly_changed(const Problem& problem, const Present& before, const Present& now, int joint) {
   constexpr double kHardly = 0.02;
   if (before.predicted.rows() != now.predicted.rows() || before.counted[joint] != now.counted[joint]) return false;
+  if (before.weights_held != now.weights_held || before.masses_held != now.masses_held) return false;
   const double change = (now.predicted.col(joint) - before.predicted.col(joint)).squaredNorm();
   return !(change > kHardly * kHardly * problem.squares_of(joint));
 }

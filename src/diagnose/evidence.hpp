@@ -13,6 +13,7 @@ namespace heft::diagnose {
 struct Present {
   Eigen::MatrixXd predicted;  ///< m × n: torque; 0 where a row does not count
   Eigen::VectorXd counted;    ///< n: rows that count
+  bool weights_held{false}, masses_held{false};  ///< see Engine: next to what is held an effect is worth something else
 };
 std::shared_ptr<const Present> present_of(const Engine& engine);
 /// Whether the torque that a model predicts in one of its joints has changed, since then, by less than matters to any candidate

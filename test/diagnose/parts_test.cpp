@@ -433,6 +433,7 @@ TEST(Evidence, HoldsWhileThePredictedTorqueChangesByLessThanAFiftiethOfTheResidu
   EXPECT_FALSE(changed(-0.019, problem.counted()));
   EXPECT_TRUE(changed(0.021, problem.counted()));
   EXPECT_TRUE(changed(0.0, problem.counted().array() - 1.0));  // other rows count
+  EXPECT_FALSE(hardly_changed(problem, before, {before.predicted, before.counted, false, true}, 0));
 }
 
 TEST(Problem, ChanceIsCalledChance) {
