@@ -1,6 +1,7 @@
 #include "evidence.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "rules.hpp"
 
@@ -27,6 +28,11 @@ bool hardly_changed(const Problem& problem, const Present& before, const Present
   return !(change > kHardly * kHardly * problem.squares_of(joint));
 }
 
+Checked checked(Candidate own, std::shared_ptr<const Present> model) {
+  own.columns = {};
+  return {std::move(own), std::move(model)};
+}
+
 bool still_holds(const Checked& found, const Candidate& own, const Engine& engine, const Present& now) {
   if (!same_effect(found.own, own) || found.own.shape != own.shape || found.own.second != own.second) return false;
   for (int j = 0; j < engine.table().num_joints; ++j) {
@@ -44,7 +50,6 @@ void Evidence::drop_columns() {
 
 Evidence& EvidenceKept::keep(Evidence evidence) {
   std::erase_if(kept_, [&](const Evidence& e) { return same_effect(e.of.own, evidence.of.own); });
-  evidence.of.own.columns = {};
   kept_.push_back(std::move(evidence));
   return kept_.back();
 }

@@ -1,5 +1,5 @@
 /// @file
-/// What backward checks have found without an effect, for as long as the model is the same where it shows.
+/// What was found of effects and of joints, for as long as the model is the same where it shows.
 #pragma once
 
 #include <memory>
@@ -26,6 +26,8 @@ struct Checked {
   Candidate own;                         ///< without columns
   std::shared_ptr<const Present> model;  ///< with the effect
 };
+/// @param own  with or without columns
+Checked checked(Candidate own, std::shared_ptr<const Present> model);
 bool still_holds(const Checked& found, const Candidate& own, const Engine& engine, const Present& now);
 
 /// The model without an effect, and what could take its place.

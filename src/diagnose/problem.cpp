@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "heft/host/decompositions.hpp"
 #include "heft/host/parallel.hpp"
 #include "moments.hpp"
 #include "products.hpp"

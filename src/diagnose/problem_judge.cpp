@@ -120,15 +120,16 @@ bool Problem::is_explained(const Joint& joint) const {
 }
 
 void Problem::put_products(Joint& joint) const {
-  joint.products.resize(table_->blocks.size());
+  joint.products.assign(table_->blocks.size(), std::vector<MatrixXd>(places_.size()));
   for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
     const VectorXd& left_out = joint.left_out[static_cast<std::size_t>(table_->blocks[b].fold)];
-    for (const std::vector<int>& places : places_) {
+    for (std::size_t j = 0; j < places_.size(); ++j) {
+      const std::vector<int>& places = places_[j];
       const auto p = static_cast<Index>(places.size());
       MatrixXd of(p + 1, 3);
       of.topRows(p) << -joint.fit.theta(places), joint.rest(places), left_out(places);
       of.row(p) << 1.0, 0.0, -1.0;
-      joint.products[b].push_back(transposed_times(*moments_[b][joint.products[b].size()], of));
+      joint.products[b][j] = transposed_times(*moments_[b][j], of);
     }
   }
 }

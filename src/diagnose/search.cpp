@@ -434,7 +434,7 @@ Evidence Search::found_without(std::size_t e) {
   const std::unique_ptr<Engine> rest = rebuilt(static_cast<std::ptrdiff_t>(e), engine().weights_held,
                                                engine().masses_held, own.has_memory() ? own.joint : -1, other_spring(e));
   std::vector<Candidate> candidates = in_place_of(e, *rest);
-  return {{own, present()}, rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
+  return {checked(own, present()), rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
 }
 
 /// As long as no effect goes or is exchanged, which is seldom, the next ones are looked at without each at the same time.
@@ -517,7 +517,7 @@ bool Search::find_evidence_beside_other_spring(std::size_t e) {
   const Candidate& own = engine().accepted[e];
   const std::unique_ptr<Engine> rest = rebuilt_without(e);
   std::vector<Candidate> candidates = propose(*rest, {own.joint});
-  Evidence found{{own, present()}, rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
+  Evidence found{checked(own, present()), rest->noise_floor(), std::move(rest->accepted), std::move(candidates)};
   const Rules::Round round{std::max(tried_, tried_of(found.candidates)), found.noise_floor, found.taken};
   const auto taken = [&](const Candidate& c) { return holds(c, own) && rules().objection(c, round).empty(); };
   if (std::none_of(found.candidates.begin(), found.candidates.end(), taken)) return false;

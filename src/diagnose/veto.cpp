@@ -55,9 +55,7 @@ class Settled {
                        [&](const Checked& found) { return still_holds(found, engine.accepted[effect], engine, *now); });
   }
   void add(std::size_t effect) {
-    if (has(effect)) return;
-    found_.push_back({search_.engine().accepted[effect], search_.present()});
-    found_.back().own.columns = {};
+    if (!has(effect)) found_.push_back(checked(search_.engine().accepted[effect], search_.present()));
   }
 
  private:
