@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <mutex>
 #include <set>
 #include <stdexcept>
@@ -34,6 +35,8 @@ double slow_root(int item) {
   return x;
 }
 
+void be_busy(int item = 1999) { [[maybe_unused]] const volatile double root = slow_root(item); }
+
 template <typename Use>
 void take_through(int items, const Use& use) {
   int next = 0;
@@ -65,7 +68,7 @@ TEST(InOrder, ThrowsWhatTheFirstItemThrowsWhicheverFailsSooner) {
               return true;
             },
             [](int& item) {
-              if (item < 50) slow_root(1999);
+              if (item < 50) be_busy();
               if (item >= 50) throw std::runtime_error("working on " + std::to_string(item));
               return item;
             },
@@ -114,6 +117,107 @@ TEST(InOrder, RunsOnAsManyThreadsAsAskedForAndNestedWorkOnItsOwn) {
   EXPECT_LE(ids.size(), 3U);
   EXPECT_EQ(nested, kItems);
   EXPECT_EQ(threads(), 3U) << "of the calling thread, once the work is done";
+}
+
+TEST(Parallel, CallsEveryJobOnceAlsoThoseThatJobsStart) {
+  constexpr std::size_t kJobs = 6, kParts = 40;
+  for (const std::size_t threads : {1, 2, 3, 8}) {
+    const Threads set(threads);
+    std::vector<std::atomic<int>> calls(kJobs * kParts * 2);
+    for_each_parallel(kJobs, [&](std::size_t job) {
+      for_each_parallel(job % 2 == 0 ? 1 : kParts, [&](std::size_t part) {
+        be_busy(static_cast<int>(part) * 31);
+        for_each_parallel(2, [&](std::size_t half) { ++calls[(job * kParts + part) * 2 + half]; });
+      });
+    });
+    for (std::size_t k = 0; k < calls.size(); ++k) {
+      const bool called = k / (kParts * 2) % 2 == 1 || k / 2 % kParts == 0;
+      ASSERT_EQ(calls[k], called ? 1 : 0) << threads << " threads, part " << k;
+    }
+  }
+}
+
+TEST(Parallel, ThreadsWithoutAJobHelpWithWhatAnotherJobStarts) {
+  // Of 2 jobs one ends at once, the other starts as many parts as threads are allowed. Each of them waits until all have begun:
+  // fewer threads would wait in vain.
+  for (const int threads : {2, 5}) {
+    const Threads set(static_cast<std::size_t>(threads));
+    std::atomic<int> begun{0}, met{0};
+    int met_by_the_end = 0;
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    for_each_parallel(2, [&](std::size_t job) {
+      if (job == 0) return;
+      const std::thread::id own = std::this_thread::get_id();
+      for_each_parallel(static_cast<std::size_t>(threads), [&](std::size_t) {
+        ++begun;
+        while (begun < threads && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+        if (std::this_thread::get_id() != own) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        if (begun == threads) ++met;
+      });
+      met_by_the_end = met;
+    });
+    EXPECT_EQ(met, threads);
+    EXPECT_EQ(met_by_the_end, threads) << "the job goes on before its parts have ended";
+  }
+}
+
+TEST(Parallel, AJobMayHoldALockThatOthersWaitForWhileItsPartsRun) {
+  const Threads set(3);
+  std::mutex guard;
+  int sum = 0;
+  for_each_parallel(30, [&](std::size_t) {
+    const std::lock_guard<std::mutex> lock(guard);
+    std::atomic<int> parts{0};
+    for_each_parallel(8, [&](std::size_t part) { be_busy(), parts += static_cast<int>(part) + 1; });
+    sum += parts;
+  });
+  EXPECT_EQ(sum, 30 * 36);
+}
+
+TEST(Parallel, WhatAPartThrowsReachesTheCallerOnceNoThreadIsAtAJob) {
+  for (const std::size_t threads : {1, 2, 8}) {
+    const Threads set(threads);
+    for (int repetition = 0; repetition < 20; ++repetition) {
+      std::atomic<int> busy{0};
+      std::string message;
+      try {
+        for_each_parallel(4, [&](std::size_t job) {
+          ++busy;
+          try {
+            for_each_parallel(10, [&](std::size_t part) {
+              ++busy;
+              be_busy();
+              --busy;
+              if (job == 2 && part == 7) throw std::runtime_error("part 7");
+            });
+          } catch (...) {
+            --busy;
+            throw;
+          }
+          --busy;
+        });
+      } catch (const std::runtime_error& error) {
+        message = error.what();
+      }
+      EXPECT_EQ(message, "part 7");
+      EXPECT_EQ(busy, 0);
+    }
+  }
+}
+
+TEST(Parallel, OnThisThreadKeepsPartsOfAJobThere) {
+  const Threads set(4);
+  std::atomic<int> elsewhere{0};
+  for_each_parallel(4, [&](std::size_t job) {
+    if (job > 0) return;
+    const OnThisThread alone;
+    const std::thread::id own = std::this_thread::get_id();
+    for_each_parallel(kItems, [&](std::size_t) {
+      for (int k = 0; k < 30; ++k) be_busy();
+      if (std::this_thread::get_id() != own) ++elsewhere;
+    });
+  });
+  EXPECT_EQ(elsewhere, 0);
 }
 
 TEST(NumberStore, GivesBackWhatItTookFromMemoryAndFromTheDisk) {
