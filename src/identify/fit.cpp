@@ -99,7 +99,7 @@ void refuse_arm_at_rest(const regression::RegressionColumns& columns, const std:
 void count_rows(const Task& task, const regression::BlockFactors& factors, Fit& result) {
   const int n = task.num_joints(), b = task.base.count();
   result.rows = Eigen::VectorXi::Zero(n);
-  for (int j = 0; j < n; ++j) result.rows[j] = static_cast<int>(factors.joint(j).rows());
+  for (int j = 0; j < n; ++j) result.rows[j] = static_cast<int>(factors.rows_of(j));
   for (const data::StreamSummary& log : task.summaries) result.samples += log.samples;
   if (result.samples < b) {
     throw DataError(fmt::format(
@@ -123,7 +123,7 @@ void reweight_outliers(const Task& task, WeightedFit& fit, Fit& result) {
     return regression::solve(data, task.prior, task.options.ridge_from_condition).beta;
   };
   RobustFit robust = fit_robust(task.columns, task.base, task.logs, task.options.observation,
-                                fit.solution.beta, regression::noise_of(fit.factors, fit.solution.beta),
+                                fit.solution.beta, regression::noise_of(fit.factors.joints(), fit.solution.beta),
                                 options, [&](double done) { task.report(0.4 + 0.2 * done); });
   fit.factors = std::move(robust.factors);
   fit.weights = regression::weights_of(robust.noise_std);
@@ -328,7 +328,7 @@ void solve(const Task& task, regression::BlockFactors factors,
   if (task.is(Method::kIrls)) reweight_outliers(task, weighted, result);
   if (task.is(Method::kTls)) allow_for_errors_in_columns(task, weighted, result);
   if (!task.is(Method::kIrls))
-    result.noise_std = regression::noise_of(weighted.factors, weighted.solution.beta);
+    result.noise_std = regression::noise_of(weighted.factors.joints(), weighted.solution.beta);
 
   const Independence blocks =
       independent_blocks(task, weighted.factors, correlation(weighted.solution.beta), result.noise_std);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "heft/host/decompositions.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/regression/block_groups.hpp"
 #include "heft/regression/scaled_svd.hpp"
 
@@ -82,26 +83,25 @@ Comparison compare(const InstrumentSums& sums, const Eigen::VectorXd& weights, c
     l = (c.K * v).normalized();
     c.relevance = (c.K * v).norm();
   }
-  double relevance_squares = 0.0;
-
-  std::vector<Eigen::VectorXd> moved, plain_moved;
-  for (const std::vector<int>& members : regression::groups_of(sums.plain(), length)) {
+  const std::vector<std::vector<int>> groups = regression::groups_of(sums.plain(), length);
+  std::vector<Eigen::VectorXd> moved(groups.size()), plain_moved(with_plain ? groups.size() : 0);
+  std::vector<double> beyond(groups.size());
+  host::for_each_parallel(groups.size(), [&](std::size_t g) {
     // Without group g: (K − K_g) δ = −Tᵀ (r_g − A_g β), since Tᵀ (r − A β) = 0.
-    const GroupSums group = sums_of_group(sums, members, weights, plain_beta);
+    const GroupSums group = sums_of_group(sums, groups[g], weights, plain_beta);
     const auto& [A, r] = group.instrumental;
     // A ratio's scatter: what the group has beyond its share of the motion. That some stretches show more of
     // a direction than others is no weakness.
     const Eigen::VectorXd direction = T * v;
-    const double beyond =
-        (T * l).dot(A * direction) - c.relevance * direction.dot(group.information * direction);
-    relevance_squares += beyond * beyond;
-    moved.push_back(least_squares(c.K - T.transpose() * A * T, T.transpose() * (A * beta - r)));
+    beyond[g] = (T * l).dot(A * direction) - c.relevance * direction.dot(group.information * direction);
+    moved[g] = least_squares(c.K - T.transpose() * A * T, T.transpose() * (A * beta - r));
     if (with_plain) {
-      plain_moved.push_back(
-          least_squares(Eigen::MatrixXd::Identity(k, k) - T.transpose() * group.information * T,
-                        -(T.transpose() * group.gradient)));
+      plain_moved[g] = least_squares(Eigen::MatrixXd::Identity(k, k) - T.transpose() * group.information * T,
+                                     -(T.transpose() * group.gradient));
     }
-  }
+  });
+  double relevance_squares = 0.0;
+  for (const double part : beyond) relevance_squares += part * part;
   c.relevance_ratio = relevance_squares > 0.0 ? c.relevance / std::sqrt(relevance_squares) : 0.0;
   c.without = side_by_side(k, moved);
   c.plain_without = side_by_side(k, plain_moved);

@@ -101,8 +101,9 @@ InstrumentalFit fit_instrumental(const regression::RegressionColumns& columns,
   }
   if (progress) progress(1.0);
 
+  const std::vector<regression::TriangularFactor> joints = fit.sums.plain().joints();
   for (int j = 0; j < columns.num_joints(); ++j) {
-    const regression::TriangularFactor joint = fit.sums.plain().joint(j);
+    const regression::TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
     if (joint.rows() > 0)
       fit.noise_std[j] = std::sqrt(joint.squared_error(beta) / static_cast<double>(joint.rows()));
   }

@@ -6,29 +6,33 @@
 
 #include <Eigen/Core>
 
+#include "heft/host/parallel.hpp"
+
 namespace heft::regression {
 namespace {
 
 /// Replaces R by the triangle of [R; rows]. `rows` is overwritten.
 ///
 /// Householder reflections that use the triangle's zeros: column j touches R(j, j) and the new rows only, so
-/// m rows cost 2 m p² operations instead of 2 (m + p) p².
-void take_up(Eigen::MatrixXd& R, Eigen::MatrixXd& rows) {
+/// m rows cost 2 m p² operations instead of 2 (m + p) p²; of a triangle the first j + 1 rows only, 2 p³/3 in all.
+/// @param triangle  whether `rows` is one
+void take_up(Eigen::MatrixXd& R, Eigen::MatrixXd& rows, bool triangle) {
   const Eigen::Index p = R.cols();
   Eigen::RowVectorXd work(p);
   for (Eigen::Index j = 0; j < p; ++j) {
-    const double below = rows.col(j).squaredNorm();
+    const Eigen::Index filled = triangle ? j + 1 : rows.rows();
+    const double below = rows.col(j).head(filled).squaredNorm();
     if (below == 0.0) continue;
     // v = [1; x/(α − β)], β = −sign(α)‖[α; x]‖, τ = (β − α)/β: H = I − τ v vᵀ turns [α; x] into [β; 0].
     const double alpha = R(j, j);
     const double beta = alpha >= 0.0 ? -std::sqrt(alpha * alpha + below) : std::sqrt(alpha * alpha + below);
     const double tau = (beta - alpha) / beta;
-    rows.col(j) /= alpha - beta;
+    auto v = rows.col(j).head(filled);
+    v /= alpha - beta;
     R(j, j) = beta;
     const Eigen::Index rest = p - j - 1;
     if (rest == 0) continue;
-    auto v = rows.col(j);
-    auto right = rows.rightCols(rest);
+    auto right = rows.topRightCorner(filled, rest);
     work.head(rest) = R.row(j).tail(rest);
     work.head(rest).noalias() += v.transpose() * right;
     work.head(rest) *= tau;
@@ -51,7 +55,7 @@ void TriangularFactor::add(const Eigen::Ref<const Eigen::MatrixXd>& W,
     Eigen::MatrixXd rows(m, p + 1);
     rows.leftCols(p) = W.middleRows(first, m);
     rows.col(p) = y.segment(first, m);
-    take_up(R_, rows);
+    take_up(R_, rows, false);
   }
   rows_ += static_cast<long>(W.rows());
 }
@@ -59,7 +63,7 @@ void TriangularFactor::add(const Eigen::Ref<const Eigen::MatrixXd>& W,
 void TriangularFactor::add(const TriangularFactor& other, double weight) {
   if (other.rows_ == 0) return;
   Eigen::MatrixXd rows = other.R_ * std::sqrt(weight);
-  take_up(R_, rows);
+  take_up(R_, rows, true);
   rows_ += other.rows_;
 }
 
@@ -67,6 +71,12 @@ double TriangularFactor::squared_error(const Eigen::VectorXd& beta) const {
   const double rest = R_(columns(), columns());
   return (R_.topLeftCorner(columns(), columns()).triangularView<Eigen::Upper>() * beta - z()).squaredNorm() +
          rest * rest;
+}
+
+TriangularFactor weighted(const std::vector<TriangularFactor>& joints, const Eigen::VectorXd& weights) {
+  TriangularFactor all(joints.front().columns());
+  for (std::size_t j = 0; j < joints.size(); ++j) all.add(joints[j], weights[static_cast<Eigen::Index>(j)]);
+  return all;
 }
 
 BlockFactors::BlockFactors(int joints, int columns, double block, int max_blocks)
@@ -144,8 +154,20 @@ TriangularFactor BlockFactors::joint(int joint) const {
   return all;
 }
 
+std::vector<TriangularFactor> BlockFactors::joints() const {
+  std::vector<TriangularFactor> all(static_cast<std::size_t>(joints_));
+  host::for_each_parallel(all.size(), [&](std::size_t j) { all[j] = joint(static_cast<int>(j)); });
+  return all;
+}
+
+long BlockFactors::rows_of(int joint) const {
+  long rows = 0;
+  for (const Block& block : blocks_) rows += block.joints[static_cast<std::size_t>(joint)].rows();
+  return rows;
+}
+
 TriangularFactor BlockFactors::weighted(const Eigen::VectorXd& weights) const {
-  return weighted(weights, std::vector<bool>(blocks_.size(), false));
+  return regression::weighted(joints(), weights);
 }
 
 TriangularFactor BlockFactors::weighted(const Eigen::VectorXd& weights,

@@ -37,15 +37,11 @@ Solution solve(const TriangularFactor& data, const Eigen::VectorXd& prior, doubl
   return s;
 }
 
-Eigen::VectorXd noise_of(const BlockFactors& factors, const Eigen::VectorXd& beta) {
-  Eigen::VectorXd noise(factors.num_joints());
+Eigen::VectorXd noise_of(const std::vector<TriangularFactor>& joints, const Eigen::VectorXd& beta) {
+  Eigen::VectorXd noise(static_cast<Eigen::Index>(joints.size()));
   double all_rows = 0.0;
-  std::vector<TriangularFactor> joints;
-  for (int j = 0; j < factors.num_joints(); ++j) {
-    joints.push_back(factors.joint(j));
-    all_rows += static_cast<double>(joints.back().rows());
-  }
-  for (int j = 0; j < factors.num_joints(); ++j) {
+  for (const TriangularFactor& joint : joints) all_rows += static_cast<double>(joint.rows());
+  for (Eigen::Index j = 0; j < noise.size(); ++j) {
     const TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
     const auto rows = static_cast<double>(joint.rows());
     const double freedom =
@@ -93,11 +89,13 @@ Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const Bas
 
 void weigh_joints(const Eigen::VectorXd& prior, double ridge_from, bool weighed, WeightedFit& fit) {
   constexpr int kRounds = 6;
-  fit.solve_for(prior, ridge_from);
+  const std::vector<TriangularFactor> joints = fit.factors.joints();
+  const auto solve_again = [&] { fit.solution = solve(weighted(joints, fit.weights), prior, ridge_from); };
+  solve_again();
   for (int round = 0; round < kRounds && weighed; ++round) {
     const Eigen::VectorXd before = fit.solution.beta;
-    fit.weights = weights_of(noise_of(fit.factors, fit.solution.beta));
-    fit.solve_for(prior, ridge_from);
+    fit.weights = weights_of(noise_of(joints, fit.solution.beta));
+    solve_again();
     const double moved = fit.solution.scale.cwiseProduct(fit.solution.beta - before).norm();
     if (moved < 1e-6 * fit.solution.scale.cwiseProduct(fit.solution.beta).norm()) break;
   }

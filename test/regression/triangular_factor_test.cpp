@@ -73,6 +73,14 @@ TEST(BlockFactors, StayBoundedAndLoseNothing) {
   EXPECT_GE(blocks.num_blocks(), 8);
   const TriangularFactor all = blocks.weighted(Eigen::Vector2d(1.0, 0.25));
   EXPECT_LT((all.information() - 4.0 * (W.transpose() * W)).norm(), 1e-9 * W.squaredNorm());
+  const std::vector<TriangularFactor> joints = blocks.joints();
+  ASSERT_EQ(joints.size(), 2U);
+  for (int j = 0; j < 2; ++j) {
+    const TriangularFactor& joint = joints[static_cast<std::size_t>(j)];
+    EXPECT_EQ(joint.rows(), blocks.rows_of(j));
+    EXPECT_EQ(joint.rows(), 2 * rows);
+    EXPECT_LT((joint.information() - 2.0 * (1.0 + j) * (1.0 + j) * (W.transpose() * W)).norm(), 1e-9 * W.squaredNorm());
+  }
   for (int b = 1; b < blocks.num_blocks(); ++b) {
     EXPECT_GT(blocks.key(b), blocks.key(b - 1));
   }

@@ -46,6 +46,10 @@ class TriangularFactor {
   long rows_{0};
 };
 
+/// Rows of all joints, those of joint j times weights[j].
+/// @param joints  n, of as many columns
+TriangularFactor weighted(const std::vector<TriangularFactor>& joints, const Eigen::VectorXd& weights);
+
 /// One factor for each joint and each block of time. Memory is bounded: when there would be more than
 /// `max_blocks`, neighbours are merged and the blocks become twice as long, then whole logs, then several logs
 /// together (BlockPartition).
@@ -82,6 +86,8 @@ class BlockFactors {
   }
   /// All rows of a joint.
   TriangularFactor joint(int joint) const;
+  std::vector<TriangularFactor> joints() const;  ///< n
+  long rows_of(int joint) const;                 ///< number of them, of a joint
   /// All rows, those of joint j times weights[j].
   TriangularFactor weighted(const Eigen::VectorXd& weights) const;
   /// The same without the blocks for which `leave_out` is true.

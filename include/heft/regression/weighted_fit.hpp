@@ -34,7 +34,8 @@ inline constexpr double kRidgeFromCondition = 1000.0;
 Solution solve(const regression::TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from);
 
 /// n: scatter of every joint's residual; degrees of freedom are shared among joints by their rows.
-Eigen::VectorXd noise_of(const regression::BlockFactors& factors, const Eigen::VectorXd& beta);
+/// @param joints  n: the rows of each
+Eigen::VectorXd noise_of(const std::vector<TriangularFactor>& joints, const Eigen::VectorXd& beta);
 
 /// n: 1/σ². A residual of nothing but rounding must not make a weight of infinity.
 Eigen::VectorXd weights_of(const Eigen::VectorXd& noise);
