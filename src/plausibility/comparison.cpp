@@ -5,8 +5,10 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <utility>
 
+#include "heft/host/parallel.hpp"
 #include "heft/model/dynamics.hpp"
 
 namespace heft::plausibility {
@@ -34,10 +36,12 @@ std::vector<JointMoments> moments_of(const model::Robot& robot, const Samples& s
                                             samples.qdd.row(i).transpose()));
   }
   const VectorXd deviations = prior_deviations(robot);
+  std::vector<std::optional<JointMoments>> joints(robot.joints.size());
+  host::for_each_parallel(joints.size(), [&](std::size_t j) {
+    joints[j].emplace(robot, static_cast<int>(j), regressors, deviations, samples);
+  });
   std::vector<JointMoments> moments;
-  for (int j = 0; j < robot.num_joints(); ++j) {
-    moments.emplace_back(robot, j, regressors, deviations, samples);
-  }
+  for (std::optional<JointMoments>& joint : joints) moments.push_back(std::move(*joint));
   return moments;
 }
 
@@ -144,11 +148,14 @@ std::vector<Hypothesis> Comparison::zeros() const {
   for (int j = 0; j < num_joints(); ++j) {
     if (robot_.joints[static_cast<std::size_t>(j)].joint.type == JointType::kPrismatic) continue;
     for (const double turn : {kQuarterTurn, -kQuarterTurn, 2.0 * kQuarterTurn}) {
-      Samples turned = samples_;
-      turned.q.col(j).array() += turn;
-      list.push_back({Contradiction::kZero, j, -1, turn, {}, gain_of(moments_of(robot_, turned))});
+      list.push_back({Contradiction::kZero, j, -1, turn, {}, 0.0});
     }
   }
+  host::for_each_parallel(list.size(), [&](std::size_t k) {
+    Samples turned = samples_;
+    turned.q.col(list[k].joint).array() += list[k].value;
+    list[k].gain = gain_of(moments_of(robot_, turned));
+  });
   return list;
 }
 
