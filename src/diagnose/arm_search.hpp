@@ -9,6 +9,7 @@
 #include "candidates.hpp"
 #include "heft/core/effects/arm_effects.hpp"
 #include "heft/diagnose/diagnose.hpp"
+#include "heft/host/parallel.hpp"
 
 namespace heft::diagnose {
 
@@ -68,19 +69,22 @@ Trial judge(const Workbench& bench, const Candidate& candidate, double least = 0
 
 /// Takes the best of several shapes where it is better than what there is.
 /// @param write  (joint, from, values): puts in some rows of a joint's columns, one a shape
+/// @return gain of each
 template <typename Shapes, typename Write>
-void take_best(const Workbench& bench, const Shapes& shapes, const Write& write,
-               typename Shapes::value_type& best, double& best_gain) {
-  std::vector<WideMoments> joints;
-  for (int j = 0; j < bench.table->num_joints; ++j) {
-    joints.push_back(bench.problem->wide_moments(
+std::vector<double> take_best(const Workbench& bench, const Shapes& shapes, const Write& write,
+                              typename Shapes::value_type& best, double& best_gain) {
+  std::vector<WideMoments> joints(static_cast<std::size_t>(bench.table->num_joints));
+  host::for_each_parallel(joints.size(), [&](std::size_t s) {
+    const auto j = static_cast<int>(s);
+    joints[s] = bench.problem->wide_moments(
         j, static_cast<Eigen::Index>(shapes.size()), 1,
-        [&](Eigen::Index from, Eigen::Ref<Eigen::MatrixXd> values) { write(j, from, values); }));
-  }
-  const std::vector<double> gains = bench.problem->gains(joints);
+        [&](Eigen::Index from, Eigen::Ref<Eigen::MatrixXd> values) { write(j, from, values); });
+  });
+  std::vector<double> gains = bench.problem->gains(joints);
   for (std::size_t i = 0; i < gains.size(); ++i) {
     if (gains[i] > best_gain) best_gain = gains[i], best = shapes[i];
   }
+  return gains;
 }
 
 }  // namespace heft::diagnose

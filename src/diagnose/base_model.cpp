@@ -93,8 +93,9 @@ void BaseModel::put_motor_columns(const Motion& motion, std::size_t j, Index fir
 
 MatrixXd BaseModel::torque(const BaseRows& rows, const VectorXd& beta, Index begin, Index count) const {
   MatrixXd tau(count, num_joints());
-  for (std::size_t j = 0; j < rows.size(); ++j)
+  host::for_each_parallel(rows.size(), [&](std::size_t j) {
     tau.col(static_cast<Index>(j)) = rows[j].middleRows(begin, count) * beta(places_[j]);
+  });
   return tau;
 }
 

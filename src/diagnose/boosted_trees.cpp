@@ -26,16 +26,22 @@ struct Tree {
   std::array<Question, kLeaves - 1> questions{};
   std::array<double, kLeaves> values{};
 
-  int next(int node, const BinnedFeatures& features, Index row) const {
-    const Question& q = questions[static_cast<std::size_t>(node)];
-    const bool right = q.feature >= 0 && features.column(q.feature)[row] > q.step;
-    return 2 * node + (right ? 2 : 1);
+  /// Takes all rows one level down, from the nodes of that level.
+  /// @param place  node that each row has come to
+  void descend(const BinnedFeatures& features, int level, std::vector<std::uint8_t>& place) const {
+    for (int node = (1 << level) - 1; node < (2 << level) - 1; ++node) {
+      const Question& q = questions[static_cast<std::size_t>(node)];
+      const std::uint8_t* const steps = features.column(std::max<Index>(q.feature, 0)).data();
+      const auto here = static_cast<std::uint8_t>(node), left = static_cast<std::uint8_t>(2 * node + 1);
+      const auto last = static_cast<std::uint8_t>(q.feature >= 0 ? q.step : BinnedFeatures::kSteps);
+      for (std::size_t row = 0; row < place.size(); ++row) {
+        const auto below = static_cast<std::uint8_t>(left + (steps[row] > last ? 1 : 0));
+        place[row] = place[row] == here ? below : place[row];
+      }
+    }
   }
-  double operator()(const BinnedFeatures& features, Index row) const {
-    int node = 0;
-    for (int level = 0; level < kDepth; ++level) node = next(node, features, row);
-    return values[static_cast<std::size_t>(node - (kLeaves - 1))];
-  }
+  /// @param place  after the last level
+  double value(std::uint8_t place) const { return values[place - std::size_t{kLeaves - 1}]; }
 };
 
 struct Cell {
@@ -43,7 +49,6 @@ struct Cell {
   Pair sum_and_count{0.0, 0.0};
   double sum() const { return sum_and_count[0]; }
   double count() const { return sum_and_count[1]; }
-  double explained() const { return sum() * sum() / count(); }
   void add(double target) { sum_and_count += Pair{target, 1.0}; }
 };
 
@@ -51,7 +56,6 @@ struct Cell {
 struct Sample {
   std::vector<Index> rows;
   std::vector<double> target;
-  std::vector<int> place;  ///< node that each has come to
 };
 
 /// Sums of the target by node and step, of a few quantities: a cell waits for the last row that came to it, so that several of
@@ -61,16 +65,17 @@ class Histograms {
   static constexpr std::size_t kTogether = 4;
 
   /// @param asked  kTogether at most
-  void fill(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample, int first_node) {
+  void fill(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample,
+            const std::vector<std::uint8_t>& place, int first_node) {
     cells_.assign(asked.size() * kCells, {});
     std::array<const std::uint8_t*, kTogether> steps{};
     for (std::size_t f = 0; f < asked.size(); ++f) steps[f] = features.column(asked[f]).data();
     const auto add = [&]<std::size_t kCount>() {
       for (std::size_t k = 0; k < sample.rows.size(); ++k) {
-        Cell* const of_node = &cells_[static_cast<std::size_t>(sample.place[k] - first_node) * BinnedFeatures::kSteps];
-        for (std::size_t f = 0; f < kCount; ++f) {
-          of_node[f * kCells + steps[f][sample.rows[k]]].add(sample.target[k]);
-        }
+        const Index row = sample.rows[k];
+        Cell* const of_node =
+            &cells_[static_cast<std::size_t>(place[static_cast<std::size_t>(row)] - first_node) * BinnedFeatures::kSteps];
+        for (std::size_t f = 0; f < kCount; ++f) of_node[f * kCells + steps[f][row]].add(sample.target[k]);
       }
     };
     switch (asked.size()) {
@@ -80,8 +85,9 @@ class Histograms {
       default: add.template operator()<kTogether>();
     }
   }
-  const Cell& at(std::size_t quantity, int node, int step) const {
-    return cells_[quantity * kCells + static_cast<std::size_t>(node * BinnedFeatures::kSteps + step)];
+  /// Of all steps in sequence.
+  const Cell* of(std::size_t quantity, int node) const {
+    return &cells_[quantity * kCells + static_cast<std::size_t>(node * BinnedFeatures::kSteps)];
   }
 
  private:
@@ -89,49 +95,72 @@ class Histograms {
   std::vector<Cell> cells_;
 };
 
+/// How much a node's division at each step lowers the squared error.
+class Divisions {
+ public:
+  /// @param cells  of all steps
+  explicit Divisions(const Cell* cells) {
+    Cell left;
+    for (std::size_t s = 0; s < kSteps; ++s) {
+      left.sum_and_count += cells[s].sum_and_count;
+      sum_[s] = left.sum();
+      count_[s] = left.count();
+    }
+    const double all = sum_.back() * sum_.back() / count_.back();
+    // Where a side is empty it is no number, which nobody asks for.
+    for (std::size_t s = 0; s + 1 < kSteps; ++s) {
+      const double right = sum_.back() - sum_[s], right_count = count_.back() - count_[s];
+      gain_[s] = sum_[s] * sum_[s] / count_[s] + right * right / right_count - all;
+    }
+  }
+
+  /// Takes the place of a question that lowers it less.
+  /// @param least  rows on each side
+  void ask(Index feature, double least, Tree::Question& question) const {
+    for (std::size_t s = 0; s + 1 < kSteps; ++s) {
+      if (count_[s] < least || count_.back() - count_[s] < least) continue;
+      if (gain_[s] > question.gain) question = {feature, static_cast<int>(s), gain_[s]};
+    }
+  }
+
+ private:
+  static constexpr std::size_t kSteps = BinnedFeatures::kSteps;
+  std::array<double, kSteps> sum_, count_, gain_;  ///< of the rows up to each step
+};
+
 /// The division that lowers the squared error most, of all nodes of one level.
-void divide(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample, int level, double least,
-            Tree& tree) {
+/// @param place  node that each row has come to
+void divide(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample,
+            const std::vector<std::uint8_t>& place, int level, double least, Tree& tree) {
   const int first = (1 << level) - 1, nodes = 1 << level;
   Histograms histograms;
   for (std::size_t from = 0; from < asked.size(); from += Histograms::kTogether) {
     const auto together = asked.subspan(from, std::min(Histograms::kTogether, asked.size() - from));
-    histograms.fill(features, together, sample, first);
+    histograms.fill(features, together, sample, place, first);
     for (std::size_t f = 0; f < together.size(); ++f) {
       for (int node = 0; node < nodes; ++node) {
-        Cell all, left;
-        for (int s = 0; s < BinnedFeatures::kSteps; ++s) {
-          all.sum_and_count += histograms.at(f, node, s).sum_and_count;
-        }
-        for (int s = 0; s + 1 < BinnedFeatures::kSteps; ++s) {
-          left.sum_and_count += histograms.at(f, node, s).sum_and_count;
-          const Cell right{all.sum_and_count - left.sum_and_count};
-          if (left.count() < least || right.count() < least) continue;
-          const double gain = left.explained() + right.explained() - all.explained();
-          Tree::Question& question = tree.questions[static_cast<std::size_t>(first + node)];
-          if (gain > question.gain) question = {together[f], s, gain};
-        }
+        Divisions(histograms.of(f, node)).ask(together[f], least, tree.questions[static_cast<std::size_t>(first + node)]);
       }
     }
   }
 }
 
+/// @param place  gets the leaf of every row
 Tree fitted_tree(const BinnedFeatures& features, const std::vector<Index>& asked, const VectorXd& target,
-                 std::vector<Index> rows, double least) {
+                 std::vector<Index> rows, double least, std::vector<std::uint8_t>& place) {
   Tree tree;
-  Sample sample{std::move(rows), {}, {}};
+  Sample sample{std::move(rows), {}};
   sample.target.reserve(sample.rows.size());
   for (const Index row : sample.rows) sample.target.push_back(target[row]);
-  sample.place.assign(sample.rows.size(), 0);
+  place.assign(static_cast<std::size_t>(features.rows()), 0);
   for (int level = 0; level < kDepth; ++level) {
-    divide(features, asked, sample, level, least, tree);
-    for (std::size_t k = 0; k < sample.rows.size(); ++k)
-      sample.place[k] = tree.next(sample.place[k], features, sample.rows[k]);
+    divide(features, asked, sample, place, level, least, tree);
+    tree.descend(features, level, place);
   }
   std::array<Cell, kLeaves> leaves{};
   for (std::size_t k = 0; k < sample.rows.size(); ++k) {
-    Cell& leaf = leaves[static_cast<std::size_t>(sample.place[k] - (kLeaves - 1))];
-    leaf.add(sample.target[k]);
+    const auto node = place[static_cast<std::size_t>(sample.rows[k])];
+    leaves[node - std::size_t{kLeaves - 1}].add(sample.target[k]);
   }
   for (std::size_t l = 0; l < leaves.size(); ++l)
     tree.values[l] = leaves[l].count() > 0.0 ? leaves[l].sum() / leaves[l].count() : 0.0;
@@ -184,17 +213,18 @@ MatrixXd boosted(const BinnedFeatures& features, const VectorXd& target, const s
   std::iota(asked.begin(), asked.end(), Index{0});
   const double least = std::max(10.0, options.least_rows * options.rows * static_cast<double>(fitted.size()));
   VectorXd left = target, gains = VectorXd::Zero(features.count());
+  std::vector<std::uint8_t> place;
   for (int stage = 0; stage < options.stages; ++stage) {
     stages.col(stage + 1) = stages.col(stage);
     for (int t = 0; t < options.trees / options.stages; ++t) {
       const Tree tree = fitted_tree(features, stage == 0 ? asked : some_of(asked, options.features, random),
-                                    left, some_of(fitted, options.rows, random), least);
+                                    left, some_of(fitted, options.rows, random), least, place);
       for (const Tree::Question& q : tree.questions) {
         if (q.feature >= 0) gains[q.feature] += q.gain;
       }
-      for (const Index row : fitted) left[row] -= options.rate * tree(features, row);
-      for (std::size_t k = 0; k < left_out.size(); ++k)
-        stages(static_cast<Index>(k), stage + 1) += options.rate * tree(features, left_out[k]);
+      const auto value = [&](Index row) { return options.rate * tree.value(place[static_cast<std::size_t>(row)]); };
+      for (const Index row : fitted) left[row] -= value(row);
+      for (std::size_t k = 0; k < left_out.size(); ++k) stages(static_cast<Index>(k), stage + 1) += value(left_out[k]);
     }
     if (stage == 0) asked = best_of(gains, options.most_features);
   }

@@ -10,6 +10,7 @@
 #include "heft/host/decompositions.hpp"
 #include "heft/host/parallel.hpp"
 #include "motion_signals.hpp"
+#include "products.hpp"
 #include "residual_structure.hpp"
 
 namespace heft::diagnose {
@@ -107,7 +108,7 @@ OutOfFold by_terms(const Rows& rows, const std::vector<Fold>& folds, std::vector
   std::vector<VectorXd> right;
   for (const Fold& fold : folds) {
     const MatrixXd of_fold = terms(fold.fitted, Eigen::all);
-    information.emplace_back(of_fold.transpose() * of_fold);
+    information.push_back(gram_of(of_fold));
     right.emplace_back(of_fold.transpose() * rows.residual(fold.fitted));
   }
   for (const double ridge : kRidges) {
@@ -135,12 +136,12 @@ OutOfFold explained_by(const Rows& rows, const BinnedFeatures& features, const s
   const OutOfFold terms = by_terms(rows, folds, whole);
   const BoostingOptions options;
   MatrixXd stages = MatrixXd::Zero(rows.residual.size(), options.stages + 1);
-  for (std::size_t f = 0; f < folds.size(); ++f) {
+  host::for_each_parallel(folds.size(), [&](std::size_t f) {
     const MatrixXd of_fold =
         boosted(features, rows.residual - whole[f], folds[f].fitted, folds[f].left_out, options);
     for (std::size_t k = 0; k < folds[f].left_out.size(); ++k)
       stages.row(folds[f].left_out[k]) = of_fold.row(static_cast<Index>(k));
-  }
+  });
   OutOfFold best = terms;
   for (Index s = 1; s < stages.cols(); ++s) {
     const VectorXd value = terms.value + stages.col(s);
@@ -224,9 +225,12 @@ CeilingEstimate ceiling_of(const model::Robot& robot, const LogResiduals& others
                            const LogResiduals& judged) {
   const MotionTable& table = *judged.table;
   const Picked of_others = picked_rows(*others.table), of_judged = picked_rows(table);
-  const auto other_signals =
-      joint_signals(robot, *others.table, signals_of(robot, *others.table), of_others.rows);
-  const auto judged_signals = joint_signals(robot, table, signals_of(robot, table), of_judged.rows);
+  std::vector<JointSignals> other_signals, judged_signals;
+  host::for_each_parallel(2, [&](std::size_t k) {
+    const MotionTable& of = k == 0 ? *others.table : table;
+    (k == 0 ? other_signals : judged_signals) =
+        joint_signals(robot, of, signals_of(robot, of), k == 0 ? of_others.rows : of_judged.rows);
+  });
   const VectorXd white = white_noise(table, table.keep, judged.after);
   CeilingEstimate estimate;
   estimate.function = MatrixXd::Zero(table.rows(), table.num_joints);

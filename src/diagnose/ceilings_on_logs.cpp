@@ -1,8 +1,6 @@
 #include "ceilings_on_logs.hpp"
 
-#include "causes.hpp"
 #include "ceiling.hpp"
-#include "curves.hpp"
 #include "heft/host/error.hpp"
 
 namespace heft::diagnose {
@@ -25,12 +23,8 @@ std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources) {
 
 }  // namespace
 
-void put_ceilings(const JudgedMotion& fitted, const JudgedMotion& judged, const std::vector<data::Log>& train,
-                  Diagnosis& diagnosis) {
-  diagnosis.ceilings =
-      ceiling_of(diagnosis.after, residuals_of(diagnosis, fitted), residuals_of(diagnosis, judged)).joints;
-  name_causes(train, diagnosis);
-  diagnosis.curves = curves_of(diagnosis, judged.table());
+std::vector<Ceiling> ceilings_of(const Diagnosis& diagnosis, const JudgedMotion& fitted, const JudgedMotion& judged) {
+  return ceiling_of(diagnosis.after, residuals_of(diagnosis, fitted), residuals_of(diagnosis, judged)).joints;
 }
 
 CeilingOnLog ceiling_on(const Diagnosis& diagnosis, const data::LogSet& logs, double band) {

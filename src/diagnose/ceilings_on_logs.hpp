@@ -9,12 +9,10 @@
 
 namespace heft::diagnose {
 
-/// Fills in what a diagnosis says of the residual that is left: Diagnosis::ceilings, the cause of every entry of
-/// Diagnosis::unexplained, and Diagnosis::curves.
-/// @param fitted  the training logs, read as the model that is written reads them
-/// @param judged  the validation logs, read likewise
-/// @param train   the training logs as given
-void put_ceilings(const JudgedMotion& fitted, const JudgedMotion& judged, const std::vector<data::Log>& train,
-                  Diagnosis& diagnosis);
+/// @param diagnosis  gives the models, identified and after
+/// @param fitted     the training logs, read as the model that is written reads them
+/// @param judged     the validation logs, read likewise
+/// @return n
+std::vector<Ceiling> ceilings_of(const Diagnosis& diagnosis, const JudgedMotion& fitted, const JudgedMotion& judged);
 
 }  // namespace heft::diagnose

@@ -1,6 +1,7 @@
 #include "heft/diagnose/diagnose.hpp"
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -8,11 +9,14 @@
 
 #include <fmt/format.h>
 
+#include "causes.hpp"
 #include "ceilings_on_logs.hpp"
+#include "curves.hpp"
 #include "findings.hpp"
 #include "guards.hpp"
 #include "heft/data/sample_times.hpp"
 #include "heft/host/error.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/model/couplings.hpp"
 #include "other_load.hpp"
 #include "refit.hpp"
@@ -196,6 +200,35 @@ void fit_again(const WrittenModel& written, const BaseModel& base, const std::ve
   result.notes.push_back(std::move(again.note));
 }
 
+/// What a diagnosis says of the model that is written: its errors, what it leaves, and whether all logs fit together.
+void say_of_written(const Found& found, const WrittenModel& written, const AsAnyone& as_anyone, const ReadLogs& train_logs,
+                    const ReadLogs& validation_logs, bool fitted_again, Diagnosis& result) {
+  const Start& start = *found.start;
+  Search& search = *found.search;
+  const JudgedMotion& trained = written.is_ordinary() ? *as_anyone.train : *start.train_as_filed;
+  // None of these needs what another one finds. What takes longest comes first.
+  const std::array<std::function<void()>, 4> parts{
+      [&] { result.ceilings = ceilings_of(result, trained, written.judged()); },
+      [&] {
+        fit_again(written, *as_anyone.identified.base, train_logs.as_logged(), trained, validation_logs.as_logged(),
+                  fitted_again, result);
+      },
+      [&] {
+        const Scores scores{result, start.band};
+        scores.put_train({*start.train, *start.train_as_filed, *as_anyone.train}, found.train_before,
+                         written.engine().predicted());
+        scores.put_validate({*start.judged, *start.judged_as_filed, *as_anyone.judged}, found.judged_before);
+      },
+      [&] {
+        search.check_joints();
+        result.not_explained = search.wrong_joints();
+        result.unexplained = unexplained_of(search, written.engine());
+      }};
+  host::for_each_parallel(parts.size(), [&](std::size_t k) { parts[k](); });
+  name_causes(train_logs.placed(), result);
+  result.curves = curves_of(result, written.judged().table());
+}
+
 }  // namespace
 
 Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const DiagnoseOptions& asked) {
@@ -222,10 +255,9 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   });
   const Start& start = *found.start;
   Search& search = *found.search;
-  const JudgedMotion &ordinary_train = *as_anyone.train, &ordinary_judged = *as_anyone.judged;
   Identified& identified = as_anyone.identified;
-  identified.ordinary = &ordinary_judged;
-  const JudgedMotion &fitted = *start.train, &judged = *start.judged;
+  identified.ordinary = &*as_anyone.judged;
+  const JudgedMotion& fitted = *start.train;
   result.notes.insert(result.notes.end(), start.notes.begin(), start.notes.end());
   result.joint_sensor = options.joint_sensor;
   result.joint_cutoffs = start.cutoffs;
@@ -254,19 +286,8 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.after = written.robot();
   result.ordinary_motion = written.is_ordinary();
   result.parameters = written.engine().parameter_record();
-  const Scores scores{result, start.band};
-  scores.put_train({fitted, *start.train_as_filed, ordinary_train}, found.train_before,
-                   written.engine().predicted());
-  scores.put_validate({judged, *start.judged_as_filed, ordinary_judged}, found.judged_before);
-
   search.progress(0.95);
-  const JudgedMotion& trained = written.is_ordinary() ? ordinary_train : *start.train_as_filed;
-  fit_again(written, *identified.base, train_logs.as_logged(), trained, validation_logs.as_logged(), options.refit, result);
-
-  search.check_joints();
-  result.not_explained = search.wrong_joints();
-  result.unexplained = unexplained_of(search, written.engine());
-  put_ceilings(trained, written.judged(), train, result);
+  say_of_written(found, written, as_anyone, train_logs, validation_logs, options.refit, result);
   result.refusals = search.refusals(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();

@@ -6,6 +6,7 @@
 
 #include "candidates.hpp"
 #include "heft/core/effects/arm_effects.hpp"
+#include "peak.hpp"
 #include "rules.hpp"
 
 namespace heft::diagnose {
@@ -25,8 +26,8 @@ concept MayBeBetweenWhole = requires {
   Effect::kBetweenWhole;
 };
 
-/// Golden-section steps between two shapes of the grid.
-constexpr int kRefinements = 8;
+/// Places that are looked at between two shapes of the grid, at first and with those around the best.
+constexpr int kPlaces = 7, kRefinements = kPlaces + 3;
 
 /// Writes the columns of one effect at one shape, some rows after the other.
 template <typename Effect>
@@ -341,25 +342,23 @@ class ShapeSearch {
     next.col(1) = last.col(1).array() * cosine - last.col(0).array() * sine;
   }
 
-  /// Golden section between two shapes, in the logarithm.
+  /// The best between two shapes, in the logarithm.
   double refine(double low, double high) const {
-    constexpr double kGolden = 0.6180339887498949;
-    double a = std::log(low), b = std::log(high);
-    const auto gain = [&](double x) { return gains_of({std::exp(x)})[0]; };
-    double x1 = b - kGolden * (b - a), x2 = a + kGolden * (b - a);
-    double f1 = gain(x1), f2 = gain(x2);
-    for (int k = 0; k < kRefinements; ++k) {
-      if (f1 > f2) {
-        b = x2, x2 = x1, f2 = f1;
-        x1 = b - kGolden * (b - a);
-        f1 = gain(x1);
-      } else {
-        a = x1, x1 = x2, f1 = f2;
-        x2 = a + kGolden * (b - a);
-        f2 = gain(x2);
+    const double from = std::log(low), width = std::log(high) - from;
+    Peak peak;
+    const auto look_at = [&](double first, double step, int count) {
+      std::vector<double> places, shapes;
+      for (int k = 0; k < count; ++k) {
+        places.push_back(std::clamp(first + k * step, from, from + width));
+        shapes.push_back(std::exp(places.back()));
       }
-    }
-    return std::exp(0.5 * (a + b));
+      const std::vector<double> gains = gains_of(shapes);
+      for (std::size_t k = 0; k < places.size(); ++k) peak.add(places[k], gains[k]);
+    };
+    look_at(from, width / (kPlaces - 1), kPlaces);
+    const double step = width / (4 * (kPlaces - 1));
+    look_at(peak.vertex() - step, step, 3);
+    return std::exp(peak.vertex());
   }
 
   const Workbench& bench_;

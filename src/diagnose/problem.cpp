@@ -172,7 +172,7 @@ void Problem::append_to_joint(int joint, std::span<const Columns> list, const st
         values->array().colwise() * keep_->col(joint).array();
     for (int c = 0; c < values->cols(); ++c) places.push_back(first + c);
   }
-  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+  host::for_each_parallel(table_->blocks.size(), [&](std::size_t b) {
     const Block& block = table_->blocks[b];
     const auto Cb = C.middleRows(block.begin, block.count);
     const MatrixXd& narrow = *moments_[b][j];
@@ -186,7 +186,7 @@ void Problem::append_to_joint(int joint, std::span<const Columns> list, const st
     M.row(p + k).head(p + k) = M.col(p + k).head(p + k).transpose();
     M(p + k, p + k) = narrow(p, p);
     moments_[b][j] = std::make_shared<const MatrixXd>(std::move(M));
-  }
+  });
   const Index had = own_[j].cols();
   own_[j].conservativeResize(Eigen::NoChange, had + k);
   own_[j].rightCols(k) = C;
@@ -206,7 +206,7 @@ void Problem::replace(int joint, int column, const VectorXd& values) {
     own_at_[j].push_back(at);
   }
   own_[j].col(known) = values.cwiseProduct(keep_->col(joint));
-  for (std::size_t b = 0; b < table_->blocks.size(); ++b) {
+  host::for_each_parallel(table_->blocks.size(), [&](std::size_t b) {
     const Block& block = table_->blocks[b];
     const auto Cb = own_[j].col(known).segment(block.begin, block.count);
     MatrixXd M = *moments_[b][j];
@@ -214,7 +214,7 @@ void Problem::replace(int joint, int column, const VectorXd& values) {
     M(p, at) = Cb.dot(tau_.col(joint).segment(block.begin, block.count));
     M.row(at) = M.col(at).transpose();
     moments_[b][j] = std::make_shared<const MatrixXd>(std::move(M));
-  }
+  });
   summed_[j] = false;
 }
 
@@ -292,7 +292,9 @@ VectorXd Problem::residual_of(int joint, const VectorXd& all) const {
 
 MatrixXd Problem::residual() const {
   MatrixXd result(tau_.rows(), tau_.cols());
-  for (int joint = 0; joint < num_joints(); ++joint) result.col(joint) = residual_of(joint, theta_);
+  host::for_each_parallel(places_.size(), [&](std::size_t joint) {
+    result.col(static_cast<Index>(joint)) = residual_of(static_cast<int>(joint), theta_);
+  });
   return result;
 }
 

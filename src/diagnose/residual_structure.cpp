@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "heft/host/parallel.hpp"
 #include "heft/statistics/spectrum.hpp"
 
 namespace heft::diagnose {
@@ -118,7 +119,8 @@ Structure slow_drift(const MotionTable& table, const VectorXd& keep, const Vecto
 VectorXd white_noise(const MotionTable& table, const MatrixXd& keep, const MatrixXd& residual) {
   const Index n = residual.cols();
   VectorXd noise = VectorXd::Zero(n);
-  for (Index j = 0; j < n; ++j) {
+  host::for_each_parallel(static_cast<std::size_t>(n), [&](std::size_t joint) {
+    const auto j = static_cast<Index>(joint);
     std::vector<double> squares;
     for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
       for (Index i = table.run_begin[r] + 3; i < table.run_begin[r + 1]; ++i) {
@@ -129,11 +131,11 @@ VectorXd white_noise(const MotionTable& table, const MatrixXd& keep, const Matri
         squares.push_back(d * d / 20.0);
       }
     }
-    if (squares.size() < 30) continue;
+    if (squares.size() < 30) return;
     double sum = 0.0;
     for (const double s : squares) sum += s;
     noise[j] = std::sqrt(sum / static_cast<double>(squares.size()));
-  }
+  });
   return noise;
 }
 

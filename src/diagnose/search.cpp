@@ -271,14 +271,13 @@ bool Search::find_motors() {
 /// @return whether there are any that were judged before another effect was taken
 bool Search::judge_simpler_again(std::vector<Candidate>& pool, const Candidate& best) const {
   const int joint = best.joint, parameters = parameters_of(best);
-  bool any = false;
+  std::vector<Candidate*> again;
   for (Candidate& c : pool) {
-    if (!c.stale || c.joint != joint || parameters_of(c) >= parameters) continue;
-    engine().judge_again(c);
-    any = true;
+    if (c.stale && c.joint == joint && parameters_of(c) < parameters) again.push_back(&c);
   }
-  if (any) sort_by_gain(pool);
-  return any;
+  host::for_each_parallel(again.size(), [&](std::size_t k) { engine().judge_again(*again[k]); });
+  if (!again.empty()) sort_by_gain(pool);
+  return !again.empty();
 }
 
 void Search::take_springs_of(const Search& other) {

@@ -75,6 +75,7 @@ class Cutoffs {
         start_(start),
         base_(std::make_shared<const BaseModel>(start.robot, searched_structure())) {}
 
+  /// One for all joints.
   void choose() {
     double from_motion = 0.0, bandwidth = 0.0;
     for (const data::MotionStream& stream : streams_of(train_, {})) {
@@ -90,10 +91,13 @@ class Cutoffs {
       choose_for_all(from_motion);
     }
     start_.cutoffs.setConstant(start_.robot.num_joints(), start_.cutoff);
-    const JudgedMotion& motion = at(start_.cutoff);
-    start_.train_as_filed = std::make_shared<const JudgedMotion>(motion);
+    start_.train_as_filed = std::make_shared<const JudgedMotion>(at(start_.cutoff));
     start_.train = start_.train_as_filed;
-    if (!(options_.cutoff > 0.0) && start_.cutoff > 0.0) raise_for_each(motion);
+  }
+
+  /// A higher one for joints that may have it, unless one was asked for, and the fit of the rows behind them.
+  void raise() {
+    if (!(options_.cutoff > 0.0) && start_.cutoff > 0.0) raise_for_each(*start_.train_as_filed);
     // What chose the cut-off has fitted these rows already, unless joints were raised.
     if (start_.engine == nullptr || &start_.engine->table() != &start_.train->table())
       start_.engine = std::make_unique<Engine>(base_, start_.train->shared_table(), start_.pairs);
@@ -208,8 +212,14 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
         fmt::join(taken_out, ", ")));
   }
   refuse_too_few_parameters(start.robot, train);
-  Cutoffs(train, options, least_cutoff, beside, start).choose();
-  start.judged_as_filed = std::make_shared<const JudgedMotion>(start.robot, validate, Reading{start.cutoff});
+  Cutoffs cutoffs(train, options, least_cutoff, beside, start);
+  cutoffs.choose();
+  const double common = start.cutoff;
+  const auto read_judged = [&](double cutoff) {
+    start.judged_as_filed = std::make_shared<const JudgedMotion>(start.robot, validate, Reading{cutoff});
+  };
+  host::for_each_parallel(2, [&](std::size_t k) { k == 0 ? cutoffs.raise() : read_judged(common); });
+  if (start.cutoff != common) read_judged(start.cutoff);  // all joints were raised
   start.judged = start.one_cutoff()
                      ? start.judged_as_filed
                      : std::make_shared<const JudgedMotion>(motion_of(start.robot, validate, start.cutoffs));

@@ -16,6 +16,7 @@
 #include "heft/host/decompositions.hpp"
 #include "moments.hpp"
 #include "motion_table.hpp"
+#include "peak.hpp"
 #include "problem.hpp"
 #include "products.hpp"
 #include "residual_structure.hpp"
@@ -434,6 +435,39 @@ TEST(Evidence, HoldsWhileThePredictedTorqueChangesByLessThanAFiftiethOfTheResidu
   EXPECT_TRUE(changed(0.021, problem.counted()));
   EXPECT_TRUE(changed(0.0, problem.counted().array() - 1.0));  // other rows count
   EXPECT_FALSE(hardly_changed(problem, before, {before.predicted, before.counted, false, true}, 0));
+}
+
+TEST(Peak, OfAParabolaIsItsVertexWhereverItWasLookedAt) {
+  const auto parabola = [](double x) { return 4.0 - 3.0 * (x - 0.7) * (x - 0.7); };
+  for (const double right : {1.1, 1.5, 5.0}) {
+    Peak peak;
+    for (const double x : {right, -1.0, 0.4}) peak.add(x, parabola(x));
+    EXPECT_NEAR(peak.vertex(), 0.7, 1e-12);
+  }
+}
+
+TEST(Peak, OfASmoothCurveIsFoundByTwoLooksToAThousandthOfTheInterval) {
+  // Skewed as a gain over the logarithm of a frequency is.
+  const auto curve = [](double x) { return std::exp(x) / std::pow(1.0 + std::exp(2.0 * (x - 0.3)), 2.0); };
+  const double truth = 0.3 - 0.5 * std::log(3.0);  // e^x (1 + u - 4 u) = 0, u = e^(2 (x - 0.3))
+  Peak peak;
+  const double width = 1.0, step = width / 6.0;
+  for (int k = 0; k < 7; ++k) peak.add(-0.6 + k * step, curve(-0.6 + k * step));
+  const double first = peak.vertex();
+  for (const double x : {first - step / 4.0, first, first + step / 4.0}) peak.add(x, curve(x));
+  EXPECT_NEAR(peak.vertex(), truth, 1e-3 * width);
+}
+
+TEST(Peak, IsTheBestPlaceItselfAtTheEndAndWhereAllAreAlike) {
+  Peak rising;
+  for (const double x : {1.0, 2.0, 3.0}) rising.add(x, x * x);
+  EXPECT_EQ(rising.vertex(), 3.0);
+  Peak flat;
+  for (const double x : {2.0, 1.0, 3.0}) flat.add(x, 0.0);
+  EXPECT_EQ(flat.vertex(), 2.0);
+  Peak once;
+  once.add(2.0, -1.0);
+  EXPECT_EQ(once.vertex(), 2.0);
 }
 
 TEST(Problem, ChanceIsCalledChance) {

@@ -9,6 +9,7 @@
 
 #include "../arm_search.hpp"
 #include "../deflection.hpp"
+#include "../peak.hpp"
 #include "heft/host/parallel.hpp"
 #include "heft/model/batch_dynamics.hpp"
 
@@ -162,7 +163,8 @@ class SpringSearch {
   }
 
   /// Takes the best of several where it is better than what there is.
-  void take_best_of(const std::vector<Swings>& several, Found& found) const {
+  /// @return gain of each
+  std::vector<double> take_best_of(const std::vector<Swings>& several, Found& found) const {
     const auto tried = static_cast<Index>(several.size());
     MatrixXd all(bench_.table->rows(), count() * tried);
     for (Index s = 0; s < tried; ++s)
@@ -176,28 +178,33 @@ class SpringSearch {
         }
       }
     };
-    take_best(bench_, several, write, found.swings, found.gain);
     found.tried += static_cast<int>(tried);
+    return take_best(bench_, several, write, found.swings, found.gain);
   }
 
   /// @param to  the highest frequency [Hz]
   void search_one(double to, Found& found) const {
     constexpr int kSteps = 14;
-    double width = std::pow(kTo / kFrom, 1.0 / (kSteps - 1));
-    std::vector<Swings> several;
-    for (double hz = kFrom; hz < 1.0001 * to; hz *= width) several.push_back({Swing{hz}});
-    const std::size_t tried = several.size();
-    take_best_of(several, found);
+    const double width = std::log(kTo / kFrom) / (kSteps - 1);
+    Peak peak;  // by the logarithm of the frequency
+    const auto look_at = [&](const std::vector<double>& places) {
+      std::vector<Swings> several;
+      for (const double x : places) several.push_back({Swing{std::exp(x)}});
+      const std::vector<double> gains = take_best_of(several, found);
+      for (std::size_t k = 0; k < places.size(); ++k) peak.add(places[k], gains[k]);
+    };
+    std::vector<double> grid;
+    for (double x = std::log(kFrom); x < std::log(to) + 1e-4; x += width) grid.push_back(x);
+    look_at(grid);
     if (!(found.gain > 0.0)) return;
     found.of_use = is_of_use(found.gain);
     if (!found.of_use) return;
-    for (int pass = 0; pass < 5; ++pass) {
-      width = std::sqrt(width);
-      const double hz = found.swings[0].hz;
-      take_best_of({{Swing{hz / width}}, {Swing{hz * width}}}, found);
-    }
-    find_damping(found);
-    found.tried = static_cast<int>(tried);  // what is found near the best is no new chance
+    double x = peak.best(), step = width / 3.0;
+    look_at({x - 2.0 * step, x - step, x + step, x + 2.0 * step});
+    x = peak.vertex(), step /= 4.0;
+    look_at({x - step, x, x + step});
+    find_damping({std::exp(peak.vertex())}, found);
+    found.tried = static_cast<int>(grid.size());  // what is found near the best is no new chance
   }
 
   /// @param near  of the first joint alone, which gives more than it does together with the other one
@@ -221,14 +228,14 @@ class SpringSearch {
       }
       take_best_of(several, found);
     }
-    find_damping(found);
+    find_damping({found.swings[0].hz, found.swings[1].hz}, found);
     found.tried = tried;
   }
 
-  void find_damping(Found& found) const {
+  /// @param hz  of the joints
+  void find_damping(const std::array<double, 2>& hz, Found& found) const {
     std::vector<Swings> several;
-    for (const double ratio : {0.005, 0.01, 0.04, 0.08})
-      several.push_back({Swing{found.swings[0].hz, ratio}, Swing{found.swings[1].hz, ratio}});
+    for (const double ratio : {0.005, 0.01, Swing{}.ratio, 0.04, 0.08}) several.push_back({Swing{hz[0], ratio}, Swing{hz[1], ratio}});
     take_best_of(several, found);
   }
 
