@@ -564,14 +564,12 @@ void Search::take_out(std::size_t effect, const std::string& why) {
   trace("without " + name_of(own), start_.judged->predicted(engine().robot()));
 }
 
-void Search::take_rotor_and_offset(int joint) {
+void Search::take_rotor_and_offset(int joint, const Identified& identified) {
   while (true) {
     std::vector<Candidate> pool = propose(engine(), {joint});
     const VectorXd noise = engine().noise_floor();
     const Rules::Round now{std::max(tried_, tried_of(pool)), noise, engine().accepted};
-    std::erase_if(pool, [&](const Candidate& c) {
-      return c.joint != joint || !(c.effect.is<RotorInertia>() || c.effect.is<Offset>());
-    });
+    std::erase_if(pool, [&](const Candidate& c) { return c.joint != joint || identified.own_column(c) < 0; });
     const Candidate* best = best_of(pool, now);
     if (best == nullptr) return;
     take(Candidate(*best));

@@ -298,11 +298,11 @@ void reject_needless(Search& search, const Identified& identified) {
     const int joint = accepted[(*least)->effect].joint;
     search.take_out((*least)->effect,
                     "rotor inertia and offsets, which the identified model has anyway, explain it as well");
-    if (joint >= 0) search.take_rotor_and_offset(joint);
+    if (joint >= 0) search.take_rotor_and_offset(joint, identified);
   }
 }
 
-void reject_impossible_springs(Search& search) {
+void reject_impossible_springs(Search& search, const Identified& identified) {
   /// Least part of critical damping that the intervals of an elastic joint allow.
   const auto least_damping = [](const Engine& engine, std::size_t e, const std::vector<Replica>& replicas) {
     const Candidate& own = engine.accepted[e];
@@ -323,7 +323,7 @@ void reject_impossible_springs(Search& search) {
       if (!(damping > kMostDamped)) continue;
       const int joint = engine.accepted[e].joint;
       search.take_out(e, fmt::format("its damping would be {:.2f} of the critical one or more, which no gear has", damping));
-      search.take_rotor_and_offset(joint);
+      search.take_rotor_and_offset(joint, identified);
       again = true;
     }
   }

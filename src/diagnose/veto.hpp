@@ -11,7 +11,7 @@ namespace heft::diagnose {
 
 /// Takes out springs whose intervals of stiffness and damping allow only what no gear has: a motor's inertia, or the joint's
 /// friction, that is off looks like one.
-void reject_impossible_springs(Search& search);
+void reject_impossible_springs(Search& search, const Identified& identified);
 
 /// Takes out effects that raise the error on a validation log, or gives them another form that does not.
 /// @param base  prediction of the fit without effects on the validation logs
