@@ -140,7 +140,7 @@ VectorXd BaseModel::identified(const std::vector<data::Log>& logs) const {
 
 VectorXd BaseModel::identified(regression::BlockFactors rows) const {
   const VectorXd prior = base_.regrouping * columns_.values(columns_.robot());
-  regression::WeightedFit fit{std::move(rows), VectorXd::Ones(num_joints()), {}};
+  regression::WeightedFit fit(std::move(rows));
   regression::weigh_joints(prior, regression::kRidgeFromCondition, true, fit);
   return fit.solution.beta;
 }

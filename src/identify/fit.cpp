@@ -96,10 +96,10 @@ void refuse_arm_at_rest(const regression::RegressionColumns& columns, const std:
 }
 
 /// Counts samples and rows. @throws DataError, NotIdentifiableError when there are too few
-void count_rows(const Task& task, const regression::BlockFactors& factors, Fit& result) {
+void count_rows(const Task& task, const WeightedFit& fit, Fit& result) {
   const int n = task.num_joints(), b = task.base.count();
   result.rows = Eigen::VectorXi::Zero(n);
-  for (int j = 0; j < n; ++j) result.rows[j] = static_cast<int>(factors.rows_of(j));
+  for (int j = 0; j < n; ++j) result.rows[j] = static_cast<int>(fit.joints[static_cast<std::size_t>(j)].rows());
   for (const data::StreamSummary& log : task.summaries) result.samples += log.samples;
   if (result.samples < b) {
     throw DataError(fmt::format(
@@ -123,9 +123,8 @@ void reweight_outliers(const Task& task, WeightedFit& fit, Fit& result) {
     return regression::solve(data, task.prior, task.options.ridge_from_condition).beta;
   };
   RobustFit robust = fit_robust(task.columns, task.base, task.logs, task.options.observation,
-                                fit.solution.beta, regression::noise_of(fit.factors.joints(), fit.solution.beta),
-                                options, [&](double done) { task.report(0.4 + 0.2 * done); });
-  fit.factors = std::move(robust.factors);
+                                fit.solution.beta, fit.noise(), options, [&](double done) { task.report(0.4 + 0.2 * done); });
+  fit = WeightedFit(std::move(robust.factors));
   fit.weights = regression::weights_of(robust.noise_std);
   fit.solve_for(task.prior, task.options.ridge_from_condition);
   result.noise_std = robust.noise_std;
@@ -147,8 +146,7 @@ TotalLeastSquaresOptions total_options(const Task& task) {
 
 /// Puts the total least squares estimate in the place of the weighted one.
 void allow_for_errors_in_columns(const Task& task, WeightedFit& fit, Fit& result) {
-  const TotalLeastSquaresFit total =
-      total_least_squares(fit.factors.weighted(fit.weights), total_options(task));
+  const TotalLeastSquaresFit total = total_least_squares(fit.rows(), total_options(task));
   if (!total.separated) {
     result.notes.push_back(
         fmt::format("total least squares finds no generic solution: {} directions are left out; do not "
@@ -220,7 +218,7 @@ void put_intervals(const Task& task, const WeightedFit& fit, Fit& result) {
   result.half_width = statistics::interval_factor(result.blocks - 1) * result.std;
   result.condition = fit.solution.condition;
   result.ridge = fit.solution.ridge > 0.0;
-  const Eigen::VectorXd raw = singular_values(fit.factors.weighted(fit.weights).R());
+  const Eigen::VectorXd raw = singular_values(fit.rows().R());
   result.condition_unscaled =
       raw[raw.size() - 1] > 0.0 ? raw[0] / raw[raw.size() - 1] : std::numeric_limits<double>::infinity();
   const double cutoff = task.options.observation.cutoff;
@@ -276,11 +274,11 @@ Eigen::VectorXd with_base(const regression::BaseParameters& base, const Eigen::V
 
 /// Link parameters that give β, and what it costs that they are physically possible.
 /// @param size  p: expected sizes
-void put_link_parameters(const Task& task, const regression::BlockFactors& factors,
-                         const Eigen::VectorXd& size, Fit& result) {
+void put_link_parameters(const Task& task, const WeightedFit& fit, const Eigen::VectorXd& size, Fit& result) {
   if (!task.options.link_parameters && !task.is(Method::kPhysical)) return;
-  const PhysicalFit physical = fit_physical(
-      task.columns, task.base, factors.weighted(regression::weights_of(result.noise_std)), task.prior_x);
+  const PhysicalFit physical =
+      fit_physical(task.columns, task.base,
+                   regression::weighted(fit.joints, regression::weights_of(result.noise_std)), task.prior_x);
   result.repaired_prior = physical.repaired_prior;
   result.at_boundary = physical.at_boundary;
   result.physical_cost_ratio = physical.unconstrained_squared_error > 0.0
@@ -320,15 +318,14 @@ Fit begin(const model::Robot& robot, const FitOptions& options, const regression
 /// The fit of rows that were read once. `correlation` gives the correlation time of the residual [s], n.
 void solve(const Task& task, regression::BlockFactors factors,
            const std::function<Eigen::VectorXd(const Eigen::VectorXd& beta)>& correlation, Fit& result) {
-  WeightedFit weighted{std::move(factors), Eigen::VectorXd::Ones(task.num_joints()), {}};
+  WeightedFit weighted(std::move(factors));
   task.report(0.35);
-  count_rows(task, weighted.factors, result);
+  count_rows(task, weighted, result);
   regression::weigh_joints(task.prior, task.options.ridge_from_condition, !task.is(Method::kOls), weighted);
   task.report(0.4);
   if (task.is(Method::kIrls)) reweight_outliers(task, weighted, result);
   if (task.is(Method::kTls)) allow_for_errors_in_columns(task, weighted, result);
-  if (!task.is(Method::kIrls))
-    result.noise_std = regression::noise_of(weighted.factors.joints(), weighted.solution.beta);
+  if (!task.is(Method::kIrls)) result.noise_std = weighted.noise();
 
   const Independence blocks =
       independent_blocks(task, weighted.factors, correlation(weighted.solution.beta), result.noise_std);
@@ -340,7 +337,7 @@ void solve(const Task& task, regression::BlockFactors factors,
   put_intervals(task, weighted, result);
 
   const Eigen::VectorXd size = expected_sizes(task.columns, task.summaries);
-  put_link_parameters(task, weighted.factors, size, result);
+  put_link_parameters(task, weighted, size, result);
   find_determined(task, weighted.solution.resolution, size, result);
   result.missing = missing_motion(result, resting_joints(task.columns, task.summaries));
   task.report(1.0);

@@ -28,9 +28,7 @@ Sums sums_of_log(const regression::RegressionColumns& columns, const regression:
   LogShare share{log.summary(), key_of(log.summary()), {}, options.torque};
   share.summary.gaps.clear();
   regression::RecordedRows record;
-  regression::WeightedFit own{regression::compressed(columns, base, only, settings.observation, {share.key}, &record),
-                              Eigen::VectorXd::Ones(columns.num_joints()),
-                              {}};
+  regression::WeightedFit own(regression::compressed(columns, base, only, settings.observation, {share.key}, &record));
   regression::weigh_joints(base.regrouping * columns.values(columns.robot()),
                            options.fit.ridge_from_condition, true, own);
   share.correlation_time =

@@ -160,12 +160,6 @@ std::vector<TriangularFactor> BlockFactors::joints() const {
   return all;
 }
 
-long BlockFactors::rows_of(int joint) const {
-  long rows = 0;
-  for (const Block& block : blocks_) rows += block.joints[static_cast<std::size_t>(joint)].rows();
-  return rows;
-}
-
 TriangularFactor BlockFactors::weighted(const Eigen::VectorXd& weights) const {
   return regression::weighted(joints(), weights);
 }

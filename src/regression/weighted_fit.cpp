@@ -89,13 +89,11 @@ Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const Bas
 
 void weigh_joints(const Eigen::VectorXd& prior, double ridge_from, bool weighed, WeightedFit& fit) {
   constexpr int kRounds = 6;
-  const std::vector<TriangularFactor> joints = fit.factors.joints();
-  const auto solve_again = [&] { fit.solution = solve(weighted(joints, fit.weights), prior, ridge_from); };
-  solve_again();
+  fit.solve_for(prior, ridge_from);
   for (int round = 0; round < kRounds && weighed; ++round) {
     const Eigen::VectorXd before = fit.solution.beta;
-    fit.weights = weights_of(noise_of(joints, fit.solution.beta));
-    solve_again();
+    fit.weights = weights_of(fit.noise());
+    fit.solve_for(prior, ridge_from);
     const double moved = fit.solution.scale.cwiseProduct(fit.solution.beta - before).norm();
     if (moved < 1e-6 * fit.solution.scale.cwiseProduct(fit.solution.beta).norm()) break;
   }

@@ -87,7 +87,6 @@ class BlockFactors {
   /// All rows of a joint.
   TriangularFactor joint(int joint) const;
   std::vector<TriangularFactor> joints() const;  ///< n
-  long rows_of(int joint) const;                 ///< number of them, of a joint
   /// All rows, those of joint j times weights[j].
   TriangularFactor weighted(const Eigen::VectorXd& weights) const;
   /// The same without the blocks for which `leave_out` is true.

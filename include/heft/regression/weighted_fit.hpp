@@ -3,6 +3,7 @@
 /// that diagnose measures what it finds against. Derivation: src/identify/fit.md
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -43,13 +44,19 @@ Eigen::VectorXd weights_of(const Eigen::VectorXd& noise);
 /// Rows, the weights of their joints and the estimate that these give.
 struct WeightedFit {
   BlockFactors factors;
-  Eigen::VectorXd weights;  ///< n, 1/σ²
+  std::vector<TriangularFactor> joints;  ///< n: the rows of each joint, merged once
+  Eigen::VectorXd weights;               ///< n, 1/σ²; at first 1
   Solution solution;
 
+  explicit WeightedFit(BlockFactors rows)
+      : factors(std::move(rows)), joints(factors.joints()), weights(Eigen::VectorXd::Ones(factors.num_joints())) {}
+
+  /// All rows with these weights.
+  TriangularFactor rows() const { return weighted(joints, weights); }
+  /// n: scatter of every joint's residual at the estimate.
+  Eigen::VectorXd noise() const { return noise_of(joints, solution.beta); }
   /// The estimate of these rows with these weights.
-  void solve_for(const Eigen::VectorXd& prior, double ridge_from) {
-    solution = solve(factors.weighted(weights), prior, ridge_from);
-  }
+  void solve_for(const Eigen::VectorXd& prior, double ridge_from) { solution = solve(rows(), prior, ridge_from); }
 };
 
 /// Reads the logs once: the triangle of every joint and half second.
