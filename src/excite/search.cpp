@@ -2,14 +2,10 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <cmath>
-#include <exception>
+#include <functional>
 #include <limits>
-#include <mutex>
 #include <numeric>
-#include <optional>
-#include <thread>
 
 #include <ceres/gradient_problem.h>
 #include <ceres/gradient_problem_solver.h>
@@ -132,45 +128,12 @@ void minimise(const ExcitationDesign::Impl& design, Search& search, double barri
   }
 }
 
-/// job(0) .. job(count − 1) on so many threads; `watch` is called meanwhile from the calling one. Parallel work of a job stays on
-/// its thread, but for the last one where the others have none left.
-void in_parallel(int count, int threads, const std::function<void(int)>& job,
-                 const std::function<void()>& watch) {
-  std::atomic<int> next{0}, done{0};
-  std::exception_ptr failure;
-  std::mutex guard;
-  const auto work = [&] {
-    for (int i = next++; i < count; i = next++) {
-      std::optional<host::OnThisThread> alone;
-      if (i + 1 < count || count % threads != 1) alone.emplace();
-      try {
-        job(i);
-      } catch (...) {
-        const std::lock_guard<std::mutex> lock(guard);
-        if (!failure) failure = std::current_exception();
-      }
-      ++done;
-    }
-  };
-  std::vector<std::thread> pool;
-  for (int t = 0; t < std::min(threads, count); ++t) pool.emplace_back(work);
-  while (done < count) {
-    if (watch) watch();
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  for (std::thread& thread : pool) thread.join();
-  if (failure) std::rethrow_exception(failure);
-}
-
 /// Searches from several starts, of which the best are taken to the end.
 class MultiStart {
  public:
   MultiStart(const ExcitationDesign::Impl& design, const std::function<void(double)>& progress)
       : design_(design),
         progress_(progress),
-        threads_(design.options.threads > 0
-                     ? design.options.threads
-                     : static_cast<int>(host::threads())),
         finalists_(std::clamp(design.options.finalists, 1, design.options.starts)),
         searches_(static_cast<std::size_t>(design.options.starts)),
         order_(searches_.size()) {
@@ -179,8 +142,8 @@ class MultiStart {
 
   /// A short search from every start.
   void try_all() {
-    run(design_.options.starts, [&](int i) {
-      Search& search = searches_[static_cast<std::size_t>(i)];
+    run(searches_.size(), [&](std::size_t i) {
+      Search& search = searches_[i];
       const std::uint64_t seed = design_.options.seed + 0x9e3779b97f4a7c15ULL * static_cast<std::uint64_t>(i);
       const ExcitationTrajectory motion = design_.random_motion(seed);
       // Drawn together until the barrier, infinite a little before the limits, has a value.
@@ -195,8 +158,8 @@ class MultiStart {
 
   /// The best ones to the end.
   void finish() {
-    run(finalists_, [&](int i) {
-      Search& search = searches_[static_cast<std::size_t>(order_[static_cast<std::size_t>(i)])];
+    run(static_cast<std::size_t>(finalists_), [&](std::size_t i) {
+      Search& search = searches_[static_cast<std::size_t>(order_[i])];
       if (!search.works) return;
       const int each = std::max(1, design_.options.iterations / static_cast<int>(kBarriers.size()));
       for (const double barrier : kBarriers) minimise(design_, search, barrier, each, step_);
@@ -217,12 +180,12 @@ class MultiStart {
   int first_iterations() const { return std::max(1, 3 * design_.options.iterations / 20); }
 
   /// Runs jobs, shows progress, and puts the searches in order.
-  void run(int count, const std::function<void(int)>& job) {
+  void run(std::size_t count, const std::function<void(std::size_t)>& job) {
     const double expected = static_cast<double>(design_.options.starts) * first_iterations() +
                             static_cast<double>(finalists_) * design_.options.iterations;
-    in_parallel(count, threads_, job, [&] {
-      if (progress_) progress_(std::min(1.0, static_cast<double>(steps_) / expected));
-    });
+    std::function<void(double)> watch;
+    if (progress_) watch = [&](double) { progress_(std::min(1.0, static_cast<double>(steps_) / expected)); };
+    host::for_each_parallel(count, job, watch, static_cast<std::size_t>(std::max(0, design_.options.threads)));
     std::stable_sort(order_.begin(), order_.end(), [&](int a, int b) {
       const Search &A = searches_[static_cast<std::size_t>(a)], &B = searches_[static_cast<std::size_t>(b)];
       if (A.works != B.works) return A.works;
@@ -232,7 +195,6 @@ class MultiStart {
 
   const ExcitationDesign::Impl& design_;
   const std::function<void(double)>& progress_;
-  int threads_;
   int finalists_;
   std::vector<Search> searches_;
   std::vector<int> order_;  ///< best first

@@ -205,6 +205,26 @@ TEST(Parallel, WhatAPartThrowsReachesTheCallerOnceNoThreadIsAtAJob) {
   }
 }
 
+TEST(Parallel, RunsOnAsManyThreadsAsACallAsksForButNotWithinAJob) {
+  const Threads set(1);
+  // Jobs wait until all have begun, as many as there are threads.
+  const auto meet = [](std::size_t count, std::chrono::milliseconds patience, std::size_t most_threads) {
+    std::atomic<std::size_t> begun{0}, met{0};
+    const auto deadline = std::chrono::steady_clock::now() + patience;
+    const auto job = [&](std::size_t) {
+      ++begun;
+      while (begun < count && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+      if (begun == count) ++met;
+    };
+    for_each_parallel(count, job, {}, most_threads);
+    return met == count;
+  };
+  EXPECT_TRUE(meet(3, std::chrono::seconds(20), 3));
+  EXPECT_FALSE(meet(2, std::chrono::milliseconds(50), 0));
+  const OnThisThread alone;
+  EXPECT_FALSE(meet(2, std::chrono::milliseconds(50), 2));
+}
+
 TEST(Parallel, OnThisThreadKeepsPartsOfAJobThere) {
   const Threads set(4);
   std::atomic<int> elsewhere{0};

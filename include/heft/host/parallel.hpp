@@ -88,9 +88,9 @@ class Jobs {
   std::mutex guard_;
 };
 
-/// The threads of one call from outside. Who finds no job left helps with what jobs of others have started, so that none waits
-/// while another one is at a long job; where jobs were fewer than threads allowed, more begin then. Who has started jobs only
-/// waits for those that others have taken up: it never takes up foreign ones meanwhile, so that it may hold a lock which those
+/// The threads of one call from outside. A thread that finds no job left helps with jobs that another one has started from
+/// within its own, so that it is not idle while that one is busy; if there were fewer jobs than threads allowed, more threads
+/// start then. A thread that waits for jobs it has started takes up no others meanwhile, so that it may hold a lock that those
 /// need.
 class Crew {
  public:
@@ -98,9 +98,12 @@ class Crew {
   /// @param most    threads, the calling one among them where it joins in
   Crew(Jobs& jobs, std::size_t most) : jobs_(jobs), most_(most) {}
 
-  void start(std::size_t threads) {
+  /// @return whether one at least is at work: the system may have none left
+  bool start(std::size_t threads) {
     const std::lock_guard<std::mutex> lock(guard_);
-    for (std::size_t t = 0; t < threads; ++t) start_one();
+    for (std::size_t t = 0; t < threads && start_one(); ++t) {
+    }
+    return !pool_.empty();
   }
 
   /// The calling thread is one of them until all have no job left.
@@ -212,13 +215,15 @@ inline std::size_t threads() {
   return asked > 0 ? asked : std::max(1U, std::thread::hardware_concurrency());
 }
 
-/// Calls job(0) .. job(count - 1), each once, on threads() threads. Within such a job, on its thread and on those that have
-/// no other job left.
-/// @param progress  called from the calling thread with the share done, 0..1; may be empty; not within a job
+/// Calls job(0) .. job(count - 1), each once, on threads() threads; when called from within a job, on its thread and on those
+/// that have no job left.
+/// @param progress      called from the calling thread with the share done, 0..1; may be empty. Not called within a job
+/// @param most_threads  in place of threads(); 0: threads(). Within a job it does not count
 /// @throws what the first failing job threw, after all threads have ended
 inline void for_each_parallel(std::size_t count, const std::function<void(std::size_t)>& job,
-                              const std::function<void(double)>& progress = {}) {
-  const std::size_t most = threads(), first = std::min(most, count);
+                              const std::function<void(double)>& progress = {}, std::size_t most_threads = 0) {
+  const bool asked = most_threads > 0 && !detail::part().of_parallel_work;
+  const std::size_t most = asked ? most_threads : threads(), first = std::min(most, count);
   detail::Crew* const within = count > 1 ? detail::part().crew : nullptr;
   if (first < 2 && within == nullptr && !progress) {
     for (std::size_t i = 0; i < count; ++i) job(i);
@@ -231,14 +236,13 @@ inline void for_each_parallel(std::size_t count, const std::function<void(std::s
     return;
   }
   detail::Crew crew(jobs, most);
-  if (progress) {
-    crew.start(first);
+  if (progress && crew.start(first)) {
     while (jobs.share_done() < 1.0 && !jobs.failed()) {
       progress(jobs.share_done());
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
   } else {
-    crew.start(first - 1);
+    crew.start(progress ? 0 : first - 1);
     crew.join_in();
   }
   crew.end();
