@@ -60,9 +60,9 @@ class Search {
   /// Goes on with another model.
   void take_over(std::unique_ptr<Engine> engine);
   void take_out(std::size_t effect, const std::string& why);
-  /// Takes rotor inertia and offset of a joint that nothing speaks against: what stood in their place is out. Only where they are
-  /// columns of the identified model: others, as the offset of a vertical slide that is next to its rotor's inertia, are explained
-  /// by what it has, so that the one who takes them out again would have no end.
+  /// Takes rotor inertia and offset of a joint that nothing speaks against: what stood in their place is out. Only those that are
+  /// columns of the identified model: it explains any other one, such as the offset of a vertical slide, by its masses and
+  /// motors, so that reject_needless() would take it out again, without end.
   void take_rotor_and_offset(int joint, const Identified& identified);
 
   /// Notes why a candidate is no finding, if it explains enough to be worth a word.
