@@ -257,6 +257,9 @@ TEST_P(SeveralEffects, AreAllNamed) {
   EXPECT_FALSE(d.logs_contradict);
 }
 
+// Three pushes, one of them in a motion of three joints, which is too weak to be clear by itself.
+INSTANTIATE_TEST_SUITE_P(Pushes, SeveralEffects, testing::Values(std::tuple{"contact", "scara4", 612}), name_of_several);
+
 INSTANTIATE_TEST_SUITE_P(Pairs, SeveralEffects,
                          testing::Values(std::tuple{"base_tilt+ripple", "scara4", 1},
                                          std::tuple{"hysteresis+delay", "arm6", 1},
