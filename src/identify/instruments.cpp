@@ -1,6 +1,7 @@
 #include "instruments.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -11,15 +12,18 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
-#include "heft/model/acceleration.hpp"
 #include "heft/model/batch_dynamics.hpp"
 #include "heft/model/dynamics.hpp"
 
 namespace heft::identify {
 namespace {
 
+using Eigen::Index;
 using Logs = std::vector<const data::MotionStream*>;
-using Vector = model::Acceleration::Vector;
+
+/// Stretches of a piece that are simulated at once, and so many states, a row each.
+constexpr Index kStretches = 8;
+using States = Eigen::Matrix<double, kStretches, Eigen::Dynamic, Eigen::ColMajor, kStretches, model::kMaxJoints>;
 
 /// The arm that is simulated: rigid bodies, rotors, friction with a sign that is smooth over `width`.
 class SimulatedArm {
@@ -28,7 +32,7 @@ class SimulatedArm {
       : dynamics_(robot),
         batch_(robot),
         drives_(drives_of(robot)),
-        acceleration_(robot, drives_),
+        still_(States::Zero(kStretches, robot.num_joints())),
         width_(Eigen::VectorXd::Constant(robot.num_joints(), 1e-3)) {}
 
   const model::Robot& robot() const { return dynamics_.robot(); }
@@ -36,44 +40,41 @@ class SimulatedArm {
 
   /// Mass matrix with rotors and gear couplings, n × n.
   Eigen::MatrixXd inertia(const Eigen::VectorXd& q) const { return dynamics_.mass_matrix(q) + drives_; }
-  /// The same for many positions, a row of n² numbers each.
-  Eigen::MatrixXd inertias(const Eigen::MatrixXd& q) const {
-    Eigen::MatrixXd all(q.rows(), q.cols() * q.cols());
-    batch_.mass_matrix(q, all);
-    all.rowwise() += drives_.reshaped().transpose();
-    return all;
+  /// H(q) a + g(q).
+  void still_torque(const States& q, const States& a, States& torque) const {
+    batch_.inverse_dynamics(q, still_, a, torque);
+    torque += a * drives_;
   }
-  Eigen::MatrixXd gravities(const Eigen::MatrixXd& q) const { return batch_.gravity_torque(q); }
-  /// Acceleration that a torque gives beyond gravity, velocity products and friction.
-  /// @return false where the inertia is not positive definite
-  bool accelerate(const Vector& q, const Vector& qd, const Vector& torque, Vector& qdd) const {
-    return acceleration_.solve(q, qd, torque - friction(qd), qdd);
+  /// Acceleration that a torque gives beyond gravity and velocity products.
+  /// @throws ModelError where the inertia is not positive definite
+  void accelerate(const States& q, const States& qd, const States& torque, States& qdd) const {
+    batch_.forward_dynamics(q, qd, torque, drives_, qdd);
   }
-  Vector friction(const Vector& qd) const {
-    Vector f(qd.size());
-    for (Eigen::Index j = 0; j < qd.size(); ++j) {
-      f[j] = joint(j).coulomb_friction * smooth_sign(qd[j], width_[j]) + joint(j).viscous_friction * qd[j] +
-             joint(j).friction_offset;
+  States friction(const States& qd) const {
+    States f(kStretches, qd.cols());
+    for (Index j = 0; j < qd.cols(); ++j) {
+      const auto v = qd.col(j).array();
+      f.col(j) = joint(j).coulomb_friction * smooth_sign(v, width_[j]) + joint(j).viscous_friction * v + joint(j).friction_offset;
     }
     for (const GearCoupling<double>& c : robot().couplings) {
-      const double v = shared_motion(c, qd[c.driving], qd[c.driven]);
-      const double torque = c.coulomb_friction * smooth_sign(v, width_[c.driven]) + c.viscous_friction * v;
-      f[c.driven] += torque;
-      f[c.driving] += c.ratio * torque;
+      const Speeds v = qd.col(c.driven) + c.ratio * qd.col(c.driving);
+      const Speeds torque = c.coulomb_friction * smooth_sign(v, width_[c.driven]) + c.viscous_friction * v;
+      f.col(c.driven).array() += torque;
+      f.col(c.driving).array() += c.ratio * torque;
     }
     return f;
   }
 
  private:
-  const JointActuation<double>& joint(Eigen::Index j) const {
-    return robot().joints[static_cast<std::size_t>(j)].actuation;
-  }
-  static double smooth_sign(double v, double width) { return v / std::sqrt(v * v + width * width); }
+  using Speeds = Eigen::Array<double, kStretches, 1>;
+
+  const JointActuation<double>& joint(Index j) const { return robot().joints[static_cast<std::size_t>(j)].actuation; }
+  static Speeds smooth_sign(const Speeds& v, double width) { return v / (v.square() + width * width).sqrt(); }
   /// What rotors and gear couplings add to the mass matrix.
   static Eigen::MatrixXd drives_of(const model::Robot& robot) {
-    const Eigen::Index n = robot.num_joints();
+    const Index n = robot.num_joints();
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
-    for (Eigen::Index j = 0; j < n; ++j) H(j, j) = robot.joints[static_cast<std::size_t>(j)].actuation.rotor_inertia;
+    for (Index j = 0; j < n; ++j) H(j, j) = robot.joints[static_cast<std::size_t>(j)].actuation.rotor_inertia;
     for (const GearCoupling<double>& c : robot.couplings) {
       // T = I_a (q̈_j + r q̈_i) acts on j with 1 and on i with r.
       H(c.driven, c.driven) += c.rotor_inertia;
@@ -87,7 +88,7 @@ class SimulatedArm {
   model::Dynamics dynamics_;
   model::BatchDynamics batch_;
   Eigen::MatrixXd drives_;
-  model::Acceleration acceleration_;
+  States still_;  ///< velocities, all 0
   Eigen::VectorXd width_;
 };
 
@@ -125,58 +126,87 @@ struct Motion {
   Eigen::MatrixXd q, qd, qdd;
 };
 
+/// Steps of a piece in stretches that are simulated at once. Each begins so much earlier that its wrong start is gone: the
+/// control is critically damped.
+class Stretches {
+ public:
+  /// @param steps  of the piece
+  /// @param rate   what the control forgets by in one step, ω h
+  Stretches(Index steps, double rate) : steps_(steps), own_(steps / kStretches + 1) {
+    constexpr double kForgotten = 30.0;  // 31 e⁻³⁰ = 3e-12 of the wrong start is left
+    const auto before = static_cast<Index>(std::ceil(kForgotten / rate));
+    length_ = std::min(steps, own_ + before);
+    for (Index s = 0; s < kStretches; ++s) begin_[s] = std::clamp<Index>(own_ * s - before, 0, steps - length_);
+  }
+  /// Steps of each.
+  Index length() const { return length_; }
+  /// Row of a matrix over the piece, `stride` rows a step, that goes with each stretch's step k and `more` rows behind it.
+  States rows_at(const Eigen::MatrixXd& all, Index k, Index stride = 1, Index more = 0) const {
+    States rows(kStretches, all.cols());
+    for (Index s = 0; s < kStretches; ++s) rows.row(s) = all.row(stride * (begin_[s] + k) + more);
+    return rows;
+  }
+  /// Puts what each found at its step k into its rows.
+  void put(const States& found, Index k, Eigen::MatrixXd& all) const {
+    for (Index s = 0; s < kStretches; ++s) {
+      const Index row = begin_[s] + k;
+      if (row >= own_ * s && row < own_ * (s + 1)) all.row(row) = found.row(s);
+    }
+  }
+
+ private:
+  Index steps_, own_, length_{0};
+  std::array<Index, kStretches> begin_{};
+};
+
 /// Follows `reference`, whose rows are half an RK4 step apart; false when the simulation fails.
 ///
 ///   τ = H(q_r) (q̈_r + 2 ω ė + ω² e) + g(q_r) + f(q̇_r),   q̈ = H(q)⁻¹ (τ − h(q, q̇) − f(q̇)),   e = q_r − q
 bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Motion& out) {
-  const Eigen::Index n = reference.q.cols();
-  const Eigen::Index steps = (reference.time.size() - 1) / 2;
+  const Index n = reference.q.cols(), steps = (reference.time.size() - 1) / 2;
   const double h = reference.time[2] - reference.time[0];
-  out.time.resize(steps + 1);
+  const Stretches stretches(steps, omega * h);
+  out.time = reference.time(Eigen::seqN(0, steps + 1, 2));
   out.q.resize(steps + 1, n);
   out.qd = out.qdd = out.q;
 
   /// What the control needs of the reference at one instant.
   struct Target {
-    Vector q, qd, feed;
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, model::kMaxJoints, model::kMaxJoints> H;
+    States q, qd, qdd, friction;
   };
-  const Eigen::MatrixXd inertias = arm.inertias(reference.q), gravities = arm.gravities(reference.q);
-  const auto target_at = [&](Eigen::Index row) {
-    Target t;
-    t.q = reference.q.row(row).transpose();
-    t.qd = reference.qd.row(row).transpose();
-    t.H = inertias.row(row).reshaped(n, n);
-    t.feed = t.H * Vector(reference.qdd.row(row).transpose()) + gravities.row(row).transpose() + arm.friction(t.qd);
+  const auto target_at = [&](Index k, Index more) {
+    const auto of = [&](const Eigen::MatrixXd& all) { return stretches.rows_at(all, k, 2, more); };
+    Target t{of(reference.q), of(reference.qd), of(reference.qdd), {}};
+    t.friction = arm.friction(t.qd);
     return t;
   };
-  bool sound = true;
-  const auto acceleration = [&](const Target& t, const Vector& q, const Vector& qd) {
-    const Vector tau = t.feed + t.H * Vector(2.0 * omega * (t.qd - qd) + omega * omega * (t.q - q));
-    Vector result = Vector::Zero(n);
-    if (!arm.accelerate(q, qd, tau, result)) sound = false;
+  const auto acceleration = [&](const Target& t, const States& q, const States& qd) {
+    const States asked = t.qdd + 2.0 * omega * (t.qd - qd) + omega * omega * (t.q - q);
+    States torque(kStretches, n), result(kStretches, n);
+    arm.still_torque(t.q, asked, torque);
+    torque += t.friction - arm.friction(qd);
+    arm.accelerate(q, qd, torque, result);
     return result;
   };
 
-  Target begin = target_at(0);
-  Vector q = begin.q, qd = begin.qd;
-  for (Eigen::Index k = 0;; ++k) {
-    const Vector a1 = acceleration(begin, q, qd);
-    out.time[k] = reference.time[2 * k];
-    out.q.row(k) = q.transpose();
-    out.qd.row(k) = qd.transpose();
-    out.qdd.row(k) = a1.transpose();
-    if (!sound || !a1.allFinite() || (q - begin.q).cwiseAbs().maxCoeff() > 10.0) return false;
-    if (k == steps) break;
-    const Target middle = target_at(2 * k + 1);
-    Target end = target_at(2 * k + 2);
+  Target begin = target_at(0, 0);
+  States q = begin.q, qd = begin.qd;
+  for (Index k = 0;; ++k) {
+    const States a1 = acceleration(begin, q, qd);
+    stretches.put(q, k, out.q);
+    stretches.put(qd, k, out.qd);
+    stretches.put(a1, k, out.qdd);
+    if (!a1.allFinite() || (q - begin.q).cwiseAbs().maxCoeff() > 10.0) return false;
+    if (k == stretches.length()) break;
+    const Target middle = target_at(k, 1);
+    Target end = target_at(k, 2);
     // Classical Runge-Kutta on (q, q̇).
-    const Vector v2 = qd + 0.5 * h * a1;
-    const Vector a2 = acceleration(middle, q + 0.5 * h * qd, v2);
-    const Vector v3 = qd + 0.5 * h * a2;
-    const Vector a3 = acceleration(middle, q + 0.5 * h * v2, v3);
-    const Vector v4 = qd + h * a3;
-    const Vector a4 = acceleration(end, q + h * v3, v4);
+    const States v2 = qd + 0.5 * h * a1;
+    const States a2 = acceleration(middle, q + 0.5 * h * qd, v2);
+    const States v3 = qd + 0.5 * h * a2;
+    const States a3 = acceleration(middle, q + 0.5 * h * v2, v3);
+    const States v4 = qd + h * a3;
+    const States a4 = acceleration(end, q + h * v3, v4);
     q += h / 6.0 * (qd + 2.0 * v2 + 2.0 * v3 + v4);
     qd += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
     begin = std::move(end);
@@ -255,7 +285,11 @@ bool simulate_along(SimulatedArm& arm, const Eigen::VectorXd& time, const Eigen:
   // least 1 % of the top speed.
   const Eigen::VectorXd top_speed = velocity.cwiseAbs().colwise().maxCoeff().transpose();
   arm.set_width((coulomb * step).cwiseMax(0.01 * top_speed).cwiseMax(1e-6));
-  return follow(arm, on_half_steps(time, followed, step), omega, out);
+  try {
+    return follow(arm, on_half_steps(time, followed, step), omega, out);
+  } catch (const ModelError&) {
+    return false;  // the inertia is not positive definite somewhere along the motion
+  }
 }
 
 }  // namespace

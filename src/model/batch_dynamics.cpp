@@ -115,7 +115,8 @@ struct BatchDynamics::Impl {
       const DynamicArm<double, joints> scalar(to_arm_model<joints>(robot));
       return maker(chosen)(joints, &scalar);
     }));
-    for (const RobotJoint& joint : robot.joints) rotor.push_back(joint.actuation.rotor_inertia);
+    rotors.setZero(n, n);
+    for (Index j = 0; j < n; ++j) rotors(j, j) = robot.joints[static_cast<std::size_t>(j)].actuation.rotor_inertia;
   }
 
   void check(const char* what, Index rows, Index columns, Index expected_rows, Index expected_columns) const {
@@ -145,7 +146,7 @@ struct BatchDynamics::Impl {
   int n;
   Lanes lanes;
   std::unique_ptr<LaneArm> arm;
-  std::vector<double> rotor;
+  MatrixXd rotors;  ///< n × n, their inertia
 };
 
 BatchDynamics::BatchDynamics(const Robot& robot, Lanes lanes) : impl_(std::make_unique<Impl>(robot, lanes)) {}
@@ -247,14 +248,20 @@ void BatchDynamics::mass_matrix(const States& q, Result mass) const {
 }
 
 void BatchDynamics::forward_dynamics(const States& q, const States& qd, const States& tau, Result qdd) const {
+  forward_dynamics(q, qd, tau, impl_->rotors, std::move(qdd));
+}
+
+void BatchDynamics::forward_dynamics(const States& q, const States& qd, const States& tau, const MatrixXd& drives,
+                                     Result qdd) const {
   impl_->check(q, qd, tau, "torque");
+  impl_->check("drives", drives.rows(), drives.cols(), impl_->n, impl_->n);
   impl_->check("result", qdd.rows(), qdd.cols(), q.rows(), impl_->n);
   if (q.rows() == 0) return;
   const LaneArm& arm = *impl_->arm;
   const Padded all_q(q, arm.width()), all_qd(qd, arm.width()), all_tau(tau, arm.width());
   std::ptrdiff_t done = 0;
   impl_->into(qdd, [&](double* to, Index step) {
-    done = arm.forward_dynamics(lane_states(all_q, all_qd, all_tau), impl_->rotor.data(), to, step);
+    done = arm.forward_dynamics(lane_states(all_q, all_qd, all_tau), drives.data(), to, step);
   });
   if (done >= all_q.rows()) return;
   // One state of the pack. Alone it fills a pack.
@@ -263,7 +270,7 @@ void BatchDynamics::forward_dynamics(const States& q, const States& qd, const St
     const Padded one_q(q.row(row), arm.width()), one_qd(qd.row(row), arm.width()),
         one_tau(tau.row(row), arm.width());
     MatrixXd unused(arm.width(), impl_->n);
-    if (arm.forward_dynamics(lane_states(one_q, one_qd, one_tau), impl_->rotor.data(), unused.data(),
+    if (arm.forward_dynamics(lane_states(one_q, one_qd, one_tau), drives.data(), unused.data(),
                              unused.outerStride()) < arm.width()) {
       throw ModelError(fmt::format("robot \"{}\": the mass matrix at state {} is not positive definite; expected "
                                    "links whose inertia is physically possible",

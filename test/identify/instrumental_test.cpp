@@ -428,6 +428,30 @@ TEST(SimulatedMotion, IsOfFourthOrder) {
   EXPECT_GT(coarse_error / error, 10.0);
 }
 
+// It is simulated in stretches that begin one after the other, each with a wrong start before it.
+TEST(SimulatedMotion, HasNoSeams) {
+  const Experiment experiment;
+  Eigen::VectorXd beta = experiment.truth;
+  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;  // smooth motion
+  const data::MotionStream stream = stream_of(fast_log());
+  InstrumentOptions options;
+  options.control = 1.5;
+  options.smoothing = 39.0;
+  options.step = 0.002;  // the log's own: every row is a step
+  const data::MotionChunk chunk =
+      replaced(stream, simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options)).front();
+  const double h = chunk.time[1] - chunk.time[0];
+  ASSERT_NEAR(h, options.step, 1e-9);
+  double worst = 0.0;
+  for (Eigen::Index i = 0; i + 1 < chunk.q.rows(); ++i) {
+    // q from one row to the next by velocity and acceleration, of fourth order.
+    const Eigen::RowVectorXd travel = 0.5 * h * (chunk.qd.row(i) + chunk.qd.row(i + 1)) -
+                                      h * h / 12.0 * (chunk.qdd.row(i + 1) - chunk.qdd.row(i));
+    worst = std::max(worst, (chunk.q.row(i + 1) - chunk.q.row(i) - travel).cwiseAbs().maxCoeff());
+  }
+  EXPECT_LT(worst, 1e-8);  // a slow control forgets less, its matrices being those of the reference
+}
+
 TEST(SimulatedMotion, FollowsTheLogsReferenceWhereItHasOne) {
   const Experiment experiment;
   const Eigen::MatrixXd reference = noisy_log(0.0, 2, 10.0).q;

@@ -114,6 +114,15 @@ void compare_all(const ArmModel<double, N>& arm, test::Random& random, int& comp
       found.resize(states, N);
       batch.forward_dynamics(m.q, m.qd, m.qdd, found);
       expect_same(found, acceleration, "acceleration");
+      // Couplings add to all of the mass matrix: H q̈ = τ − h.
+      const MatrixXd half = 0.1 * MatrixXd::Random(N, N);
+      const MatrixXd drives = half * half.transpose() + MatrixXd(rotor.asDiagonal());
+      batch.forward_dynamics(m.q, m.qd, m.qdd, drives, found);
+      for (Index s = 0; s < states; ++s) {
+        const VectorXd q = m.q.row(s), qd = m.qd.row(s), torque = m.qdd.row(s), a = found.row(s);
+        const VectorXd rest = one_by_one.inverse_dynamics(q, qd, a) + drives * a - torque;
+        EXPECT_LT(rest.norm(), 1e-9 * (1.0 + torque.norm() + (drives * a).norm()));
+      }
       ++compared;
     }
   }
@@ -266,6 +275,9 @@ TEST(BatchDynamics, RefusesSizesThatDoNotFit) {
             "robot \"arm\": qdd of 4 × 3 values; expected 5 × 3");
   EXPECT_EQ(message([&] { batch.regressor_rows(good, good, good, std::vector<int>{42}); }),
             "robot \"arm\": column 42 of the regressor; expected 0 to 41");
+  MatrixXd qdd(5, 3);
+  EXPECT_EQ(message([&] { batch.forward_dynamics(good, good, good, MatrixXd::Zero(2, 3), qdd); }),
+            "robot \"arm\": drives of 2 × 3 values; expected 3 × 3");
   EXPECT_EQ(batch.inverse_dynamics(good.topRows(0), good.topRows(0), good.topRows(0)).rows(), 0);
 }
 

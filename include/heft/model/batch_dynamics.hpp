@@ -74,6 +74,9 @@ class BatchDynamics {
   /// @param qdd  m × n
   /// @throws ModelError naming the first row whose mass matrix is not positive definite
   void forward_dynamics(const States& q, const States& qd, const States& tau, Result qdd) const;
+  /// The same with all that drives add to the mass matrix, in place of rotor inertia alone.
+  /// @param drives  n × n, symmetric (rotors, gear couplings) [kg·m², kg]
+  void forward_dynamics(const States& q, const States& qd, const States& tau, const Eigen::MatrixXd& drives, Result qdd) const;
 
  private:
   struct Impl;

@@ -37,9 +37,9 @@ class LaneArm {
   /// @param mass  of column c (i + n j) from mass[c * step] on; qd and qdd are not looked at
   virtual void mass_matrix(const LaneStates& states, double* mass, std::ptrdiff_t step) const noexcept = 0;
   /// @param states  with torques in the place of qdd
-  /// @param rotor   n
+  /// @param drives  n × n column by column: added to the mass matrix
   /// @return m, or less: from this state on one of width() states has no positive definite mass matrix
-  virtual std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* rotor, double* qdd,
+  virtual std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* drives, double* qdd,
                                           std::ptrdiff_t step) const noexcept = 0;
 };
 

@@ -117,20 +117,20 @@ class SizedLaneArm final : public LaneArm {
   }
 
   HEFT_ALL_INLINE
-  std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* rotor, double* qdd,
+  std::ptrdiff_t forward_dynamics(const LaneStates& states, const double* drives, double* qdd,
                                   std::ptrdiff_t step) const noexcept override {
-    Vector inertia;
-    for (int j = 0; j < N; ++j) inertia[j] = P(rotor[j]);
     return for_each_pack(states.count, [&](std::ptrdiff_t at) {
       const Vector q = load(states.q + at, states.q_step);
       const Vector qd = load(states.qd + at, states.qd_step);
       const Vector tau = load(states.qdd + at, states.qdd_step);
       const JointTrigonometry<Arm> trigonometry = joint_trigonometry<Arm>(q);
       MassMatrix<P, N> M;
-      Vector bias, acceleration;
+      Vector none, bias, acceleration;
       heft::mass_matrix(arm_, trigonometry, q, M);
+      for (int c = 0; c < N * N; ++c) M(c % N, c / N) += P(drives[c]);
+      for (int j = 0; j < N; ++j) none[j] = P(0.0);
       bias_torque(arm_, trigonometry, q, qd, bias);
-      if (heft::forward_dynamics<P, N>(M, bias, inertia, tau, acceleration) != Status::kOk) return false;
+      if (heft::forward_dynamics<P, N>(M, bias, none, tau, acceleration) != Status::kOk) return false;
       store(acceleration, qdd + at, step);
       return true;
     });
