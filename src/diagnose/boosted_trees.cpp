@@ -6,6 +6,7 @@
 #include <numeric>
 #include <random>
 #include <span>
+#include <utility>
 
 namespace heft::diagnose {
 namespace {
@@ -58,41 +59,80 @@ struct Sample {
   std::vector<double> target;
 };
 
-/// Sums of the target by node and step, of a few quantities: a cell waits for the last row that came to it, so that several of
-/// them are filled in the same time as one.
+/// Sums of the target by quantity, node and step, level by level. Of two nodes that came of one, the rows of the smaller are summed;
+/// the other has what is left.
 class Histograms {
  public:
-  static constexpr std::size_t kTogether = 4;
+  Histograms(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample)
+      : features_(features), asked_(asked), sample_(sample) {}
 
-  /// @param asked  kTogether at most
-  void fill(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample,
-            const std::vector<std::uint8_t>& place, int first_node) {
-    cells_.assign(asked.size() * kCells, {});
-    std::array<const std::uint8_t*, kTogether> steps{};
-    for (std::size_t f = 0; f < asked.size(); ++f) steps[f] = features.column(asked[f]).data();
-    const auto add = [&]<std::size_t kCount>() {
-      for (std::size_t k = 0; k < sample.rows.size(); ++k) {
-        const Index row = sample.rows[k];
-        Cell* const of_node =
-            &cells_[static_cast<std::size_t>(place[static_cast<std::size_t>(row)] - first_node) * BinnedFeatures::kSteps];
-        for (std::size_t f = 0; f < kCount; ++f) of_node[f * kCells + steps[f][row]].add(sample.target[k]);
-      }
-    };
-    switch (asked.size()) {
-      case 1: add.template operator()<1>(); break;
-      case 2: add.template operator()<2>(); break;
-      case 3: add.template operator()<3>(); break;
-      default: add.template operator()<kTogether>();
+  /// Goes on to a level, from the one above it.
+  /// @param place  node that each row has come to
+  void fill(int level, const std::vector<std::uint8_t>& place) {
+    const std::size_t nodes = std::size_t{1} << level, first = nodes - 1;
+    const std::vector<Cell> above = std::exchange(cells_, std::vector<Cell>(asked_.size() * nodes * kSteps));
+    nodes_ = nodes;
+    if (level == 0) {
+      add(sample_, place, first);
+      return;
+    }
+    const auto node_of = [&](Index row) { return place[static_cast<std::size_t>(row)] - first; };
+    std::array<std::size_t, kLeaves / 2> count{};
+    for (const Index row : sample_.rows) ++count[node_of(row)];
+    std::array<bool, kLeaves / 2> smaller{};
+    for (std::size_t node = 0; node < nodes; ++node) {
+      const std::size_t sibling = node ^ 1U;
+      smaller[node] = count[node] < count[sibling] || (count[node] == count[sibling] && node < sibling);
+    }
+    Sample few;
+    for (std::size_t k = 0; k < sample_.rows.size(); ++k) {
+      if (!smaller[node_of(sample_.rows[k])]) continue;
+      few.rows.push_back(sample_.rows[k]);
+      few.target.push_back(sample_.target[k]);
+    }
+    add(few, place, first);
+    for (std::size_t at = 0; at < asked_.size() * nodes; ++at) {  // quantity and node
+      if (smaller[at % nodes]) continue;
+      for (std::size_t s = 0; s < kSteps; ++s)
+        cells_[at * kSteps + s].sum_and_count =
+            above[at / 2 * kSteps + s].sum_and_count - cells_[(at ^ 1U) * kSteps + s].sum_and_count;
     }
   }
   /// Of all steps in sequence.
-  const Cell* of(std::size_t quantity, int node) const {
-    return &cells_[quantity * kCells + static_cast<std::size_t>(node * BinnedFeatures::kSteps)];
-  }
+  const Cell* of(std::size_t quantity, std::size_t node) const { return &cells_[(quantity * nodes_ + node) * kSteps]; }
 
  private:
-  static constexpr auto kCells = static_cast<std::size_t>(kLeaves / 2 * BinnedFeatures::kSteps);  ///< of a quantity
+  static constexpr auto kSteps = static_cast<std::size_t>(BinnedFeatures::kSteps);
+  static constexpr std::size_t kTogether = 4;
+
+  /// A cell waits for the last row that came to it, so that several quantities are summed in the same time as one.
+  void add(const Sample& sample, const std::vector<std::uint8_t>& place, std::size_t first_node) {
+    for (std::size_t from = 0; from < asked_.size(); from += kTogether) {
+      switch (asked_.size() - from) {
+        case 1: add_together<1>(from, sample, place, first_node); break;
+        case 2: add_together<2>(from, sample, place, first_node); break;
+        case 3: add_together<3>(from, sample, place, first_node); break;
+        default: add_together<kTogether>(from, sample, place, first_node);
+      }
+    }
+  }
+  template <std::size_t kCount>
+  void add_together(std::size_t from, const Sample& sample, const std::vector<std::uint8_t>& place, std::size_t first_node) {
+    std::array<const std::uint8_t*, kCount> steps{};
+    for (std::size_t f = 0; f < kCount; ++f) steps[f] = features_.column(asked_[from + f]).data();
+    Cell* const cells = &cells_[from * nodes_ * kSteps];
+    for (std::size_t k = 0; k < sample.rows.size(); ++k) {
+      const Index row = sample.rows[k];
+      Cell* const of_node = cells + (place[static_cast<std::size_t>(row)] - first_node) * kSteps;
+      for (std::size_t f = 0; f < kCount; ++f) of_node[f * nodes_ * kSteps + steps[f][row]].add(sample.target[k]);
+    }
+  }
+
+  const BinnedFeatures& features_;
+  std::span<const Index> asked_;
+  const Sample& sample_;
   std::vector<Cell> cells_;
+  std::size_t nodes_{0};  ///< of the level
 };
 
 /// How much a node's division at each step lowers the squared error.
@@ -128,23 +168,6 @@ class Divisions {
   std::array<double, kSteps> sum_, count_, gain_;  ///< of the rows up to each step
 };
 
-/// The division that lowers the squared error most, of all nodes of one level.
-/// @param place  node that each row has come to
-void divide(const BinnedFeatures& features, std::span<const Index> asked, const Sample& sample,
-            const std::vector<std::uint8_t>& place, int level, double least, Tree& tree) {
-  const int first = (1 << level) - 1, nodes = 1 << level;
-  Histograms histograms;
-  for (std::size_t from = 0; from < asked.size(); from += Histograms::kTogether) {
-    const auto together = asked.subspan(from, std::min(Histograms::kTogether, asked.size() - from));
-    histograms.fill(features, together, sample, place, first);
-    for (std::size_t f = 0; f < together.size(); ++f) {
-      for (int node = 0; node < nodes; ++node) {
-        Divisions(histograms.of(f, node)).ask(together[f], least, tree.questions[static_cast<std::size_t>(first + node)]);
-      }
-    }
-  }
-}
-
 /// @param place  gets the leaf of every row
 Tree fitted_tree(const BinnedFeatures& features, const std::vector<Index>& asked, const VectorXd& target,
                  std::vector<Index> rows, double least, std::vector<std::uint8_t>& place) {
@@ -153,8 +176,14 @@ Tree fitted_tree(const BinnedFeatures& features, const std::vector<Index>& asked
   sample.target.reserve(sample.rows.size());
   for (const Index row : sample.rows) sample.target.push_back(target[row]);
   place.assign(static_cast<std::size_t>(features.rows()), 0);
+  Histograms histograms(features, asked, sample);
   for (int level = 0; level < kDepth; ++level) {
-    divide(features, asked, sample, place, level, least, tree);
+    histograms.fill(level, place);
+    const std::size_t nodes = std::size_t{1} << level;
+    for (std::size_t f = 0; f < asked.size(); ++f) {
+      for (std::size_t node = 0; node < nodes; ++node)
+        Divisions(histograms.of(f, node)).ask(asked[f], least, tree.questions[nodes - 1 + node]);
+    }
     tree.descend(features, level, place);
   }
   std::array<Cell, kLeaves> leaves{};
@@ -165,6 +194,21 @@ Tree fitted_tree(const BinnedFeatures& features, const std::vector<Index>& asked
   for (std::size_t l = 0; l < leaves.size(); ++l)
     tree.values[l] = leaves[l].count() > 0.0 ? leaves[l].sum() / leaves[l].count() : 0.0;
   return tree;
+}
+
+/// Each of a list with this chance, in its order.
+std::vector<Index> thinned(const std::vector<Index>& all, double chance, std::mt19937& random) {
+  std::vector<Index> some(all.size());
+  const auto below = static_cast<std::uint32_t>(std::lround(256.0 * chance));
+  std::size_t count = 0;
+  std::uint32_t bits = 0;  // eight for each
+  for (std::size_t k = 0; k < all.size(); ++k, bits >>= 8U) {
+    if (k % 4 == 0) bits = static_cast<std::uint32_t>(random());
+    some[count] = all[k];
+    count += (bits & 255U) < below ? 1 : 0;
+  }
+  some.resize(count);
+  return some;
 }
 
 /// Some of a list, in its order.
@@ -218,7 +262,7 @@ MatrixXd boosted(const BinnedFeatures& features, const VectorXd& target, const s
     stages.col(stage + 1) = stages.col(stage);
     for (int t = 0; t < options.trees / options.stages; ++t) {
       const Tree tree = fitted_tree(features, stage == 0 ? asked : some_of(asked, options.features, random),
-                                    left, some_of(fitted, options.rows, random), least, place);
+                                    left, thinned(fitted, options.rows, random), least, place);
       for (const Tree::Question& q : tree.questions) {
         if (q.feature >= 0) gains[q.feature] += q.gain;
       }

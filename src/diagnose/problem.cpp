@@ -38,6 +38,11 @@ Problem::Problem(const MotionTable& table, const MatrixXd& keep, std::shared_ptr
       ridge_(hold.size() > 0 ? hold : VectorXd(VectorXd::Zero(prior.size()))) {
   host::for_each_parallel(places_.size(), [&](std::size_t s) {
     const auto j = static_cast<Index>(s);
+    if (like != nullptr && like->rows_ == rows_ && like->prior_(places_[s]) == prior_(places_[s]) &&
+        like->keep_->col(j) == keep.col(j)) {
+      tau_.col(j) = like->tau_.col(j);
+      return;
+    }
     tau_.col(j) -= ((*rows_)[s] * prior_(places_[s])).cwiseProduct(keep.col(j));
   });
   host::for_each_parallel(table.blocks.size(), [&](std::size_t b) { collect(b, like); });
@@ -110,8 +115,9 @@ MatrixXd Problem::rows_times(int joint, Index begin, Index count, const Eigen::R
   const MatrixXd& base = (*rows_)[j];
   MatrixXd product(static_cast<Index>(places_[j].size()), C.cols());
   product.topRows(base.cols()) = transposed_times(base.middleRows(begin, count), C);
-  if (own_[j].cols() > 0)
-    product(own_at_[j], Eigen::all) = transposed_times(own_[j].middleRows(begin, count), C);
+  // Columns that are being appended have no place yet.
+  if (const auto own = static_cast<Index>(own_at_[j].size()); own > 0)
+    product(own_at_[j], Eigen::all) = transposed_times(own_[j].leftCols(own).middleRows(begin, count), C);
   return product;
 }
 
@@ -164,7 +170,9 @@ void Problem::append_to_joint(int joint, std::span<const Columns> list, const st
     }
   }
   if (k == 0) return;
-  MatrixXd C(table_->rows(), k);
+  const Index had = own_[j].cols();
+  own_[j].conservativeResize(Eigen::NoChange, had + k);
+  auto C = own_[j].rightCols(k);
   const auto p = static_cast<Index>(places_[j].size());
   std::vector<int> places;
   for (const auto& [values, first] : reaching) {
@@ -187,9 +195,6 @@ void Problem::append_to_joint(int joint, std::span<const Columns> list, const st
     M(p + k, p + k) = narrow(p, p);
     moments_[b][j] = std::make_shared<const MatrixXd>(std::move(M));
   });
-  const Index had = own_[j].cols();
-  own_[j].conservativeResize(Eigen::NoChange, had + k);
-  own_[j].rightCols(k) = C;
   for (Index c = 0; c < k; ++c) own_at_[j].push_back(p + c);
   places_[j].insert(places_[j].end(), places.begin(), places.end());
   summed_[j] = false;

@@ -77,8 +77,8 @@ class Problem {
   /// @param steady  how much: part of each column's squared norm that the prior weighs; 0 chooses it by the error on
   ///                left-out blocks
   /// @param hold    p: the same on top, column by column; far above 1 keeps a column where the prior has it. Empty: 0
-  /// @param like    another problem of the same table, without further columns: where it has the same rows, their moments
-  ///                are taken from it; nullptr: none
+  /// @param like    another problem of the same table and torque, without further columns: where it has the same rows, their
+  ///                moments are taken from it; nullptr: none
   Problem(const MotionTable& table, const Eigen::MatrixXd& keep, std::shared_ptr<const BaseRows> rows,
           std::vector<std::vector<int>> places, const Eigen::VectorXd& prior, double steady,
           const Eigen::MatrixXd& tau, const Eigen::VectorXd& hold = {}, const Problem* like = nullptr);
