@@ -99,48 +99,79 @@ inline void bias_torque(const DynamicArm<Scalar, N>& arm,
   inverse_dynamics(arm, trig, q, qd, zero, tau);
 }
 
-/// Mass matrix with run-time geometry: column by column, the torques for q̈ = e_m at rest without gravity.
-/// Cost: n (n + 1) / 2 link steps.
+namespace structural {
+
+/// Links outboard of a joint as one body: mass, first moment h and second moment Σ about the origin of the joint's frame, in its
+/// axes.
+template <typename Scalar>
+struct CompositeBody {
+  Scalar m;
+  Dense3<Scalar> h;
+  Scalar s11, s12, s22, s13, s23, s33;
+
+  /// Force and moment for a unit acceleration of the joint from rest, without gravity. The joint's axis is z:
+  /// f = z × h, n = ∫ r × (z × r) dm about it, f = m z, n = h × z along it.
+  Wrench<Dense3<Scalar>, Dense3<Scalar>> unit_wrench(bool revolute) const {
+    const Scalar zero{0};
+    if (revolute) return {{-h.y, h.x, zero}, {-s13, -s23, s11 + s22}};
+    return {{zero, zero, m}, {h.y, -h.x, zero}};
+  }
+};
+
+/// Adds what is outboard of a joint to its parent's link. With h' = Eᵀ h and u = h' + m p / 2:
+/// m, h' + m p, Eᵀ Σ E + u pᵀ + p uᵀ.
+template <typename Scalar>
+constexpr void add_outboard(const DynamicFrame<Scalar>& frame, const CompositeBody<Scalar>& child, CompositeBody<Scalar>& parent) {
+  const auto& E = frame.rotation;
+  const auto& p = frame.position;
+  const Dense3<Scalar> turned = transpose_times(E, child.h);
+  const Dense3<Scalar> half = scale(p, child.m * Scalar(0.5));
+  const Dense3<Scalar> u = turned + half;
+  // Rows of Σ E.
+  const Dense3<Scalar> b0 = scale(E.row0, child.s11) + scale(E.row1, child.s12) + scale(E.row2, child.s13);
+  const Dense3<Scalar> b1 = scale(E.row0, child.s12) + scale(E.row1, child.s22) + scale(E.row2, child.s23);
+  const Dense3<Scalar> b2 = scale(E.row0, child.s13) + scale(E.row1, child.s23) + scale(E.row2, child.s33);
+  const Scalar xx = u.x * p.x, yy = u.y * p.y, zz = u.z * p.z;
+  parent.m = parent.m + child.m;
+  parent.h = parent.h + u + half;
+  parent.s11 = parent.s11 + (E.row0.x * b0.x + E.row1.x * b1.x + E.row2.x * b2.x) + (xx + xx);
+  parent.s12 = parent.s12 + (E.row0.x * b0.y + E.row1.x * b1.y + E.row2.x * b2.y) + (u.x * p.y + u.y * p.x);
+  parent.s22 = parent.s22 + (E.row0.y * b0.y + E.row1.y * b1.y + E.row2.y * b2.y) + (yy + yy);
+  parent.s13 = parent.s13 + (E.row0.x * b0.z + E.row1.x * b1.z + E.row2.x * b2.z) + (u.x * p.z + u.z * p.x);
+  parent.s23 = parent.s23 + (E.row0.y * b0.z + E.row1.y * b1.z + E.row2.y * b2.z) + (u.y * p.z + u.z * p.y);
+  parent.s33 = parent.s33 + (E.row0.z * b0.z + E.row1.z * b1.z + E.row2.z * b2.z) + (zz + zz);
+}
+
+}  // namespace structural
+
+/// Mass matrix with run-time geometry, from composite bodies: M(j, m) is what joint j ≤ m feels when joint m alone accelerates
+/// all that is outboard of it. M. W. Walker, D. E. Orin, Efficient dynamic computer simulation of robotic mechanisms, J. Dyn.
+/// Syst. Meas. Control 104 (1982) 205, method 3.
+/// Cost: 6 joints 767 multiplications, 632 additions.
 template <typename Scalar, int N>
 inline void mass_matrix(const DynamicArm<Scalar, N>& arm,
                         const JointTrigonometry<DynamicArm<Scalar, N>>& trig, const JointVector<Scalar, N>& q,
                         MassMatrix<Scalar, N>& mass) noexcept {
   using namespace structural;
-  using V = Dense3<Scalar>;
-  using Frame = decltype(arm.frame(0, trig.joint[0], q[0]));
-  std::array<Frame, N> frames;
+  std::array<DynamicFrame<Scalar>, N> frames;
+  std::array<CompositeBody<Scalar>, N> bodies;
   for (int j = 0; j < N; ++j) {
-    frames[static_cast<std::size_t>(j)] = arm.frame(j, trig.joint[static_cast<std::size_t>(j)], q[j]);
+    const std::size_t i = static_cast<std::size_t>(j);
+    arm.put_frame(j, trig.joint[i], q[j], frames[i]);
+    const auto link = arm.link(j);
+    bodies[i] = {link.m, {link.h.x, link.h.y, link.h.z}, link.s11, link.s12, link.s22, link.s13, link.s23, link.s33};
   }
-  const auto at_rest = velocity_products(Zero3{});
-  std::array<Wrench<V, V>, N> wrench;
-  for (int m = 0; m < N; ++m) {
-    const V zero = {Scalar(0), Scalar(0), Scalar(0)};
-    V wd = zero;
-    V a = zero;
-    for (int j = m; j < N; ++j) {
+  for (int m = N - 1; m >= 0; --m) {
+    const std::size_t body = static_cast<std::size_t>(m);
+    auto wrench = bodies[body].unit_wrench(frames[body].revolute);
+    for (int j = m; j >= 0; --j) {
       const std::size_t i = static_cast<std::size_t>(j);
-      const Scalar qdd = j == m ? Scalar(1) : Scalar(0);
-      // The parent of joint m is at rest, so its acceleration at the joint is zero.
-      const V at_joint = j == m ? zero : a + cross(wd, frames[i].position);
-      const V wd_parent = wd;
-      wd = link_angular_acceleration(frames[i], wd_parent, zero, qdd);
-      a = link_acceleration(frames[i], at_joint, zero, qdd);
-      const auto u = u_matrix(at_rest, wd);
-      const auto link = arm.link(j);
-      wrench[i] = {link_force(link, u, a), link_moment(link, u, a)};
-    }
-    for (int j = N - 1; j >= m; --j) {
-      const std::size_t i = static_cast<std::size_t>(j);
-      const Scalar torque = frames[i].revolute ? wrench[i].moment.z : wrench[i].force.z;
+      const Scalar torque = frames[i].revolute ? wrench.moment.z : wrench.force.z;
       mass(j, m) = torque;
       mass(m, j) = torque;
-      if (j > m) {
-        const auto inboard = wrench_on_parent(frames[i], wrench[i]);
-        wrench[i - 1].force = wrench[i - 1].force + inboard.force;
-        wrench[i - 1].moment = wrench[i - 1].moment + inboard.moment;
-      }
+      if (j > 0) wrench = wrench_on_parent(frames[i], wrench);
     }
+    if (m > 0) add_outboard(frames[body], bodies[body], bodies[body - 1]);
   }
 }
 
