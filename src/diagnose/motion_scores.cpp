@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <optional>
 #include <utility>
 
 #include "heft/data/differentiate.hpp"
@@ -38,7 +38,7 @@ std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, c
 
 namespace {
 
-std::shared_ptr<const MotionTable> table_of(const model::Robot& robot,
+std::shared_ptr<MotionTable> table_of(const model::Robot& robot,
                                             const std::vector<data::MotionStream>& streams,
                                             const std::vector<data::Log>& logs) {
   std::vector<const data::MotionStream*> list;
@@ -55,7 +55,7 @@ std::shared_ptr<const MotionTable> table_of(const model::Robot& robot,
     const VectorXd steps = encoder_steps(log);
     table.encoder_step = table.encoder_step.size() > 0 ? VectorXd(table.encoder_step.cwiseMin(steps)) : steps;
   }
-  return std::make_shared<const MotionTable>(std::move(table));
+  return std::make_shared<MotionTable>(std::move(table));
 }
 
 /// Rows of one log of a table.
@@ -88,25 +88,26 @@ JudgedMotion::JudgedMotion(const model::Robot& robot, const std::vector<data::Lo
       table_(table_of(robot, *streams_, logs)),
       sign_width_(reading.ordinary ? validate::kSignWidth : table_->sign_width.maxCoeff()) {}
 
-JudgedMotion JudgedMotion::with_joint_of(const JudgedMotion& other, int joint) const {
-  JudgedMotion mixed = *this;
-  MotionTable table = *table_;
-  table.take_motion(*other.table_, joint);
-  mixed.table_ = std::make_shared<const MotionTable>(std::move(table));
-  return mixed;
+void JudgedMotion::take_joint_of(const JudgedMotion& other, int joint) {
+  if (table_.use_count() > 1) table_ = std::make_shared<MotionTable>(*table_);
+  table_->take_motion(*other.table_, joint);
 }
 
-JudgedMotion motion_of(const model::Robot& robot, const std::vector<data::Log>& logs,
-                       const VectorXd& cutoffs) {
-  const double lowest = cutoffs.minCoeff();
-  JudgedMotion motion(robot, logs, Reading{lowest});
-  std::map<double, JudgedMotion> at;
-  for (Index j = 0; j < cutoffs.size(); ++j) {
-    if (cutoffs[j] == lowest) continue;
-    const auto own = at.try_emplace(cutoffs[j], robot, logs, Reading{cutoffs[j]}).first;
-    motion = motion.with_joint_of(own->second, static_cast<int>(j));
+JudgedMotion JudgedMotion::with_cutoffs(const model::Robot& robot, const std::vector<data::Log>& logs,
+                                        const VectorXd& cutoffs) const {
+  std::vector<double> higher;
+  for (const double hz : cutoffs) {
+    if (hz > cutoffs.minCoeff() && std::count(higher.begin(), higher.end(), hz) == 0) higher.push_back(hz);
   }
-  return motion;
+  std::vector<std::optional<JudgedMotion>> readings(higher.size());
+  host::for_each_parallel(higher.size(), [&](std::size_t k) { readings[k].emplace(robot, logs, Reading{higher[k]}); });
+  JudgedMotion mixed = *this;
+  for (std::size_t k = 0; k < higher.size(); ++k) {
+    for (Index j = 0; j < cutoffs.size(); ++j) {
+      if (cutoffs[j] == higher[k]) mixed.take_joint_of(*readings[k], static_cast<int>(j));
+    }
+  }
+  return mixed;
 }
 
 MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {

@@ -30,8 +30,11 @@ std::vector<data::MotionStream> streams_of(const std::vector<data::Log>& logs, c
 class JudgedMotion {
  public:
   JudgedMotion(const model::Robot& robot, const std::vector<data::Log>& logs, const Reading& reading);
-  /// The same logs, the motion of one joint as another reading of them has it.
-  JudgedMotion with_joint_of(const JudgedMotion& other, int joint) const;
+  /// Takes the motion of one joint as another reading of the same logs has it; copies keep theirs.
+  void take_joint_of(const JudgedMotion& other, int joint);
+  /// The same logs read with a cut-off for each joint.
+  /// @param cutoffs  n, above 0 [Hz], the lowest that of this reading
+  JudgedMotion with_cutoffs(const model::Robot& robot, const std::vector<data::Log>& logs, const Eigen::VectorXd& cutoffs) const;
 
   const std::vector<data::MotionStream>& streams() const { return *streams_; }
   const MotionTable& table() const { return *table_; }
@@ -56,14 +59,9 @@ class JudgedMotion {
 
  private:
   std::shared_ptr<const std::vector<data::MotionStream>> streams_;
-  std::shared_ptr<const MotionTable> table_;
+  std::shared_ptr<MotionTable> table_;
   double sign_width_;  ///< of friction [rad/s, m/s]
 };
-
-/// Logs read with a cut-off for each joint.
-/// @param cutoffs  n, above 0 [Hz]
-JudgedMotion motion_of(const model::Robot& robot, const std::vector<data::Log>& logs,
-                       const Eigen::VectorXd& cutoffs);
 
 /// Root of the mean square of several rms errors, n.
 Eigen::VectorXd pooled(const std::vector<Eigen::VectorXd>& errors);

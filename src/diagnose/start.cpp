@@ -95,9 +95,13 @@ class Cutoffs {
     start_.train = start_.train_as_filed;
   }
 
-  /// A higher one for joints that may have it, unless one was asked for, and the fit of the rows behind them.
+  /// A higher one for joints that may have it, unless one was asked for.
   void raise() {
     if (!(options_.cutoff > 0.0) && start_.cutoff > 0.0) raise_for_each(*start_.train_as_filed);
+  }
+
+  /// Fits the rows behind them.
+  void fit() {
     // What chose the cut-off has fitted these rows already, unless joints were raised.
     if (start_.engine == nullptr || &start_.engine->table() != &start_.train->table())
       start_.engine = std::make_unique<Engine>(base_, start_.train->shared_table(), start_.pairs);
@@ -151,11 +155,13 @@ class Cutoffs {
     for (int j = start_.robot.num_joints() - 1; j >= 0; --j) {
       for (const auto& [hz, motion] : at_) {
         if (hz < kRaised * start_.cutoff) continue;
-        JudgedMotion raised = chosen.with_joint_of(motion, j);
-        const VectorXd logs = logs_of(raised.rms_error(raised.predicted(fitted_)));
+        chosen.take_joint_of(motion, j);
+        const VectorXd logs = logs_of(chosen.rms_error(chosen.predicted(fitted_)));
         // A joint that gains does not pay for another that loses: what one is rid of is no noise of the other.
-        if ((logs - least).cwiseMax(0.0).sum() > kAsGood) break;
-        chosen = std::move(raised);
+        if ((logs - least).cwiseMax(0.0).sum() > kAsGood) {
+          chosen.take_joint_of(at(start_.cutoffs[j]), j);
+          break;
+        }
         start_.cutoffs[j] = hz;
         least = least.cwiseMin(logs);
       }
@@ -218,11 +224,26 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
   const auto read_judged = [&](double cutoff) {
     start.judged_as_filed = std::make_shared<const JudgedMotion>(start.robot, validate, Reading{cutoff});
   };
-  host::for_each_parallel(2, [&](std::size_t k) { k == 0 ? cutoffs.raise() : read_judged(common); });
+  host::for_each_parallel(2, [&](std::size_t k) {
+    if (k == 1) {
+      read_judged(common);
+      return;
+    }
+    cutoffs.raise();
+    if (start.one_cutoff()) cutoffs.fit();
+  });
   if (start.cutoff != common) read_judged(start.cutoff);  // all joints were raised
-  start.judged = start.one_cutoff()
-                     ? start.judged_as_filed
-                     : std::make_shared<const JudgedMotion>(motion_of(start.robot, validate, start.cutoffs));
+  start.judged = start.judged_as_filed;
+  if (!start.one_cutoff()) {
+    host::for_each_parallel(2, [&](std::size_t k) {
+      if (k == 0) {
+        cutoffs.fit();
+      } else {
+        start.judged =
+            std::make_shared<const JudgedMotion>(start.judged_as_filed->with_cutoffs(start.robot, validate, start.cutoffs));
+      }
+    });
+  }
   if (!(start.engine->problem().counted().maxCoeff() > 0.0)) {
     throw NotIdentifiableError(
         "no joint moves in the training logs; expected a motion in which every joint moves; record one, "
