@@ -137,6 +137,21 @@ TEST(BoostedTrees, FollowAFunctionOfTwoQuantitiesOnRowsLeftOut) {
   EXPECT_LT((stages.rightCols(1) - y.tail(500)).norm(), 0.15 * y.tail(500).norm());
 }
 
+// Three questions, of which the second and third are asked of a large and of a small part of the rows.
+TEST(BoostedTrees, OneTreeIsAFunctionOfThreeQuestionsExactly) {
+  std::mt19937 random(2);
+  std::uniform_int_distribution<int> step(0, 9);
+  MatrixXd x(900, 5);
+  for (double& v : x.reshaped()) v = 0.1 * step(random);
+  VectorXd y(900);
+  for (Index i = 0; i < 900; ++i) y[i] = x(i, 3) > 0.65 ? (x(i, 1) > 0.25 ? 5.0 : 3.0) : (x(i, 4) > 0.45 ? -3.0 : -6.0);
+  std::vector<Index> fitted(600), left_out(300);
+  std::iota(fitted.begin(), fitted.end(), Index{0});
+  std::iota(left_out.begin(), left_out.end(), Index{600});
+  const MatrixXd stages = boosted(BinnedFeatures(x), y, fitted, left_out, {.trees = 1, .stages = 1, .rate = 1.0, .rows = 1.0});
+  EXPECT_LT((stages.col(1) - y.tail(300)).cwiseAbs().maxCoeff(), 1e-12);
+}
+
 TEST(EncoderSteps, AreTheSmallestStepsOfThePositions) {
   data::Log log;
   log.q.resize(200, 2);
