@@ -132,7 +132,7 @@ class Stretches {
  public:
   /// @param steps  of the piece
   /// @param rate   what the control forgets by in one step, ω h
-  Stretches(Index steps, double rate) : steps_(steps), own_(steps / kStretches + 1) {
+  Stretches(Index steps, double rate) : own_(steps / kStretches + 1) {
     constexpr double kForgotten = 30.0;  // 31 e⁻³⁰ = 3e-12 of the wrong start is left
     const auto before = static_cast<Index>(std::ceil(kForgotten / rate));
     length_ = std::min(steps, own_ + before);
@@ -140,10 +140,10 @@ class Stretches {
   }
   /// Steps of each.
   Index length() const { return length_; }
-  /// Row of a matrix over the piece, `stride` rows a step, that goes with each stretch's step k and `more` rows behind it.
-  States rows_at(const Eigen::MatrixXd& all, Index k, Index stride = 1, Index more = 0) const {
+  /// Rows of a matrix over the half steps of the piece, that of each stretch's half step.
+  States rows_at(const Eigen::MatrixXd& all, Index half_step) const {
     States rows(kStretches, all.cols());
-    for (Index s = 0; s < kStretches; ++s) rows.row(s) = all.row(stride * (begin_[s] + k) + more);
+    for (Index s = 0; s < kStretches; ++s) rows.row(s) = all.row(2 * begin_[s] + half_step);
     return rows;
   }
   /// Puts what each found at its step k into its rows.
@@ -155,7 +155,7 @@ class Stretches {
   }
 
  private:
-  Index steps_, own_, length_{0};
+  Index own_, length_{0};
   std::array<Index, kStretches> begin_{};
 };
 
@@ -174,8 +174,8 @@ bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Moti
   struct Target {
     States q, qd, qdd, friction;
   };
-  const auto target_at = [&](Index k, Index more) {
-    const auto of = [&](const Eigen::MatrixXd& all) { return stretches.rows_at(all, k, 2, more); };
+  const auto target_at = [&](Index half_step) {
+    const auto of = [&](const Eigen::MatrixXd& all) { return stretches.rows_at(all, half_step); };
     Target t{of(reference.q), of(reference.qd), of(reference.qdd), {}};
     t.friction = arm.friction(t.qd);
     return t;
@@ -189,7 +189,7 @@ bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Moti
     return result;
   };
 
-  Target begin = target_at(0, 0);
+  Target begin = target_at(0);
   States q = begin.q, qd = begin.qd;
   for (Index k = 0;; ++k) {
     const States a1 = acceleration(begin, q, qd);
@@ -198,8 +198,8 @@ bool follow(const SimulatedArm& arm, const Motion& reference, double omega, Moti
     stretches.put(a1, k, out.qdd);
     if (!a1.allFinite() || (q - begin.q).cwiseAbs().maxCoeff() > 10.0) return false;
     if (k == stretches.length()) break;
-    const Target middle = target_at(k, 1);
-    Target end = target_at(k, 2);
+    const Target middle = target_at(2 * k + 1);
+    Target end = target_at(2 * k + 2);
     // Classical Runge-Kutta on (q, q̇).
     const States v2 = qd + 0.5 * h * a1;
     const States a2 = acceleration(middle, q + 0.5 * h * qd, v2);
