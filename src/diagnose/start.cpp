@@ -224,26 +224,12 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
   const auto read_judged = [&](double cutoff) {
     start.judged_as_filed = std::make_shared<const JudgedMotion>(start.robot, validate, Reading{cutoff});
   };
-  host::for_each_parallel(2, [&](std::size_t k) {
-    if (k == 1) {
-      read_judged(common);
-      return;
-    }
-    cutoffs.raise();
-    if (start.one_cutoff()) cutoffs.fit();
-  });
+  const auto raise_judged = [&] {
+    start.judged = std::make_shared<const JudgedMotion>(start.judged_as_filed->with_cutoffs(start.robot, validate, start.cutoffs));
+  };
+  host::for_each_parallel(2, [&](std::size_t k) { k == 0 ? cutoffs.raise() : read_judged(common); });
   if (start.cutoff != common) read_judged(start.cutoff);  // all joints were raised
-  start.judged = start.judged_as_filed;
-  if (!start.one_cutoff()) {
-    host::for_each_parallel(2, [&](std::size_t k) {
-      if (k == 0) {
-        cutoffs.fit();
-      } else {
-        start.judged =
-            std::make_shared<const JudgedMotion>(start.judged_as_filed->with_cutoffs(start.robot, validate, start.cutoffs));
-      }
-    });
-  }
+  host::for_each_parallel(2, [&](std::size_t k) { k == 0 ? cutoffs.fit() : raise_judged(); });
   if (!(start.engine->problem().counted().maxCoeff() > 0.0)) {
     throw NotIdentifiableError(
         "no joint moves in the training logs; expected a motion in which every joint moves; record one, "

@@ -34,8 +34,9 @@ struct Clear {
 constexpr std::array kClear{Clear{1000.0, 3.0, 0.6, 0.0}, Clear{100.0, 8.0, 0.9, 4.5}, Clear{300.0, 8.0, 0.95, 3.6}};
 /// Beside one that is clear, in the same log.
 constexpr Clear kClearBeside{300.0, 8.0, 0.95, 3.0};
-/// Below it no stretch is looked at.
-constexpr double kFaintest = 100.0, kOneForce = 0.6;
+/// Below the least of these no stretch is looked at.
+constexpr double kFaintest = std::ranges::min(kClear, {}, &Clear::statistic).statistic;
+constexpr double kOneForce = std::ranges::min(kClear, {}, &Clear::share).share;
 constexpr std::size_t kMostTouches = 5;
 /// Where runs without a touch show what friction and a rough model leave, a touch need not stand so far above it: beyond
 /// this many times their largest statistic, not by chance, and with this share by one force.
