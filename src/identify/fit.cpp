@@ -120,7 +120,7 @@ void count_rows(const Task& task, const WeightedFit& fit, Fit& result) {
 void reweight_outliers(const Task& task, WeightedFit& fit, Fit& result) {
   RobustOptions options;
   options.solve = [&](const regression::TriangularFactor& data) {
-    return regression::solve(data, task.prior, task.options.ridge_from_condition).beta;
+    return regression::estimate(data, task.prior, task.options.ridge_from_condition);
   };
   RobustFit robust = fit_robust(task.columns, task.base, task.logs, task.options.observation,
                                 fit.solution.beta, fit.noise(), options, [&](double done) { task.report(0.4 + 0.2 * done); });

@@ -37,6 +37,17 @@ Solution solve(const TriangularFactor& data, const Eigen::VectorXd& prior, doubl
   return s;
 }
 
+Eigen::VectorXd estimate(const TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from) {
+  const Eigen::MatrixXd R = data.R();
+  const Eigen::VectorXd scale = column_norms(R);
+  const Eigen::MatrixXd scaled = (R * scale.cwiseInverse().asDiagonal()).transpose();
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(R.cols(), R.cols());
+  solve_lower(scaled, inverse);
+  // κ ≤ ‖R̃‖ ‖R̃⁻¹‖ in Frobenius norms; not a number where the rows leave a parameter open.
+  if (scaled.norm() * inverse.norm() < ridge_from) return (inverse.transpose() * data.z()).cwiseQuotient(scale);
+  return solve(data, prior, ridge_from).beta;
+}
+
 Eigen::VectorXd noise_of(const std::vector<TriangularFactor>& joints, const Eigen::VectorXd& beta) {
   Eigen::VectorXd noise(static_cast<Eigen::Index>(joints.size()));
   double all_rows = 0.0;
@@ -89,14 +100,19 @@ Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const Bas
 
 void weigh_joints(const Eigen::VectorXd& prior, double ridge_from, bool weighed, WeightedFit& fit) {
   constexpr int kRounds = 6;
-  fit.solve_for(prior, ridge_from);
-  for (int round = 0; round < kRounds && weighed; ++round) {
-    const Eigen::VectorXd before = fit.solution.beta;
-    fit.weights = weights_of(fit.noise());
-    fit.solve_for(prior, ridge_from);
-    const double moved = fit.solution.scale.cwiseProduct(fit.solution.beta - before).norm();
-    if (moved < 1e-6 * fit.solution.scale.cwiseProduct(fit.solution.beta).norm()) break;
+  if (weighed) {
+    TriangularFactor rows = fit.rows();
+    Eigen::VectorXd beta = estimate(rows, prior, ridge_from);
+    for (int round = 0; round < kRounds; ++round) {
+      const Eigen::VectorXd before = beta;
+      fit.weights = weights_of(noise_of(fit.joints, beta));
+      rows = fit.rows();
+      beta = estimate(rows, prior, ridge_from);
+      const Eigen::VectorXd scale = column_norms(rows.R());
+      if (scale.cwiseProduct(beta - before).norm() < 1e-6 * scale.cwiseProduct(beta).norm()) break;
+    }
   }
+  fit.solve_for(prior, ridge_from);
 }
 
 Spread spread_of(const BlockFactors& factors, const Eigen::VectorXd& weights, const Solution& solution,

@@ -11,11 +11,31 @@ namespace {
 
 using test::Random;
 
+/// Axes of every kind, two prismatic ones, and bodies of one kilogram a metre away, whose numbers are known ones.
+struct MixedArm {
+  static constexpr ArmModel<double, 6> kModel = [] {
+    ArmModel<double, 6> arm;
+    arm.joints[0].axis = {0, 0.6, 0.8};
+    arm.joints[1].type = JointType::kPrismatic;
+    arm.joints[1].axis = {0, 1, 0};
+    arm.joints[2].axis = {1, 0, 0};
+    arm.joints[3].axis = {0.36, 0.48, -0.8};
+    arm.joints[4].type = JointType::kPrismatic;
+    arm.joints[4].axis = {-0.6, 0, 0.8};
+    arm.joints[5].axis = {0, -1, 0};
+    for (std::size_t j = 0; j < 6; ++j) {
+      arm.joints[j].position = {j % 2 == 0 ? 1.0 : 0.3, 0, j % 3 == 0 ? -1.0 : 0.0};
+      arm.links[j] = make_inertial_parameters<double>(1.0, {0, 1, j == 5 ? 1.0 : 0.0}, {0.1, 0, 0.05, 0, 0, 0.1});
+    }
+    return arm;
+  }();
+};
+
 /// Compile-time geometry against run-time geometry on the same arm.
 template <typename Description>
 class StaticArmTest : public ::testing::Test {};
-using Descriptions = ::testing::Types<model::KawasakiArm, model::KawasakiArmWithPayload, model::Ur5Arm>;
-TYPED_TEST_SUITE(StaticArmTest, Descriptions);
+using DynamicsDescriptions = ::testing::Types<model::KawasakiArm, model::KawasakiArmWithPayload, model::Ur5Arm, MixedArm>;
+TYPED_TEST_SUITE(StaticArmTest, DynamicsDescriptions);
 
 TYPED_TEST(StaticArmTest, GivesTheTorquesOfTheRunTimeArm) {
   using Arm = StaticArm<double, TypeParam>;

@@ -52,36 +52,6 @@ constexpr RotationTables<Scalar> rotation_tables(const Joint<Scalar>& joint) noe
   return t;
 }
 
-/// A link's pseudo-inertia with typed entries.
-template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23,
-          typename S33>
-struct LinkParameters {
-  [[no_unique_address]] M m;
-  [[no_unique_address]] H h;
-  [[no_unique_address]] S11 s11;
-  [[no_unique_address]] S12 s12;
-  [[no_unique_address]] S22 s22;
-  [[no_unique_address]] S13 s13;
-  [[no_unique_address]] S23 s23;
-  [[no_unique_address]] S33 s33;
-};
-
-template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23,
-          typename S33>
-constexpr LinkParameters<M, H, S11, S12, S22, S13, S23, S33> link_parameters(const M& m, const H& h,
-                                                                             const S11& s11, const S12& s12,
-                                                                             const S22& s22, const S13& s13,
-                                                                             const S23& s23, const S33& s33) {
-  return {m, h, s11, s12, s22, s13, s23, s33};
-}
-
-/// All ten entries of a body.
-template <typename Scalar>
-constexpr auto dense_link(const PseudoInertia<Scalar>& p) {
-  return link_parameters(p[kPm], vec3(p[kPhx], p[kPhy], p[kPhz]), p[kS11], p[kS12], p[kS22], p[kS13], p[kS23],
-                         p[kS33]);
-}
-
 /// One joint at one instant: E turns parent components into link components, p is the link origin in the
 /// parent frame, axis the joint axis in link axes.
 template <JointType kType, typename E, typename P, typename A>

@@ -5,8 +5,10 @@
 
 #include <array>
 #include <cstddef>
+#include <type_traits>
 
 #include "heft/core/arm_model.hpp"
+#include "heft/core/structural.hpp"
 
 namespace heft {
 
@@ -43,43 +45,84 @@ constexpr InertialParameters<Scalar> to_inertial_parameters(const PseudoInertia<
           -s[kS12], s[kS11] + s[kS33], -s[kS13], -s[kS23], s[kS11] + s[kS22]};
 }
 
+namespace structural {
+
+/// A link's pseudo-inertia with typed entries.
+template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23,
+          typename S33>
+struct LinkParameters {
+  [[no_unique_address]] M m;
+  [[no_unique_address]] H h;
+  [[no_unique_address]] S11 s11;
+  [[no_unique_address]] S12 s12;
+  [[no_unique_address]] S22 s22;
+  [[no_unique_address]] S13 s13;
+  [[no_unique_address]] S23 s23;
+  [[no_unique_address]] S33 s33;
+};
+
+template <typename M, typename H, typename S11, typename S12, typename S22, typename S13, typename S23,
+          typename S33>
+constexpr LinkParameters<M, H, S11, S12, S22, S13, S23, S33> link_parameters(const M& m, const H& h,
+                                                                             const S11& s11, const S12& s12,
+                                                                             const S22& s22, const S13& s13,
+                                                                             const S23& s23, const S33& s33) {
+  return {m, h, s11, s12, s22, s13, s23, s33};
+}
+
+/// All ten entries of a body.
+template <typename Scalar>
+constexpr auto dense_link(const PseudoInertia<Scalar>& p) {
+  return link_parameters(p[kPm], vec3(p[kPhx], p[kPhy], p[kPhz]), p[kS11], p[kS12], p[kS22], p[kS13], p[kS23],
+                         p[kS33]);
+}
+
+/// A body that others are added to: mass, first moment h and second moment Σ about the origin of its frame, in its axes.
+/// @tparam Mass  Scalar, or the known zero
+template <typename Scalar, typename Mass = Scalar>
+struct CompositeBody {
+  [[no_unique_address]] Mass m;
+  Dense3<Scalar> h;
+  Scalar s11, s12, s22, s13, s23, s33;
+};
+
+/// Adds a body to the one before it. E turns the parent's axes into the child's, p is the child's origin in the parent's
+/// frame. With h' = Eᵀ h and u = h' + m p / 2: m, h' + m p, Eᵀ Σ E + u pᵀ + p uᵀ.
+template <typename E, typename P, typename Child, typename Parent>
+constexpr void add_outboard(const E& rotation, const P& p, const Child& child, Parent& parent) {
+  using Scalar = decltype(parent.s11);
+  const auto& [r0, r1, r2] = rotation;
+  const auto half = scale(p, child.m * Scalar(0.5));
+  const auto u = transpose_times(rotation, child.h) + half;
+  // Rows of Σ E.
+  const auto b0 = scale(r0, child.s11) + scale(r1, child.s12) + scale(r2, child.s13);
+  const auto b1 = scale(r0, child.s12) + scale(r1, child.s22) + scale(r2, child.s23);
+  const auto b2 = scale(r0, child.s13) + scale(r1, child.s23) + scale(r2, child.s33);
+  const auto xx = u.x * p.x;
+  const auto yy = u.y * p.y;
+  const auto zz = u.z * p.z;
+  parent.m = parent.m + child.m;
+  parent.h = parent.h + u + half;
+  parent.s11 = parent.s11 + (r0.x * b0.x + r1.x * b1.x + r2.x * b2.x) + (xx + xx);
+  parent.s12 = parent.s12 + (r0.x * b0.y + r1.x * b1.y + r2.x * b2.y) + (u.x * p.y + u.y * p.x);
+  parent.s22 = parent.s22 + (r0.y * b0.y + r1.y * b1.y + r2.y * b2.y) + (yy + yy);
+  parent.s13 = parent.s13 + (r0.x * b0.z + r1.x * b1.z + r2.x * b2.z) + (u.x * p.z + u.z * p.x);
+  parent.s23 = parent.s23 + (r0.y * b0.z + r1.y * b1.z + r2.y * b2.z) + (u.y * p.z + u.z * p.y);
+  parent.s33 = parent.s33 + (r0.z * b0.z + r1.z * b1.z + r2.z * b2.z) + (zz + zz);
+}
+
+}  // namespace structural
+
 /// The same body seen from another frame: axes turned by R (row-major, turns components in the old frame
 /// into components in the new one), origin of the old frame at p in the new one.
-/// With h' = R h, the result is m, h' + m p, R Σ Rᵀ + h' pᵀ + p h'ᵀ + m p pᵀ.
 template <typename Scalar>
 constexpr PseudoInertia<Scalar> moved(const PseudoInertia<Scalar>& s, const std::array<Scalar, 9>& R,
                                       const std::array<Scalar, 3>& p) noexcept {
-  const Scalar S[3][3] = {
-      {s[kS11], s[kS12], s[kS13]}, {s[kS12], s[kS22], s[kS23]}, {s[kS13], s[kS23], s[kS33]}};
-  Scalar RS[3][3]{};
-  Scalar h[3]{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j) {
-      h[i] = h[i] + R[3 * i + j] * s[1 + j];
-      for (std::size_t k = 0; k < 3; ++k) {
-        RS[i][j] = RS[i][j] + R[3 * i + k] * S[k][j];
-      }
-    }
-  }
-  Scalar T[3][3]{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j) {
-      T[i][j] = h[i] * p[j] + p[i] * h[j] + s[kPm] * p[i] * p[j];
-      for (std::size_t k = 0; k < 3; ++k) {
-        T[i][j] = T[i][j] + RS[i][k] * R[3 * j + k];
-      }
-    }
-  }
-  return {s[kPm],
-          h[0] + s[kPm] * p[0],
-          h[1] + s[kPm] * p[1],
-          h[2] + s[kPm] * p[2],
-          T[0][0],
-          T[0][1],
-          T[1][1],
-          T[0][2],
-          T[1][2],
-          T[2][2]};
+  using namespace structural;
+  const auto turned = mat3(vec3(R[0], R[3], R[6]), vec3(R[1], R[4], R[7]), vec3(R[2], R[5], R[8]));
+  CompositeBody<Scalar> b{};
+  add_outboard(turned, vec3(p[0], p[1], p[2]), dense_link(s), b);
+  return {b.m, b.h.x, b.h.y, b.h.z, b.s11, b.s12, b.s22, b.s13, b.s23, b.s33};
 }
 
 /// True when the first joint is revolute and gravity lies along its axis: then only the inertia about that

@@ -10,14 +10,19 @@ namespace heft::regression {
 
 /// R diag(scale)⁻¹ = U diag(values) Vᵀ.
 struct ScaledSvd {
-  Eigen::VectorXd scale;  ///< norms of the columns; 1 for a column of zeros
+  Eigen::VectorXd scale;  ///< column_norms() of R
   Svd svd;
 };
 
+/// Norms of the columns; 1 for a column of zeros.
+inline Eigen::VectorXd column_norms(const Eigen::MatrixXd& R) {
+  const Eigen::VectorXd norms = R.colwise().norm();
+  return (norms.array() > 0.0).select(norms, 1.0);
+}
+
 inline ScaledSvd scaled_svd(const Eigen::MatrixXd& R) {
   ScaledSvd out;
-  out.scale = R.colwise().norm();
-  out.scale = (out.scale.array() > 0.0).select(out.scale, 1.0);
+  out.scale = column_norms(R);
   out.svd = svd_of(R * out.scale.cwiseInverse().asDiagonal());
   return out;
 }

@@ -47,10 +47,6 @@ namespace structural {
 /// A joint-space vector of known zeros.
 struct ZeroVector {};
 
-/// The unit vector of joint M.
-template <int M>
-struct UnitVector {};
-
 /// Component J of a joint-space vector, as a type where it is known.
 template <int J, typename V>
 constexpr auto component(const V& v) {
@@ -58,10 +54,6 @@ constexpr auto component(const V& v) {
 }
 template <int J>
 constexpr Zero component(const ZeroVector&) {
-  return {};
-}
-template <int J, int M>
-constexpr Int<J == M ? 1 : 0> component(const UnitVector<M>&) {
   return {};
 }
 
@@ -74,9 +66,9 @@ struct NoVisitor {
   }
 };
 
-/// One link outward, the rest of the arm by recursion, back with the wrench in parent axes. Starts at joint
-/// Root; torques of joints from Root on go to tau.
-template <int J, int Root, typename Arm, typename Parameters, typename W, typename WD, typename A,
+/// One link outward, the rest of the arm by recursion, back with the wrench in parent axes. Joint 0 gives
+/// none back.
+template <int J, typename Arm, typename Parameters, typename W, typename WD, typename A,
           typename Velocity, typename Acceleration, typename Torque, typename Visitor>
 constexpr auto static_newton_euler(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
                                    const W& w_parent, const WD& wd_parent, const A& at_joint,
@@ -95,14 +87,14 @@ constexpr auto static_newton_euler(const Parameters& parameters, const JointTrig
   const auto outboard = [&] {
     if constexpr (J + 1 < Arm::kNumJoints) {
       const auto next = Arm::template frame<J + 1>(trig.joint[J + 1], q[J + 1]);
-      return static_newton_euler<J + 1, Root, Arm>(parameters, trig, w, wd, a + u_times(u, next.position), q,
-                                                   qd, qdd, tau, next_visitor);
+      return static_newton_euler<J + 1, Arm>(parameters, trig, w, wd, a + u_times(u, next.position), q, qd,
+                                             qdd, tau, next_visitor);
     } else {
       return make_wrench(Zero3{}, Zero3{});
     }
   }();
   constexpr bool kRevolute = Arm::template joint_type<J>() == JointType::kRevolute;
-  if constexpr (J == Root) {
+  if constexpr (J == 0) {
     if constexpr (kRevolute) {
       tau[J] = value<Scalar>(moment_about(frame.axis, link, u, a) + dot(frame.axis, outboard.moment));
     } else {
@@ -139,8 +131,8 @@ requires(Arm::kIsStatic) inline void inverse_dynamics(
     const Visitor& visitor = Visitor{}) noexcept {
   using namespace structural;
   // The base does not turn, so a_0 + U_0 p = a_0.
-  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd,
-                                 tau, visitor);
+  static_newton_euler<0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd, qdd,
+                              tau, visitor);
 }
 
 /// Joint torques of the rigid arm with run-time geometry. Arguments as above.

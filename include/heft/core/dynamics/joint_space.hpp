@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <type_traits>
 
 #include <Eigen/Core>
 
@@ -20,32 +21,79 @@ using MassMatrix = Eigen::Matrix<Scalar, N, N>;
 
 namespace structural {
 
-/// Writes a column of the mass matrix below and on the diagonal, and its mirror image.
-template <int M, typename Matrix>
-struct MassColumn {
-  Matrix& mass;
-  struct Entry {
-    Matrix& mass;
-    int row;
-    template <typename Scalar>
-    constexpr void operator=(const Scalar& value) const {
-      mass(row, M) = value;
-      mass(M, row) = value;
-    }
+/// Force and moment on a body for a unit acceleration of its joint from rest, without gravity: f = a × h and
+/// n = ∫ r × (a × r) dm = (tr Σ E − Σ) a about a revolute joint's axis a, f = m a and n = h × a along a prismatic one's.
+/// Axes of run-time geometry are z.
+template <typename Frame, typename Body>
+constexpr auto unit_wrench(const Frame& frame, const Body& body) {
+  const auto& a = frame.axis;
+  const auto turn = [&] {
+    return make_wrench(cross(a, body.h),
+                       vec3(lazy_times([&] { return body.s22 + body.s33; }, a.x) - body.s12 * a.y - body.s13 * a.z,
+                            lazy_times([&] { return body.s11 + body.s33; }, a.y) - body.s12 * a.x - body.s23 * a.z,
+                            lazy_times([&] { return body.s11 + body.s22; }, a.z) - body.s13 * a.x - body.s23 * a.y));
   };
-  constexpr Entry operator[](int row) const { return {mass, row}; }
-};
-
-template <int M, typename Arm, typename Parameters, typename Matrix>
-constexpr void static_mass_columns(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
-                                   const typename Arm::Vector& q, Matrix& mass) {
-  MassColumn<M, Matrix> column{mass};
-  // Torques for q̈ = e_M at rest without gravity; joints before M are at rest.
-  static_newton_euler<M, M, Arm>(parameters, trig, Zero3{}, Zero3{}, Zero3{}, q, ZeroVector{},
-                                 UnitVector<M>{}, column, NoVisitor{});
-  if constexpr (M + 1 < Arm::kNumJoints) {
-    static_mass_columns<M + 1, Arm>(parameters, trig, q, mass);
+  const auto push = [&] { return make_wrench(scale(a, body.m), cross(body.h, a)); };
+  if constexpr (!requires { Frame::type; }) {
+    using Scalar = std::remove_cvref_t<decltype(body.m)>;
+    const auto as_dense = [](const auto& w) { return make_wrench(dense<Scalar>(w.force), dense<Scalar>(w.moment)); };
+    return frame.revolute ? as_dense(turn()) : as_dense(push());
+  } else if constexpr (Frame::type == JointType::kRevolute) {
+    return turn();
+  } else {
+    return push();
   }
+}
+
+/// Writes what the joints from J inward feel of a wrench on link J: column M of the mass matrix, and its mirror image.
+template <int J, int M, typename Arm, typename W, typename Matrix>
+constexpr void static_mass_column(const JointTrigonometry<Arm>& trig, const typename Arm::Vector& q, const W& wrench,
+                                  Matrix& mass) {
+  using Scalar = typename Arm::Scalar;
+  const auto frame = Arm::template frame<J>(trig.joint[J], q[J]);
+  if constexpr (Arm::template joint_type<J>() == JointType::kRevolute) {
+    mass(J, M) = mass(M, J) = value<Scalar>(dot(frame.axis, wrench.moment));
+  } else {
+    mass(J, M) = mass(M, J) = value<Scalar>(dot(frame.axis, wrench.force));
+  }
+  if constexpr (J > 0) {
+    static_mass_column<J - 1, M, Arm>(trig, q, wrench_on_parent(frame, wrench), mass);
+  }
+}
+
+/// Columns of the mass matrix from joint M on.
+/// @return all that joint M carries, as one body
+template <int M, typename Arm, typename Parameters, typename Matrix>
+constexpr auto static_mass_columns(const Parameters& parameters, const JointTrigonometry<Arm>& trig,
+                                   const typename Arm::Vector& q, Matrix& mass) {
+  using Scalar = typename Arm::Scalar;
+  const auto carried = [&] {
+    if constexpr (M + 1 < Arm::kNumJoints) {
+      return static_mass_columns<M + 1, Arm>(parameters, trig, q, mass);
+    } else {
+      return CompositeBody<Scalar, Zero>{};
+    }
+  }();
+  const auto link = parameters.template link<M>();
+  const auto number = [](const auto& x) { return value<Scalar>(x); };
+  // Sums of known ones are no types of this arithmetic: of a body, the mass alone may be a known zero.
+  const auto mass_of_link = [&] {
+    if constexpr (kIsZero<decltype(link.m)> && kIsZero<decltype(carried.m)>) {
+      return Zero{};
+    } else {
+      return number(link.m);
+    }
+  }();
+  CompositeBody<Scalar, std::remove_const_t<decltype(mass_of_link)>> body{
+      mass_of_link,     dense<Scalar>(link.h), number(link.s11), number(link.s12),
+      number(link.s22), number(link.s13),      number(link.s23), number(link.s33)};
+  if constexpr (M + 1 < Arm::kNumJoints) {
+    const auto child = Arm::template frame<M + 1>(trig.joint[M + 1], q[M + 1]);
+    add_outboard(child.rotation, child.position, carried, body);
+  }
+  const auto frame = Arm::template frame<M>(trig.joint[M], q[M]);
+  static_mass_column<M, M, Arm>(trig, q, unit_wrench(frame, body), mass);
+  return body;
 }
 
 }  // namespace structural
@@ -57,8 +105,8 @@ requires(Arm::kIsStatic) inline void gravity_torque(const Parameters& parameters
                                                     const typename Arm::Vector& q,
                                                     typename Arm::Vector& tau) noexcept {
   using namespace structural;
-  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q,
-                                 ZeroVector{}, ZeroVector{}, tau, NoVisitor{});
+  static_newton_euler<0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, ZeroVector{},
+                              ZeroVector{}, tau, NoVisitor{});
 }
 
 /// Bias torque: Coriolis, centrifugal and gravity, the torque for q̈ = 0.
@@ -69,8 +117,8 @@ requires(Arm::kIsStatic) inline void bias_torque(const Parameters& parameters,
                                                  const typename Arm::Vector& qd,
                                                  typename Arm::Vector& tau) noexcept {
   using namespace structural;
-  static_newton_euler<0, 0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd,
-                                 ZeroVector{}, tau, NoVisitor{});
+  static_newton_euler<0, Arm>(parameters, trig, Zero3{}, Zero3{}, Arm::base_acceleration(), q, qd,
+                              ZeroVector{}, tau, NoVisitor{});
 }
 
 /// Mass matrix of the rigid links (without rotor inertia), compile-time geometry.
@@ -99,51 +147,6 @@ inline void bias_torque(const DynamicArm<Scalar, N>& arm,
   inverse_dynamics(arm, trig, q, qd, zero, tau);
 }
 
-namespace structural {
-
-/// Links outboard of a joint as one body: mass, first moment h and second moment Σ about the origin of the joint's frame, in its
-/// axes.
-template <typename Scalar>
-struct CompositeBody {
-  Scalar m;
-  Dense3<Scalar> h;
-  Scalar s11, s12, s22, s13, s23, s33;
-
-  /// Force and moment for a unit acceleration of the joint from rest, without gravity. The joint's axis is z:
-  /// f = z × h, n = ∫ r × (z × r) dm about it, f = m z, n = h × z along it.
-  Wrench<Dense3<Scalar>, Dense3<Scalar>> unit_wrench(bool revolute) const {
-    const Scalar zero{0};
-    if (revolute) return {{-h.y, h.x, zero}, {-s13, -s23, s11 + s22}};
-    return {{zero, zero, m}, {h.y, -h.x, zero}};
-  }
-};
-
-/// Adds what is outboard of a joint to its parent's link. With h' = Eᵀ h and u = h' + m p / 2:
-/// m, h' + m p, Eᵀ Σ E + u pᵀ + p uᵀ.
-template <typename Scalar>
-constexpr void add_outboard(const DynamicFrame<Scalar>& frame, const CompositeBody<Scalar>& child, CompositeBody<Scalar>& parent) {
-  const auto& E = frame.rotation;
-  const auto& p = frame.position;
-  const Dense3<Scalar> turned = transpose_times(E, child.h);
-  const Dense3<Scalar> half = scale(p, child.m * Scalar(0.5));
-  const Dense3<Scalar> u = turned + half;
-  // Rows of Σ E.
-  const Dense3<Scalar> b0 = scale(E.row0, child.s11) + scale(E.row1, child.s12) + scale(E.row2, child.s13);
-  const Dense3<Scalar> b1 = scale(E.row0, child.s12) + scale(E.row1, child.s22) + scale(E.row2, child.s23);
-  const Dense3<Scalar> b2 = scale(E.row0, child.s13) + scale(E.row1, child.s23) + scale(E.row2, child.s33);
-  const Scalar xx = u.x * p.x, yy = u.y * p.y, zz = u.z * p.z;
-  parent.m = parent.m + child.m;
-  parent.h = parent.h + u + half;
-  parent.s11 = parent.s11 + (E.row0.x * b0.x + E.row1.x * b1.x + E.row2.x * b2.x) + (xx + xx);
-  parent.s12 = parent.s12 + (E.row0.x * b0.y + E.row1.x * b1.y + E.row2.x * b2.y) + (u.x * p.y + u.y * p.x);
-  parent.s22 = parent.s22 + (E.row0.y * b0.y + E.row1.y * b1.y + E.row2.y * b2.y) + (yy + yy);
-  parent.s13 = parent.s13 + (E.row0.x * b0.z + E.row1.x * b1.z + E.row2.x * b2.z) + (u.x * p.z + u.z * p.x);
-  parent.s23 = parent.s23 + (E.row0.y * b0.z + E.row1.y * b1.z + E.row2.y * b2.z) + (u.y * p.z + u.z * p.y);
-  parent.s33 = parent.s33 + (E.row0.z * b0.z + E.row1.z * b1.z + E.row2.z * b2.z) + (zz + zz);
-}
-
-}  // namespace structural
-
 /// Mass matrix with run-time geometry, from composite bodies: M(j, m) is what joint j ≤ m feels when joint m alone accelerates
 /// all that is outboard of it. M. W. Walker, D. E. Orin, Efficient dynamic computer simulation of robotic mechanisms, J. Dyn.
 /// Syst. Meas. Control 104 (1982) 205, method 3.
@@ -163,7 +166,7 @@ inline void mass_matrix(const DynamicArm<Scalar, N>& arm,
   }
   for (int m = N - 1; m >= 0; --m) {
     const std::size_t body = static_cast<std::size_t>(m);
-    auto wrench = bodies[body].unit_wrench(frames[body].revolute);
+    auto wrench = unit_wrench(frames[body], bodies[body]);
     for (int j = m; j >= 0; --j) {
       const std::size_t i = static_cast<std::size_t>(j);
       const Scalar torque = frames[i].revolute ? wrench.moment.z : wrench.force.z;
@@ -171,7 +174,7 @@ inline void mass_matrix(const DynamicArm<Scalar, N>& arm,
       mass(m, j) = torque;
       if (j > 0) wrench = wrench_on_parent(frames[i], wrench);
     }
-    if (m > 0) add_outboard(frames[body], bodies[body], bodies[body - 1]);
+    if (m > 0) add_outboard(frames[body].rotation, frames[body].position, bodies[body], bodies[body - 1]);
   }
 }
 

@@ -266,8 +266,8 @@ class RigidArm {
   void run(const Vector& q, const Velocity& qd, const Acceleration& qdd, Vector& tau,
            const Visitor& visitor) const noexcept {
     using namespace structural;
-    static_newton_euler<0, 0, Arm>(parameters_, joint_trigonometry<Arm>(q), Zero3{}, Zero3{},
-                                   base_acceleration(), q, qd, qdd, tau, visitor);
+    static_newton_euler<0, Arm>(parameters_, joint_trigonometry<Arm>(q), Zero3{}, Zero3{}, base_acceleration(), q,
+                                qd, qdd, tau, visitor);
   }
 
   structural::Dense3<Scalar> base_acceleration() const noexcept {
