@@ -1,12 +1,15 @@
 #include "comparison.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <numeric>
 #include <optional>
 #include <utility>
+
+#include <Eigen/Geometry>
 
 #include "heft/host/parallel.hpp"
 #include "heft/model/dynamics.hpp"
@@ -25,6 +28,9 @@ constexpr double kMovingOffset = 0.1, kRestingOffset = 0.35;
 constexpr double kEffortFloor = 0.01, kArmFloor = 0.02;
 constexpr double kFeltWeight = 0.2;  ///< of a joint's torque that changes with its weight
 constexpr double kQuarterTurn = 0.5 * std::numbers::pi;
+/// A base that is not level [°], towards so many sides.
+constexpr std::array<double, 3> kTilts = {5.0, 10.0, 15.0};
+constexpr int kSides = 8;
 
 }  // namespace
 
@@ -176,6 +182,21 @@ std::vector<Hypothesis> Comparison::gravities() const {
     }
   }
   return list;
+}
+
+double Comparison::gain_of_tilt() const {
+  const Eigen::Vector3d given(robot_.gravity.data());
+  std::array<double, kTilts.size() * kSides> gains{};
+  host::for_each_parallel(gains.size(), [&](std::size_t k) {
+    const double towards = 2.0 * std::numbers::pi * static_cast<double>(k % kSides) / kSides;
+    const Eigen::Vector3d across = given.unitOrthogonal();
+    const Eigen::Vector3d about = Eigen::AngleAxisd(towards, given.normalized()) * across;
+    const Eigen::Vector3d down = Eigen::AngleAxisd(kTilts[k / kSides] * std::numbers::pi / 180.0, about) * given;
+    model::Robot tilted = robot_;
+    tilted.gravity = {down[0], down[1], down[2]};
+    gains[k] = gain_of(moments_of(tilted, samples_));
+  });
+  return *std::max_element(gains.begin(), gains.end());
 }
 
 Comparison::Weightless Comparison::weightless() const {

@@ -52,6 +52,8 @@ class Comparison {
   std::vector<Hypothesis> interchanges() const;
   std::vector<Hypothesis> zeros() const;
   std::vector<Hypothesis> gravities() const;
+  /// Largest gain with the base some degrees off level, as no description has it.
+  double gain_of_tilt() const;
   /// The arm without weight. Joints whose weight changes along the log show whether the torque holds any.
   struct Weightless {
     double gain{0.0};

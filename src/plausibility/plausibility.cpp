@@ -192,6 +192,8 @@ class Judge {
       if (is_upside_down(h) && h.gain > 0.8 * best.gain) return {true, true, h.gain, {h}, {}};
     }
     if (best.gain < threshold) return {};
+    // A base some degrees off level is no contradiction: it is for a diagnosis to find.
+    if (best.kind == Contradiction::kGravity && comparison_.gain_of_tilt() > best.gain - kLead) return {};
     Structure structure{true, best.gain > kClear * threshold, best.gain, {best}, {}};
     double second = signs.gain;
     if (others.size() > 1) {

@@ -25,6 +25,14 @@ TEST_P(Undeclared, EffectsAreNoContradictions) {
   }
 }
 
+/// Weight on upright axes shows as it would on a wall, but a base off level by some degrees says as much.
+TEST(TiltedBase, OfAScaraIsNotTakenForAWall) {
+  const test::UndeclaredCase c = test::make_undeclared_case("base_tilt", "scara4", 702);
+  for (const data::Log* log : {&c.train, &c.validate}) {
+    for (const Finding& f : check_torque(c.robot, *log).findings) ADD_FAILURE() << f.message;
+  }
+}
+
 const auto kName = [](const auto& p) {
   std::string name = std::get<0>(p.param) + "_on_" + std::get<1>(p.param);
   std::replace_if(
