@@ -102,6 +102,7 @@ bool Search::add_spring_pairs(const Engine& engine, const std::vector<int>& of, 
   });
   if (first == pool.end() || !(fall(first->trial).maxCoeff() > kRelevantGain)) return false;
   std::vector<Candidate> pairs = engine.spring_pairs(*first, looked_at(of));
+  leave_out_for_good(pairs);
   if (pairs.empty()) return false;
   std::move(pairs.begin(), pairs.end(), std::back_inserter(pool));
   sort_by_gain(pool);
@@ -112,6 +113,7 @@ bool Search::add_spring_pairs(const Engine& engine, const std::vector<int>& of, 
 std::vector<Candidate> Search::propose(const Engine& engine, const std::vector<int>& of,
                                        const std::function<void(double)>& done, double least) const {
   std::vector<Candidate> candidates = engine.propose(looked_at(of), done, least);
+  leave_out_for_good(candidates);
   sort_by_gain(candidates);
   return candidates;
 }
@@ -131,6 +133,7 @@ void Search::find_again(int again, std::vector<std::shared_ptr<const Present>>& 
   std::erase_if(pool, [&](const Candidate& c) { return c.joint < 0 || joints[static_cast<std::size_t>(c.joint)]; });
   for (Candidate& c : pool) c.stale = true;
   for (Candidate& c : engine().propose(joints, done, 0.0)) pool.push_back(std::move(c));
+  leave_out_for_good(pool);
 }
 
 double Search::forward(bool may_stop) {
@@ -147,13 +150,11 @@ double Search::forward(bool may_stop) {
     const Candidate* best = best_of(pool, now);
     if (best != nullptr && judge_simpler_again(pool, *best)) best = best_of(pool, now);
     const bool spring = best == nullptr ? fresh : rules().simplest(pool, best, now)->is_elastic();
-    if (spring && add_spring_pairs(engine(), {}, pool)) {
-      now.tried = tried_of(pool);
-      best = best_of(pool, now);
-    }
+    if (spring && add_spring_pairs(engine(), {}, pool)) now.tried = tried_of(pool), best = best_of(pool, now);
     tried_ = std::max(tried_, now.tried);
     if (fresh) {
-      refusals_.clear();  // those of the last full round count: with everything else in place
+      // Those of the last full round count.
+      std::erase_if(refusals_, [&](const Refusal& r) { return !is_out_for_good(r.effect, r.joint); });
       for (const Candidate& c : pool) refuse(c, rules().objection(c, now));
     }
     trace_pool(pool, now);

@@ -77,8 +77,7 @@ class Veto {
       const std::optional<std::size_t> culprit = raises_most(after.each[run][joint], joint, run);
       if (!culprit) return;
       if (!swap_in_held(*culprit, false)) {
-        search_.take_out(
-            *culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
+        take_out(*culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
       }
     }
   }
@@ -87,6 +86,14 @@ class Veto {
   Errors errors_of(const Engine& engine) const {
     const MatrixXd predicted = judged_.predicted(engine.robot());
     return {judged_.rms_errors(predicted), judged_.scores(predicted, search_.start().band)};
+  }
+
+  void take_out(std::size_t effect, const std::string& why) {
+    if (search_.engine().accepted[effect].is_elastic()) {
+      search_.take_spring_out_for_good(effect, why);
+    } else {
+      search_.take_out(effect, why);
+    }
   }
 
   /// Errors without some of the effects, which are fitted at the same time.
@@ -129,7 +136,7 @@ class Veto {
           harmless_.add(e);
           continue;
         }
-        if (!take_another_form(e, without[k]) && !swap_in_held(e, true)) search_.take_out(e, why);
+        if (!take_another_form(e, without[k]) && !swap_in_held(e, true)) take_out(e, why);
         return false;
       }
     }
@@ -329,6 +336,16 @@ void reject_impossible_springs(Search& search, const Identified& identified) {
   }
 }
 
-void reject_overfitted(Search& search, const MatrixXd& base) { Veto(search).run(base); }
+void reject_overfitted(Search& search, const MatrixXd& base) {
+  // A spring in a wrong joint hides the one that it stands in for: without it that one is found.
+  for (std::size_t springs_out = 0; springs_out <= static_cast<std::size_t>(base.cols()); springs_out = search.no_springs_in().size()) {
+    Veto(search).run(base);
+    if (search.no_springs_in().size() == springs_out) return;
+    const std::size_t had = search.engine().accepted.size();
+    search.forward(false);
+    if (search.engine().accepted.size() == had) return;
+    search.backward();
+  }
+}
 
 }  // namespace heft::diagnose
