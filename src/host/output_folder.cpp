@@ -15,17 +15,18 @@
 
 namespace heft::host {
 
-/// The folders that were made, outermost first.
+/// The folders that were made, outermost first. One is entered before it is made: a signal in between would leave it.
 struct OutputFolder::Made {
   struct Entry {
     int parent;
     std::string name;
     Temporary temporary;
+    bool made{false};
 
-    Entry(int folder, const std::string& made)
-        : parent(folder), name(made), temporary(Temporary::Kind::kFolder, folder, made) {}
+    Entry(int folder, const std::string& to_make)
+        : parent(folder), name(to_make), temporary(Temporary::Kind::kFolder, folder, to_make) {}
     ~Entry() {
-      ::unlinkat(parent, name.c_str(), AT_REMOVEDIR);  // stays when it holds something
+      if (made) ::unlinkat(parent, name.c_str(), AT_REMOVEDIR);  // stays when it holds something
       ::close(parent);
     }
     Entry(const Entry&) = delete;
@@ -57,12 +58,13 @@ OutputFolder::OutputFolder(const std::string& path) : path_(path), made_(std::ma
     }
     const int folder = ::open(parent.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC);
     if (folder < 0) refuse(std::strerror(errno));
+    Made::Entry& entry = made_->entries.emplace_back(folder, part.string());
     if (::mkdirat(folder, part.c_str(), 0777) == 0) {
-      made_->entries.emplace_back(folder, part.string());
+      entry.made = true;
       continue;
     }
     const int reason = errno;
-    ::close(folder);
+    made_->entries.pop_back();
     if (reason != EEXIST || ::stat(so_far.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
       refuse(std::strerror(reason));
     }
