@@ -165,6 +165,12 @@ std::vector<Hypothesis> Comparison::zeros() const {
   return list;
 }
 
+double Comparison::gain_under(const Eigen::Vector3d& gravity) const {
+  model::Robot turned = robot_;
+  turned.gravity = {gravity[0], gravity[1], gravity[2]};
+  return gain_of(moments_of(turned, samples_));
+}
+
 std::vector<Hypothesis> Comparison::gravities() const {
   std::vector<Hypothesis> list;
   const Eigen::Vector3d given(robot_.gravity.data());
@@ -175,10 +181,7 @@ std::vector<Hypothesis> Comparison::gravities() const {
       const Eigen::Vector3d down = sign * size * Eigen::Vector3d::Unit(axis);
       // Within a tenth of the given direction it is that direction.
       if (given.dot(down) > 0.995 * size * size) continue;
-      model::Robot turned = robot_;
-      turned.gravity = {down[0], down[1], down[2]};
-      list.push_back(
-          {Contradiction::kGravity, -1, -1, 0.0, turned.gravity, gain_of(moments_of(turned, samples_))});
+      list.push_back({Contradiction::kGravity, -1, -1, 0.0, {down[0], down[1], down[2]}, gain_under(down)});
     }
   }
   return list;
@@ -191,10 +194,7 @@ double Comparison::gain_of_tilt() const {
     const double towards = 2.0 * std::numbers::pi * static_cast<double>(k % kSides) / kSides;
     const Eigen::Vector3d across = given.unitOrthogonal();
     const Eigen::Vector3d about = Eigen::AngleAxisd(towards, given.normalized()) * across;
-    const Eigen::Vector3d down = Eigen::AngleAxisd(kTilts[k / kSides] * std::numbers::pi / 180.0, about) * given;
-    model::Robot tilted = robot_;
-    tilted.gravity = {down[0], down[1], down[2]};
-    gains[k] = gain_of(moments_of(tilted, samples_));
+    gains[k] = gain_under(Eigen::AngleAxisd(kTilts[k / kSides] * std::numbers::pi / 180.0, about) * given);
   });
   return *std::max_element(gains.begin(), gains.end());
 }

@@ -78,6 +78,8 @@ class Comparison {
   std::pair<double, double> slope_of(const std::vector<JointMoments>& moments, int j) const;
   /// @param torques  the torque that each joint is compared with; empty: its own
   double gain_of(const std::vector<JointMoments>& moments, const std::vector<int>& torques = {}) const;
+  /// @param gravity  in the base frame [m/s²]
+  double gain_under(const Eigen::Vector3d& gravity) const;
 
   model::Robot robot_;
   Samples samples_;

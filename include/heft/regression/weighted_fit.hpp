@@ -34,7 +34,7 @@ inline constexpr double kRidgeFromCondition = 1000.0;
 /// @param ridge_from  the limit; 0: never a ridge
 Solution solve(const regression::TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from);
 
-/// β of solve(), arguments as there; where the limit is surely kept, without its singular values: about a hundredth of the cost.
+/// β of solve(), arguments as there; where the limit is surely kept, without its singular values, for one inverse of a triangle.
 Eigen::VectorXd estimate(const TriangularFactor& data, const Eigen::VectorXd& prior, double ridge_from);
 
 /// n: scatter of every joint's residual; degrees of freedom are shared among joints by their rows.
