@@ -104,6 +104,7 @@ struct Workbench {
   const Eigen::MatrixXd* held;
   std::vector<FirstMemory> memories;  ///< n: what each joint's friction remembers already
   std::vector<const Candidate*> springs;  ///< n: the one that a joint has already; none: nullptr
+  const std::vector<int>* no_springs_in;  ///< see Engine
   /// Pairs of joints that may share a motor, with the ratio.
   std::span<const GearCoupling<double>> pairs;
   /// Gain on the rows of the fit below which a candidate is of no use: one for the place of an effect of a joint that gains far more.
@@ -111,6 +112,8 @@ struct Workbench {
   double least_gain{0.0};
   /// The same of an effect of a joint: what does not take enough of that joint's error is of no use anywhere.
   double least_gain_of(int joint) const;
+  /// Whether a spring is looked for in a joint.
+  bool may_have_spring(int joint) const;
 };
 
 /// Finds the best candidate of one kind and form, judged.

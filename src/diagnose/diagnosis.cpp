@@ -125,6 +125,14 @@ struct Found {
   std::unique_ptr<Start> lower;  ///< that behind the lower cut-off, where springs asked for another one
 };
 
+/// Reports of progress: parts of a search may be done again.
+std::function<void(const std::string&, double)> never_back(std::function<void(const std::string&, double)> progress) {
+  if (!progress) return progress;
+  return [progress = std::move(progress), furthest = 0.0](const std::string& what, double done) mutable {
+    progress(what, furthest = std::max(furthest, done));
+  };
+}
+
 /// Searches for effects, behind a higher cut-off where springs ask for one.
 /// @param start_with  gives the start behind a least cut-off [Hz]
 Found found_by(const DiagnoseOptions& options, const std::function<Start(double least_cutoff)>& start_with) {
@@ -239,6 +247,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   }
   model::refuse_wrong_couplings(robot, asked.couplings);
   DiagnoseOptions options = asked;
+  options.progress = never_back(asked.progress);
   options.joint_sensor = asked.joint_sensor || logs.torque_at() == data::TorqueAt::kJoint;
   Diagnosis result;
   const ReadLogs train_logs(logs.train(), result.notes), validation_logs(logs.judge(), result.notes);
@@ -288,7 +297,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.parameters = written.engine().parameter_record();
   search.progress(0.95);
   say_of_written(found, written, as_anyone, train_logs, validation_logs, options.refit, result);
-  result.refusals = search.refusals(result.findings);
+  result.refusals = search.refusals().beside(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();
   for (const double s : fitted.table().run_seconds) result.seconds += s;

@@ -108,7 +108,7 @@ Workbench Engine::bench() const {
     memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
   }
   return {problem_.get(),      &base_, &table_, &motion_, rows_.get(), &rigid_, &lazy_load_, &held_,
-          std::move(memories), std::move(springs), pairs_};
+          std::move(memories), std::move(springs), &no_springs_in, pairs_};
 }
 
 void Engine::build() {

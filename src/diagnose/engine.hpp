@@ -89,6 +89,8 @@ class Engine {
   /// Base columns that the model is fitted without; empty: none. A column that an effect in place contains (the offset
   /// in that of a spring, the rotor inertia in that of an elastic joint) is left out anyway.
   std::vector<bool> left_out;
+  /// Joints whose spring was refused for good: none is looked for there again.
+  std::vector<int> no_springs_in;
   /// Joint whose standstill counts even if no friction that remembers is in place; -1: none.
   int standing_counts{-1};
 

@@ -133,16 +133,17 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.joint = own.joint;
     f.p_value = std::min(1.0, trial.p_value * tried);
     f.delta_bic = bic_of(with_rest, tried);
-    Index main = 0;
-    f.cross_validated = fall(trial).maxCoeff(&main);
+    const Index main = main_joint_of(trial);
+    f.cross_validated = fall(trial)[main];
     if (own.effect.is<Contact>()) f.cross_validated = std::numeric_limits<double>::quiet_NaN();
     f.main_joint = static_cast<int>(main);
     f.validate_before = (written.has(e) ? other : as_written)[main];
     f.validate_after = (written.has(e) ? as_written : other)[main];
     if (!written.has(e) && f.validate_after > kFarWorse * f.validate_before) {
       // It lowers what the search's low-pass leaves of the motion, and nothing that the motion as anyone derives it shows.
-      search.refuse(own, fmt::format("raises the error of joint {} on the validation logs by {:.0f} % next to the identified model",
-                                     main + 1, 100.0 * (f.validate_after / f.validate_before - 1.0)));
+      search.refusals().not_taken(
+          own, fmt::format("raises the error of joint {} on the validation logs by {:.0f} % next to the identified model",
+                           main + 1, 100.0 * (f.validate_after / f.validate_before - 1.0)));
       continue;
     }
     f.left_out = written.why_not(e);

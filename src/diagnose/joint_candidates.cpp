@@ -377,6 +377,11 @@ double Workbench::least_gain_of(int joint) const {
   return std::max(least_gain, kOfWhatMatters * squared(kRelevantGainInRuns) * problem->weight(joint) * problem->squares_of(joint));
 }
 
+bool Workbench::may_have_spring(int joint) const {
+  return springs[static_cast<std::size_t>(joint)] == nullptr &&
+         std::find(no_springs_in->begin(), no_springs_in->end(), joint) == no_springs_in->end();
+}
+
 void judge(const Problem& problem, const MotionTable& table, Candidate& c, int tested, double least) {
   c.trial = problem.judge(problem.moments(c.columns), c.replaces, tested, least);
   c.at_turns = 0.0;

@@ -59,6 +59,12 @@ VectorXd fall(const Trial& trial) {
   return result;
 }
 
+Index main_joint_of(const Trial& trial) {
+  Index joint = 0;
+  if (trial.joint_before.size() > 0) fall(trial).maxCoeff(&joint);
+  return joint;
+}
+
 bool is_steady(const Trial& trial) {
   return trial.cv_t > kSteadyGain || (trial.cv_t > kSteadyGainOfFew && trial.lost < kNextToNothing);
 }
@@ -131,8 +137,8 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   const auto& runs = c.trial.run_gain;
   const bool agreed = runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
   if (c.beside && !agreed) return "a second memory length needs three runs that agree on it";
-  Index main = 0;
-  const double size = fall(c.trial).maxCoeff(&main);
+  const Index main = main_joint_of(c.trial);
+  const double size = fall(c.trial)[main];
   if (!(size > (agreed ? kRelevantGainInRuns : kRelevantGain))) return "too small to matter";
   if (c.effect.is<Delay>() && (fall(c.trial).array() > 0.5 * kRelevantGain).count() < 2)
     return "shows in one joint only: a late channel is late for all";

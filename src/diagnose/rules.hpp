@@ -68,6 +68,8 @@ inline constexpr double kRival = 0.3, kEquivalent = 0.97;
 
 /// Fall of each joint's rms error, as a share; on left-out blocks, for a contact in its stretches.
 Eigen::VectorXd fall(const Trial& trial);
+/// The joint where it falls most.
+Eigen::Index main_joint_of(const Trial& trial);
 /// The same part of the squared error.
 inline double squared(double fall) { return 1.0 - (1.0 - fall) * (1.0 - fall); }
 /// Whether it gains on blocks that it was not fitted to by more than a few of them say by chance.

@@ -102,7 +102,6 @@ bool Search::add_spring_pairs(const Engine& engine, const std::vector<int>& of, 
   });
   if (first == pool.end() || !(fall(first->trial).maxCoeff() > kRelevantGain)) return false;
   std::vector<Candidate> pairs = engine.spring_pairs(*first, looked_at(of));
-  leave_out_for_good(pairs);
   if (pairs.empty()) return false;
   std::move(pairs.begin(), pairs.end(), std::back_inserter(pool));
   sort_by_gain(pool);
@@ -113,7 +112,6 @@ bool Search::add_spring_pairs(const Engine& engine, const std::vector<int>& of, 
 std::vector<Candidate> Search::propose(const Engine& engine, const std::vector<int>& of,
                                        const std::function<void(double)>& done, double least) const {
   std::vector<Candidate> candidates = engine.propose(looked_at(of), done, least);
-  leave_out_for_good(candidates);
   sort_by_gain(candidates);
   return candidates;
 }
@@ -133,7 +131,6 @@ void Search::find_again(int again, std::vector<std::shared_ptr<const Present>>& 
   std::erase_if(pool, [&](const Candidate& c) { return c.joint < 0 || joints[static_cast<std::size_t>(c.joint)]; });
   for (Candidate& c : pool) c.stale = true;
   for (Candidate& c : engine().propose(joints, done, 0.0)) pool.push_back(std::move(c));
-  leave_out_for_good(pool);
 }
 
 double Search::forward(bool may_stop) {
@@ -150,12 +147,14 @@ double Search::forward(bool may_stop) {
     const Candidate* best = best_of(pool, now);
     if (best != nullptr && judge_simpler_again(pool, *best)) best = best_of(pool, now);
     const bool spring = best == nullptr ? fresh : rules().simplest(pool, best, now)->is_elastic();
-    if (spring && add_spring_pairs(engine(), {}, pool)) now.tried = tried_of(pool), best = best_of(pool, now);
+    if (spring && add_spring_pairs(engine(), {}, pool)) {
+      now.tried = tried_of(pool);
+      best = best_of(pool, now);
+    }
     tried_ = std::max(tried_, now.tried);
     if (fresh) {
-      // Those of the last full round count.
-      std::erase_if(refusals_, [&](const Refusal& r) { return !is_out_for_good(r.effect, r.joint); });
-      for (const Candidate& c : pool) refuse(c, rules().objection(c, now));
+      refusals_.begin_round();
+      for (const Candidate& c : pool) refusals_.not_taken(c, rules().objection(c, now));
     }
     trace_pool(pool, now);
     if (best == nullptr) {
@@ -362,12 +361,6 @@ std::vector<Candidate> Search::forms_of_memory(std::size_t effect,
   return forms;
 }
 
-void Search::refuse(const Candidate& c, const std::string& why) {
-  if (why.empty() || !c.trial.valid || c.trial.joint_before.size() == 0) return;
-  const double size = fall(c.trial).maxCoeff();
-  if (size > 0.5 * kRelevantGain) refusals_.push_back({c.effect, c.joint, why, squared(size)});
-}
-
 void Search::backward() {
   constexpr int kMostTimes = 3;
   for (int time = 1;; ++time) {
@@ -495,7 +488,7 @@ bool Search::check(std::size_t e) {
   const bool remembers = own.has_memory() && !own.beside;
   if (!stays && best == nullptr) {
     evidence->drop_columns();
-    refusals_.push_back({own.effect, own.joint, "another effect has made it needless", 0.0});
+    refusals_.taken_out(own, "another effect has made it needless", 0.0);
     model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(e));
     model().build();
     if (!remembers) find_memory_again(own.joint);
@@ -537,6 +530,7 @@ std::unique_ptr<Engine> Search::rebuilt(std::ptrdiff_t without, bool weights_hel
   auto other = std::make_unique<Engine>(engine().base_fit());
   other->weights_held = weights_held;
   other->masses_held = masses_held;
+  other->no_springs_in = engine().no_springs_in;
   other->standing_counts = standing_counts;
   for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
     const auto own = static_cast<std::ptrdiff_t>(e);
@@ -558,10 +552,16 @@ void Search::take_over(std::unique_ptr<Engine> other) {
   start_.engine = std::move(other);
 }
 
+void Search::take_out_for_good(std::size_t effect, const std::string& why) {
+  const Candidate& own = engine().accepted[effect];
+  if (own.is_elastic()) model().no_springs_in.push_back(own.joint);
+  take_out(effect, why);
+}
+
 void Search::take_out(std::size_t effect, const std::string& why) {
   const Candidate own = engine().accepted[effect];
   const double share = own.trial.joint_before.size() > 0 ? squared(fall(own.trial).maxCoeff()) : 0.0;
-  refusals_.push_back({own.effect, own.joint, why, share});
+  refusals_.taken_out(own, why, share);
   model().accepted.erase(model().accepted.begin() + static_cast<std::ptrdiff_t>(effect));
   model().build();
   trace("without " + name_of(own), start_.judged->predicted(engine().robot()));
@@ -577,23 +577,6 @@ void Search::take_rotor_and_offset(int joint, const Identified& identified) {
     if (best == nullptr) return;
     take(Candidate(*best));
   }
-}
-
-std::vector<Refusal> Search::refusals(const std::vector<Finding>& findings) const {
-  std::vector<Refusal> sorted = refusals_;
-  std::erase_if(sorted, [&](const Refusal& r) {
-    return std::any_of(findings.begin(), findings.end(),
-                       [&](const Finding& f) { return f.effect == r.effect && f.joint == r.joint; });
-  });
-  std::stable_sort(sorted.begin(), sorted.end(),
-                   [](const Refusal& a, const Refusal& b) { return a.gain > b.gain; });
-  // What was refused in two forms is listed once, as its stronger one.
-  std::vector<Refusal> once;
-  for (Refusal& r : sorted) {
-    const auto same = [&](const Refusal& o) { return o.effect == r.effect && o.joint == r.joint; };
-    if (std::none_of(once.begin(), once.end(), same)) once.push_back(std::move(r));
-  }
-  return once;
 }
 
 }  // namespace heft::diagnose

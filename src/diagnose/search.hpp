@@ -12,6 +12,7 @@
 
 #include "evidence.hpp"
 #include "identified.hpp"
+#include "refusals.hpp"
 #include "rules.hpp"
 #include "start.hpp"
 
@@ -61,21 +62,14 @@ class Search {
   /// Goes on with another model.
   void take_over(std::unique_ptr<Engine> engine);
   void take_out(std::size_t effect, const std::string& why);
-  /// The same for good: no spring is looked for in that joint again.
-  void take_spring_out_for_good(std::size_t effect, const std::string& why) {
-    no_springs_in_.push_back(engine().accepted[effect].joint);
-    take_out(effect, why);
-  }
-  const std::vector<int>& no_springs_in() const { return no_springs_in_; }
+  /// The same for good if it is a spring: none is looked for in that joint again.
+  void take_out_for_good(std::size_t effect, const std::string& why);
   /// Takes rotor inertia and offset of a joint that nothing speaks against: what stood in their place is out. Only those that are
   /// columns of the identified model: it explains any other one, such as the offset of a vertical slide, by its masses and
   /// motors, so that reject_needless() would take it out again, without end.
   void take_rotor_and_offset(int joint, const Identified& identified);
 
-  /// Notes why a candidate is no finding, if it explains enough to be worth a word.
-  void refuse(const Candidate& c, const std::string& why);
-  /// Refusals that count, each once, those that would explain most first.
-  std::vector<Refusal> refusals(const std::vector<Finding>& findings) const;
+  Refusals& refusals() { return refusals_; }
   const std::vector<std::string>& notes() const { return notes_; }
 
   /// @param done  of the whole diagnosis, 0 to 1
@@ -102,13 +96,6 @@ class Search {
                   const std::function<void(double)>& done);
   bool judge_simpler_again(std::vector<Candidate>& pool, const Candidate& best) const;
   const Candidate* best_of(std::vector<Candidate>& pool, const Rules::Round& round) const;
-  void leave_out_for_good(std::vector<Candidate>& candidates) const {
-    const auto out = [&](const Candidate& c) { return is_out_for_good(c.effect, c.joint); };
-    std::erase_if(candidates, [&](const Candidate& c) { return out(c) || std::any_of(c.parts.begin(), c.parts.end(), out); });
-  }
-  bool is_out_for_good(const EffectKind& effect, int joint) const {
-    return effect.is<ElasticJoint>() && std::find(no_springs_in_.begin(), no_springs_in_.end(), joint) != no_springs_in_.end();
-  }
   void tune();
   bool find_motors();
   void take(const Candidate& candidate);
@@ -128,8 +115,7 @@ class Search {
 
   Start& start_;
   const DiagnoseOptions& options_;
-  std::vector<Refusal> refusals_;
-  std::vector<int> no_springs_in_;  ///< joints whose spring was taken out for good
+  Refusals refusals_;
   EvidenceKept evidence_;
   std::mutex present_asked_;
   std::shared_ptr<const Present> present_;  ///< of the model; nullptr: not asked for since it has changed

@@ -77,7 +77,7 @@ class Veto {
       const std::optional<std::size_t> culprit = raises_most(after.each[run][joint], joint, run);
       if (!culprit) return;
       if (!swap_in_held(*culprit, false)) {
-        take_out(*culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
+        search_.take_out_for_good(*culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
       }
     }
   }
@@ -86,14 +86,6 @@ class Veto {
   Errors errors_of(const Engine& engine) const {
     const MatrixXd predicted = judged_.predicted(engine.robot());
     return {judged_.rms_errors(predicted), judged_.scores(predicted, search_.start().band)};
-  }
-
-  void take_out(std::size_t effect, const std::string& why) {
-    if (search_.engine().accepted[effect].is_elastic()) {
-      search_.take_spring_out_for_good(effect, why);
-    } else {
-      search_.take_out(effect, why);
-    }
   }
 
   /// Errors without some of the effects, which are fitted at the same time.
@@ -136,7 +128,7 @@ class Veto {
           harmless_.add(e);
           continue;
         }
-        if (!take_another_form(e, without[k]) && !swap_in_held(e, true)) take_out(e, why);
+        if (!take_another_form(e, without[k]) && !swap_in_held(e, true)) search_.take_out_for_good(e, why);
         return false;
       }
     }
@@ -146,8 +138,7 @@ class Veto {
   /// What an effect does to its own joint, and to all together; empty: no harm.
   std::string harm(const Candidate& own, const Errors& after, const Errors& before) const {
     if (own.effect.is<Contact>()) return {};
-    Index main = 0;
-    fall(own.trial).maxCoeff(&main);
+    const Index main = main_joint_of(own.trial);
     std::string helps, hurts;
     double squares_after = 0.0, squares_before = 0.0;
     for (std::size_t r = 0; r < after.each.size(); ++r) {
@@ -286,8 +277,7 @@ void reject_needless(Search& search, const Identified& identified) {
     const validate::Score with_all = score(*fitted(all));
     std::erase_if(found, [&](const auto& one) {
       const Candidate& own = accepted[one->effect];
-      Index main = own.joint;
-      if (search.other_spring(one->effect) < 0) fall(own.trial).maxCoeff(&main);
+      const Index main = search.other_spring(one->effect) < 0 ? main_joint_of(own.trial) : own.joint;
       return one->t > kShown && std::all_of(one->without.begin(), one->without.end(), [&](const validate::Score& without) {
         const double ratio = with_all.rmse[main] / without.rmse[main];
         const double in_band = with_all.rmse_in_band[main] / without.rmse_in_band[main];
@@ -338,9 +328,10 @@ void reject_impossible_springs(Search& search, const Identified& identified) {
 
 void reject_overfitted(Search& search, const MatrixXd& base) {
   // A spring in a wrong joint hides the one that it stands in for: without it that one is found.
-  for (std::size_t springs_out = 0; springs_out <= static_cast<std::size_t>(base.cols()); springs_out = search.no_springs_in().size()) {
+  while (true) {
+    const std::size_t before = search.engine().no_springs_in.size();
     Veto(search).run(base);
-    if (search.no_springs_in().size() == springs_out) return;
+    if (search.engine().no_springs_in.size() == before) return;
     const std::size_t had = search.engine().accepted.size();
     search.forward(false);
     if (search.engine().accepted.size() == had) return;

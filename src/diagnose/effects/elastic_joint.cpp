@@ -364,7 +364,7 @@ std::vector<Candidate> propose_spring(const Workbench& bench, const std::vector<
   std::optional<GivenMasses> given;
   std::vector<Candidate> found;
   for (int j = 0; j < bench.table->num_joints; ++j) {
-    if (!joints[static_cast<std::size_t>(j)] || bench.springs[static_cast<std::size_t>(j)] != nullptr) continue;
+    if (!joints[static_cast<std::size_t>(j)] || !bench.may_have_spring(j)) continue;
     found.push_back(SpringSearch(bench, inertia, {j}).run());
     if ((found.back().refused.empty() && found.back().trial.valid) || found.back().refused == kOfNoUse) continue;
     if (!given) given.emplace(bench);
@@ -413,8 +413,7 @@ std::vector<Candidate> spring_pairs(const Workbench& bench, const Candidate& fir
   const std::vector<MatrixXd> inertia = inertia_of(bench);
   std::vector<int> joints;
   for (int j = 0; j < bench.table->num_joints; ++j) {
-    const auto at = static_cast<std::size_t>(j);
-    if (others[at] && j != first.joint && bench.springs[at] == nullptr) joints.push_back(j);
+    if (others[static_cast<std::size_t>(j)] && j != first.joint && bench.may_have_spring(j)) joints.push_back(j);
   }
   std::vector<Candidate> found(joints.size(), Candidate(ElasticJoint{}));
   host::for_each_parallel(joints.size(), [&](std::size_t k) {
