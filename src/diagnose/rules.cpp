@@ -204,7 +204,9 @@ const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const
     if ((c.joint != best->joint && !beside) || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
     const double least = best->effect.is<FrictionCurve>() ? kFormula : kSimpler;
     if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < least * best->trial.cv_gain) continue;
-    if (objection(c, round).empty()) simple = &c;
+    // What a cable explains of its other joint is no reason to take it for an effect of this one.
+    const bool same = !c.effect.is<Cable>() || main_joint_of(c.trial) == main_joint_of(best->trial);
+    if (same && objection(c, round).empty()) simple = &c;
   }
   if (simple->effect.is<Cable>()) {
     const auto takeable = [&](const Candidate& c) { return objection(c, round).empty(); };
