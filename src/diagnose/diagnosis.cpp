@@ -260,7 +260,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
                     std::exchange(first, false)
                         ? as_anyone.work(robot, train_logs, validation_logs, options.joint_sensor)
                         : Beside{},
-                    least_cutoff);
+                    as_anyone.identified.robot, least_cutoff);
   });
   const Start& start = *found.start;
   Search& search = *found.search;

@@ -67,11 +67,12 @@ VectorXd logs_of(const VectorXd& rms) { return rms.cwiseMax(1e-12).array().log()
 class Cutoffs {
  public:
   Cutoffs(const std::vector<data::Log>& train, const DiagnoseOptions& options, double least, const Beside& beside,
-          Start& start)
+          const model::Robot& identified, Start& start)
       : train_(train),
         options_(options),
         least_(least),
         beside_(beside),
+        identified_(identified),
         start_(start),
         base_(std::make_shared<const BaseModel>(start.robot, searched_structure())) {}
 
@@ -144,19 +145,18 @@ class Cutoffs {
       at_.try_emplace(tried[k] > 0.0 ? tried[k] : kNoMotion, std::move(*motions[k]));
     start_.cutoff = best < tried.size() ? tried[best] : 0.0;
     if (start_.cutoff == 0.0) start_.cutoff = from_motion;
-    if (start_.engine != nullptr) fitted_ = start_.engine->robot();
   }
 
   /// Where the position of one joint may pass further up at no cost, it does: what is cut off leaves open when the joint
   /// turns back.
   void raise_for_each(const JudgedMotion& common) {
     JudgedMotion chosen = common;
-    VectorXd least = logs_of(chosen.rms_error(chosen.predicted(fitted_)));
+    VectorXd least = logs_of(chosen.rms_error(chosen.predicted(identified_)));
     for (int j = start_.robot.num_joints() - 1; j >= 0; --j) {
       for (const auto& [hz, motion] : at_) {
         if (hz < kRaised * start_.cutoff) continue;
         chosen.take_joint_of(motion, j);
-        const VectorXd logs = logs_of(chosen.rms_error(chosen.predicted(fitted_)));
+        const VectorXd logs = logs_of(chosen.rms_error(chosen.predicted(identified_)));
         // A joint that gains does not pay for another that loses: what one is rid of is no noise of the other.
         if ((logs - least).cwiseMax(0.0).sum() > kAsGood) {
           chosen.take_joint_of(at(start_.cutoffs[j]), j);
@@ -192,18 +192,18 @@ class Cutoffs {
   const DiagnoseOptions& options_;
   double least_;
   const Beside& beside_;
+  const model::Robot& identified_;
   Start& start_;
   std::shared_ptr<const BaseModel> base_;
   double highest_{0.0};  ///< cut-off that the sample rate allows [Hz]
   std::map<double, JudgedMotion> at_;
-  model::Robot fitted_;  ///< behind the cut-off for all
 };
 
 }  // namespace
 
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
                const std::vector<data::Log>& validate, const DiagnoseOptions& options, const Beside& beside,
-               double least_cutoff) {
+               const model::Robot& identified, double least_cutoff) {
   Start start;
   start.given = start.own = robot;
   start.pairs = pairs_of(robot, options);
@@ -218,7 +218,7 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
         fmt::join(taken_out, ", ")));
   }
   refuse_too_few_parameters(start.robot, train);
-  Cutoffs cutoffs(train, options, least_cutoff, beside, start);
+  Cutoffs cutoffs(train, options, least_cutoff, beside, identified, start);
   cutoffs.choose();
   const double common = start.cutoff;
   const auto read_judged = [&](double cutoff) {

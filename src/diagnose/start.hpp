@@ -37,10 +37,11 @@ struct Start {
 using Beside = std::vector<std::function<void(const Start&)>>;
 
 /// @param beside  done at the same time; of the start it sees what it is given as it comes: `given`, `robot`, `own`, `pairs`
+/// @param identified    what identify makes of the training logs; may be a result of `beside`
 /// @param least_cutoff  for all joints [Hz]
 /// @throws DataError, NotIdentifiableError
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
                const std::vector<data::Log>& validate, const DiagnoseOptions& options,
-               const Beside& beside = {}, double least_cutoff = 0.0);
+               const Beside& beside, const model::Robot& identified, double least_cutoff = 0.0);
 
 }  // namespace heft::diagnose
