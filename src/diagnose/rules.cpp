@@ -170,6 +170,13 @@ bool both_needed(const std::vector<Candidate>& candidates, const Candidate& pair
   return needed(a, b) && needed(b, a);
 }
 
+/// Whether an offset leaves as much of a spring as matters: with the offset in place that could not be told from it.
+bool leaves_a_spring(const Candidate& c, const Candidate& spring) {
+  if (!c.effect.is<Offset>() || !spring.effect.is<Spring>()) return false;
+  const double with_spring = spring.trial.joint_after[c.joint], with_offset = c.trial.joint_after[c.joint];
+  return 1.0 - std::sqrt(with_spring / std::max(1e-300, with_offset)) > kRelevantGain;
+}
+
 /// A spring in one of the joints of a cable and an offset in the other one, which have as many parameters as the cable, where they
 /// gain as much; nullptr: there is none. Of different joints gains add up.
 /// @param takeable  whether a candidate may be taken
@@ -206,7 +213,7 @@ const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const
     if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < least * best->trial.cv_gain) continue;
     // What a cable explains of its other joint is no reason to take it for an effect of this one.
     const bool same = !c.effect.is<Cable>() || main_joint_of(c.trial) == main_joint_of(best->trial);
-    if (same && objection(c, round).empty()) simple = &c;
+    if (same && objection(c, round).empty() && !leaves_a_spring(c, *best)) simple = &c;
   }
   if (simple->effect.is<Cable>()) {
     const auto takeable = [&](const Candidate& c) { return objection(c, round).empty(); };

@@ -290,7 +290,9 @@ INSTANTIATE_TEST_SUITE_P(Pairs, SeveralEffects,
                                          // A cable that explained joint 4 went before the friction of joint 2 as the simpler effect of that joint.
                                          std::tuple{"friction_curve+spring", "scara4", 111},
                                          // Without its rotor, noise of the encoder behind a high cut-off cost nothing, and looked like a spring next to the rotor.
-                                         std::tuple{"rotor_inertia+spring", "scara4", 113}),
+                                         std::tuple{"rotor_inertia+spring", "scara4", 113},
+                                         // An offset stood in for the spring, and with it in place a ripple of two periods for the rest.
+                                         std::tuple{"spring+elasticity", "arm6", 113}),
                          name_of_several);
 
 INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
