@@ -18,7 +18,8 @@ void reject_impossible_springs(Search& search, const Identified& identified);
 void reject_overfitted(Search& search, const Eigen::MatrixXd& base);
 
 /// Takes out effects that gain too little next to rotor inertia and offsets, which the search names only where it finds
-/// them and identify's model has anyway: a tilted base, a cable or a ripple can look like an offset.
+/// them and identify's model has anyway: a tilted base, a cable or a ripple can look like an offset. Springs, and what gains
+/// unsteadily, go as well where the validation logs show too little of them.
 void reject_needless(Search& search, const Identified& identified);
 
 }  // namespace heft::diagnose
