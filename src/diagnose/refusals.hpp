@@ -10,6 +10,7 @@
 
 namespace heft::diagnose {
 
+/// Effects that were looked at, or in place, and are no findings.
 class Refusals {
  public:
   /// A round that looks at everything begins: those of the last one no longer count.
@@ -19,7 +20,9 @@ class Refusals {
   void not_taken(const Candidate& candidate, const std::string& why);
   /// An effect that was taken and is out again.
   /// @param gain  share of its joint's squared error that it explained
-  void taken_out(const Candidate& effect, const std::string& why, double gain) { taken_out_.push_back({effect.effect, effect.joint, why, gain}); }
+  void taken_out(const Candidate& effect, const std::string& why, double gain) {
+    taken_out_.push_back({effect.effect, effect.joint, why, gain});
+  }
   /// Those that count, each once, those that would explain most first.
   std::vector<Refusal> beside(const std::vector<Finding>& findings) const;
 

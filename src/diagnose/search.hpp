@@ -2,7 +2,6 @@
 /// The search for effects: forward selection and backward checks on the training logs.
 #pragma once
 
-#include <algorithm>
 #include <functional>
 #include <initializer_list>
 #include <memory>
