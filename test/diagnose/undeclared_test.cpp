@@ -23,7 +23,13 @@ using test::UndeclaredCase;
 using test::UndeclaredEffect;
 
 Diagnosis diagnosed(const UndeclaredCase& c) {
-  Diagnosis d = diagnose(c.robot, {c.train}, {c.validate});
+  DiagnoseOptions options;
+  double furthest = 0.0;
+  options.progress = [&](const std::string& what, double done) {
+    EXPECT_GE(done, furthest) << what;
+    furthest = done;
+  };
+  Diagnosis d = diagnose(c.robot, {c.train}, {c.validate}, options);
   for (const Elasticity<double>& e : d.after.elasticities) EXPECT_GE(e.motor_inertia, 0.0) << "joint " << e.joint + 1;
   return d;
 }
