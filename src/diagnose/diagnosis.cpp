@@ -125,7 +125,7 @@ struct Found {
   std::unique_ptr<Start> lower;  ///< that behind the lower cut-off, where springs asked for another one
 };
 
-/// Reports of progress: parts of a search may be done again.
+/// Progress that never goes back, though parts of a search may be done again.
 std::function<void(const std::string&, double)> never_back(std::function<void(const std::string&, double)> progress) {
   if (!progress) return progress;
   return [progress = std::move(progress), furthest = 0.0](const std::string& what, double done) mutable {

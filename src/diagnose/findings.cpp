@@ -133,8 +133,8 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.joint = own.joint;
     f.p_value = std::min(1.0, trial.p_value * tried);
     f.delta_bic = bic_of(with_rest, tried);
-    const Index main = main_joint_of(trial);
-    f.cross_validated = fall(trial)[main];
+    Index main = 0;
+    f.cross_validated = fall(trial).maxCoeff(&main);
     if (own.effect.is<Contact>()) f.cross_validated = std::numeric_limits<double>::quiet_NaN();
     f.main_joint = static_cast<int>(main);
     f.validate_before = (written.has(e) ? other : as_written)[main];

@@ -137,8 +137,8 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   const auto& runs = c.trial.run_gain;
   const bool agreed = runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
   if (c.beside && !agreed) return "a second memory length needs three runs that agree on it";
-  const Index main = main_joint_of(c.trial);
-  const double size = fall(c.trial)[main];
+  Index main = 0;
+  const double size = fall(c.trial).maxCoeff(&main);
   if (!(size > (agreed ? kRelevantGainInRuns : kRelevantGain))) return "too small to matter";
   if (c.effect.is<Delay>() && (fall(c.trial).array() > 0.5 * kRelevantGain).count() < 2)
     return "shows in one joint only: a late channel is late for all";

@@ -68,7 +68,7 @@ inline constexpr double kRival = 0.3, kEquivalent = 0.97;
 
 /// Fall of each joint's rms error, as a share; on left-out blocks, for a contact in its stretches.
 Eigen::VectorXd fall(const Trial& trial);
-/// The joint where it falls most.
+/// The joint where it falls most; of a trial that was not made 0.
 Eigen::Index main_joint_of(const Trial& trial);
 /// The same part of the squared error.
 inline double squared(double fall) { return 1.0 - (1.0 - fall) * (1.0 - fall); }
