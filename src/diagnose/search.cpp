@@ -379,6 +379,17 @@ void Search::backward() {
   progress(kBackward);
 }
 
+bool Search::check_again(int joint) {
+  bool changed = false;
+  for (std::size_t e = 0; e < engine().accepted.size();) {
+    const Candidate own = engine().accepted[e];
+    const bool stays = own.joint != joint || own.is_elastic() || check(e);
+    changed = changed || !stays || !same_effect(own, engine().accepted[e]);
+    if (stays) ++e;
+  }
+  return changed;
+}
+
 std::ptrdiff_t Search::other_spring(std::size_t e) const {
   const std::vector<Candidate>& accepted = engine().accepted;
   if (!accepted[e].is_elastic()) return -1;

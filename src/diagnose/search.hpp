@@ -31,6 +31,9 @@ class Search {
   /// Takes each effect out again: one that another has made needless goes, one that another does better is exchanged. Where that
   /// one is of another place, goes forward again.
   void backward();
+  /// The same of the effects of one joint, which were chosen next to one that is out; springs stay as they are.
+  /// @return whether one went or was exchanged
+  bool check_again(int joint);
 
   const Engine& engine() const { return *start_.engine; }
   /// Of the model as it is.

@@ -67,22 +67,29 @@ class Veto {
  public:
   explicit Veto(Search& search) : search_(search), judged_(*search.start().judged), harmless_(search) {}
 
-  void run(const MatrixXd& base) {
+  /// @return joints of effects that were taken out, springs not counted
+  std::set<int> run(const MatrixXd& base) {
     const std::vector<VectorXd> at_first = judged_.rms_errors(base);
     while (!search_.engine().accepted.empty()) {
       const Errors after = errors_of(search_.engine());
       if (!refuse_first(after)) continue;
       const auto [joint, run] = joint_made_worse(at_first, after.each);
-      if (joint < 0) return;
+      if (joint < 0) break;
       const std::optional<std::size_t> culprit = raises_most(after.each[run][joint], joint, run);
-      if (!culprit) return;
-      if (!swap_in_held(*culprit, false)) {
-        search_.take_out_for_good(*culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
-      }
+      if (!culprit) break;
+      if (!swap_in_held(*culprit, false))
+        refuse(*culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
     }
+    return refused_in_;
   }
 
  private:
+  void refuse(std::size_t effect, const std::string& why) {
+    const Candidate& own = search_.engine().accepted[effect];
+    if (own.joint >= 0 && !own.is_elastic()) refused_in_.insert(own.joint);
+    search_.take_out_for_good(effect, why);
+  }
+
   Errors errors_of(const Engine& engine) const {
     const MatrixXd predicted = judged_.predicted(engine.robot());
     return {judged_.rms_errors(predicted), judged_.scores(predicted, search_.start().band)};
@@ -128,7 +135,7 @@ class Veto {
           harmless_.add(e);
           continue;
         }
-        if (!take_another_form(e, without[k]) && !swap_in_held(e, true)) search_.take_out_for_good(e, why);
+        if (!take_another_form(e, without[k]) && !swap_in_held(e, true)) refuse(e, why);
         return false;
       }
     }
@@ -214,7 +221,8 @@ class Veto {
   Search& search_;
   const JudgedMotion& judged_;
   Settled harmless_;
-  std::set<int> exchanged_;  ///< joints whose memory has been given another form
+  std::set<int> exchanged_;   ///< joints whose memory has been given another form
+  std::set<int> refused_in_;  ///< joints of effects that were taken out
 };
 
 /// Whether an effect lowers the error of a joint on validation logs as much as it must.
@@ -335,14 +343,22 @@ void reject_impossible_springs(Search& search, const Identified& identified) {
 }
 
 void reject_overfitted(Search& search, const MatrixXd& base) {
-  // A spring in a wrong joint hides the one that it stands in for: without it that one is found.
+  std::set<int> checked;
   while (true) {
     const std::size_t before = search.engine().no_springs_in.size();
-    Veto(search).run(base);
-    if (search.engine().no_springs_in.size() == before) return;
+    // What was chosen next to an effect that is out may not be what does best without it.
+    bool changed = false;
+    for (const int joint : Veto(search).run(base)) {
+      if (checked.insert(joint).second) changed = search.check_again(joint) || changed;
+    }
+    // A spring in a wrong joint hides the one that it stands in for: without it that one is found.
+    if (search.engine().no_springs_in.size() == before) {
+      if (changed) continue;
+      return;
+    }
     const std::size_t had = search.engine().accepted.size();
     search.forward(false);
-    if (search.engine().accepted.size() == had) return;
+    if (search.engine().accepted.size() == had && !changed) return;
     search.backward();
   }
 }

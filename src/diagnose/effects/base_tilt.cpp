@@ -59,9 +59,11 @@ MatrixXd shown_by_tilt(const Workbench& bench, const Vector3d& horizontal) {
   for (Index c = 0; c < hidden.cols(); ++c)
     torque.col(c) = gravity_torque_of(hidden.col(c), *bench.robot, horizontal, poses).reshaped();
   const Svd svd = svd_of(triangle_of(torque));
-  constexpr double kShown = 1e-6;  // of the largest: others are zero but for rounding
+  // Of what a unit of mass or first moment pulls when it lies across: less is zero but for rounding. Not of the largest, which
+  // is such a zero itself where a tilt shows nothing, as on a gantry, whose slides have shown it all.
+  const double least = 1e-6 * horizontal.norm() * std::sqrt(static_cast<double>(kPoses));
   Index shown = 0;
-  while (shown < svd.values.size() && svd.values[shown] > kShown * svd.values[0]) ++shown;
+  while (shown < svd.values.size() && svd.values[shown] > least) ++shown;
   return hidden * svd.V.leftCols(shown);
 }
 
