@@ -57,7 +57,7 @@ struct Trial {
   double p_value{1.0};           ///< of it, one candidate
   double effective_rows{0.0};    ///< rows less what their correlation costs
   Eigen::VectorXd joint_before, joint_after;  ///< n: squared error on left-out blocks [N²m²]
-  /// Largest deviation of the first coefficient in a quarter of the time from that of the whole, in parts of it;
+  /// By how much a quarter of the time asks for more or less of the torque of the coefficients tested, in parts of it, at most;
   /// only what exceeds three standard errors counts.
   double drift{0.0};
   double half_t[2]{0.0, 0.0};    ///< cv_t of the blocks of the first and of the second half

@@ -24,10 +24,10 @@ struct Problem::Joint {
   Solved fit;
   std::vector<VectorXd> left_out;  ///< theta without each fold
   /// [block][joint]: products of the block's moments M with three vectors, (p_j + 1) × 3: M [-θ; 1] of the fit, M [a; 0] of what the
-  /// base and the candidate's other columns do not explain of its first one, c̃ = [X C] a, and M [θ; -1] of the fit without the
-  /// block's fold. Moments of all blocks are more than the processor's cache holds, so that they are read once.
+  /// base and the candidate's other columns do not explain of the torque of those tested, c̃ = [X C] a, and M [θ; -1] of the fit
+  /// without the block's fold. Moments of all blocks are more than the processor's cache holds, so that they are read once.
   std::vector<std::vector<MatrixXd>> products;
-  VectorXd rest;  ///< a, 1 for the column itself
+  VectorXd rest;  ///< a, with the coefficients tested for the columns themselves
 };
 
 struct Problem::BaseFits {
@@ -100,7 +100,10 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested, double lea
                      joint.whole.torque - of_folds[f].torque};
     joint.left_out.push_back(solve_beside(folds[f], rest, steady_).theta);
   }
-  joint.rest = joint.fit.inverse.col(0) / joint.fit.inverse(columns_, 0);
+  const int t = tested > 0 ? tested : k;
+  VectorXd torque = trial.coefficients.head(t);
+  if (!solve_positive(joint.fit.inverse.block(columns_, 0, t, t), torque)) return trial;
+  joint.rest = joint.fit.inverse.leftCols(t) * torque;
   put_products(joint);
   const MatrixXd scores = scores_of(joint);
   if (!test_coefficients(joint, scores, tested, trial)) return trial;
@@ -194,13 +197,12 @@ bool Problem::test_coefficients(const Joint& joint, const MatrixXd& scores, int 
   return true;
 }
 
-/// Does the first coefficient hold all the time? In each quarter of the blocks the part of the column that the rest does
-/// not explain, c̃ = c - X a, gives its own correction Σ c̃ᵀ r / Σ c̃ᵀ c̃.
+/// Does the torque of the coefficients tested, c = C θ, hold all the time? In each quarter of the blocks the part of it that the
+/// rest does not explain, c̃ = c - X a, gives its own correction Σ c̃ᵀ r / Σ c̃ᵀ c̃. All of them together: one of several, as a
+/// knot of a curve or the sine of a ripple, may be near zero, or known as little as its neighbour.
 double Problem::drift_of(const Joint& joint, const MatrixXd& scores) const {
   const ColumnMoments& m = joint.candidate;
   const int k = m.count;
-  const double coefficient = joint.fit.theta[columns_];
-  if (!(std::abs(coefficient) > 0.0)) return 0.0;
   const VectorXd& a = joint.rest;
   /// Square of c̃ in one block.
   const auto square_of = [&](std::size_t b) {
@@ -235,7 +237,7 @@ double Problem::drift_of(const Joint& joint, const MatrixXd& scores) const {
     if (!(down > 0.0) || parts < 3.0) continue;
     const double error = std::sqrt(std::max(0.0, scatter - up * up / parts) * parts / (parts - 1.0)) / down;
     const double correction = up / down;
-    if (std::abs(correction) > 3.0 * error) drift = std::max(drift, std::abs(correction / coefficient));
+    if (std::abs(correction) > 3.0 * error) drift = std::max(drift, std::abs(correction));
   }
   return drift;
 }

@@ -119,6 +119,8 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
                                       [&](const Candidate& e) { return same_place(e, c); });
   // A second memory stands beside the first one, and what other effects hid may show more touches.
   if (in_place > (c.beside ? 1 : 0) && !c.effect.is<Contact>()) return "is in the model already";
+  if (std::any_of(refused->begin(), refused->end(), [&](const Candidate& e) { return same_place(e, c); }))
+    return "raises the error on the validation logs";
   if (!c.trial.valid) return "this motion cannot distinguish it from the rest of the model";
   // A joint's scale is measured by the masses that it shares with the others: one that is wrong spoils it.
   const bool by_all = c.joint < 0 || c.effect.is<TorqueScale>();

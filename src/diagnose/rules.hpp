@@ -27,7 +27,7 @@ inline constexpr double kRelevantGainInRuns = 0.01;
 inline constexpr double kNamingShare = 0.2;
 /// The same when three or more runs all gain from it.
 inline constexpr double kNamingShareInRuns = 0.05;
-/// Most that its coefficient may differ in a quarter of the time, in parts of it.
+/// Most that a quarter of the time may ask for more or less of it, in parts of it.
 inline constexpr double kHolds = 0.6;
 /// Most of the gain of friction with a memory, or over speed, that may lie where its joint turns back and the low-pass
 /// leaves open when. More than half: instantaneous friction, misplaced by so much, looks the same.
@@ -94,6 +94,7 @@ void sort_by_gain(std::vector<Candidate>& candidates);
 struct Rules {
   const Engine* engine;                           ///< the model as it is, whose rows and motion count
   const std::vector<NotExplained>* wrong_joints;  ///< that the arm model does not explain
+  const std::vector<Candidate>* refused;          ///< for good, by the validation logs
   bool joint_sensor;                              ///< torque was measured behind the gear
 
   /// Candidates under judgement.

@@ -565,7 +565,12 @@ void Search::take_over(std::unique_ptr<Engine> other) {
 
 void Search::take_out_for_good(std::size_t effect, const std::string& why) {
   const Candidate& own = engine().accepted[effect];
-  if (own.is_elastic()) model().no_springs_in.push_back(own.joint);
+  if (own.is_elastic()) {
+    model().no_springs_in.push_back(own.joint);
+  } else {
+    refused_.push_back(own);
+    refused_.back().columns = {};
+  }
   take_out(effect, why);
 }
 

@@ -42,7 +42,7 @@ class Search {
   const std::vector<NotExplained>& wrong_joints() const { return wrong_joints_; }
   /// Looks for joints that the model as it is does not explain.
   void check_joints();
-  Rules rules() const { return {&engine(), &wrong_joints_, options_.joint_sensor}; }
+  Rules rules() const { return {&engine(), &wrong_joints_, &refused_, options_.joint_sensor}; }
   int tried() const { return tried_; }
 
   /// Another model of the same logs. What it is compared with keeps its own.
@@ -64,7 +64,7 @@ class Search {
   /// Goes on with another model.
   void take_over(std::unique_ptr<Engine> engine);
   void take_out(std::size_t effect, const std::string& why);
-  /// The same for good if it is a spring: none is looked for in that joint again.
+  /// The same for good: none of its kind is taken in that joint again.
   void take_out_for_good(std::size_t effect, const std::string& why);
   /// Takes rotor inertia and offset of a joint that nothing speaks against: what stood in their place is out. Only those that are
   /// columns of the identified model: it explains any other one, such as the offset of a vertical slide, by its masses and
@@ -122,6 +122,7 @@ class Search {
   std::mutex present_asked_;
   std::shared_ptr<const Present> present_;  ///< of the model; nullptr: not asked for since it has changed
   std::vector<NotExplained> wrong_joints_;        ///< see check_joints()
+  std::vector<Candidate> refused_;                ///< for good, without columns; springs are never made again: see Engine
   std::vector<std::string> notes_;
   int tried_{0};  ///< most candidates of a round, shapes counted
   bool exchanged_elsewhere_{false};  ///< a backward check has put an effect of another joint, or of the arm, in an effect's place

@@ -67,26 +67,31 @@ class Veto {
  public:
   explicit Veto(Search& search) : search_(search), judged_(*search.start().judged), harmless_(search) {}
 
-  /// @return joints of effects that were taken out, springs not counted
-  std::set<int> run(const MatrixXd& base) {
+  void run(const MatrixXd& base) {
     const std::vector<VectorXd> at_first = judged_.rms_errors(base);
     while (!search_.engine().accepted.empty()) {
       const Errors after = errors_of(search_.engine());
       if (!refuse_first(after)) continue;
       const auto [joint, run] = joint_made_worse(at_first, after.each);
-      if (joint < 0) break;
+      if (joint < 0) return;
       const std::optional<std::size_t> culprit = raises_most(after.each[run][joint], joint, run);
-      if (!culprit) break;
+      if (!culprit) return;
       if (!swap_in_held(*culprit, false))
         refuse(*culprit, fmt::format("raises the error of joint {} on {}", joint + 1, judged_.table().runs[run]));
     }
-    return refused_in_;
   }
+
+  /// Joints of effects that were taken out, springs not counted.
+  const std::set<int>& refused_in() const { return refused_in_; }
+  /// Whether one of them explained so much that another effect is looked for: a spring hides the one that it stands in for as well.
+  bool leaves_much() const { return leaves_much_; }
 
  private:
   void refuse(std::size_t effect, const std::string& why) {
     const Candidate& own = search_.engine().accepted[effect];
+    constexpr double kMuch = 0.2;  // of its joint's squared error
     if (own.joint >= 0 && !own.is_elastic()) refused_in_.insert(own.joint);
+    leaves_much_ = leaves_much_ || own.is_elastic() || squared(fall(own.trial).maxCoeff()) > kMuch;
     search_.take_out_for_good(effect, why);
   }
 
@@ -222,7 +227,8 @@ class Veto {
   const JudgedMotion& judged_;
   Settled harmless_;
   std::set<int> exchanged_;   ///< joints whose memory has been given another form
-  std::set<int> refused_in_;  ///< joints of effects that were taken out
+  std::set<int> refused_in_;  ///< see refused_in()
+  bool leaves_much_{false};
 };
 
 /// Whether an effect lowers the error of a joint on validation logs as much as it must.
@@ -345,21 +351,22 @@ void reject_impossible_springs(Search& search, const Identified& identified) {
 void reject_overfitted(Search& search, const MatrixXd& base) {
   std::set<int> checked;
   while (true) {
-    const std::size_t before = search.engine().no_springs_in.size();
+    Veto veto(search);
+    veto.run(base);
     // What was chosen next to an effect that is out may not be what does best without it.
     bool changed = false;
-    for (const int joint : Veto(search).run(base)) {
+    for (const int joint : veto.refused_in()) {
       if (checked.insert(joint).second) changed = search.check_again(joint) || changed;
     }
-    // A spring in a wrong joint hides the one that it stands in for: without it that one is found.
-    if (search.engine().no_springs_in.size() == before) {
-      if (changed) continue;
-      return;
+    if (veto.leaves_much()) {
+      const std::size_t had = search.engine().accepted.size();
+      search.forward(false);
+      if (search.engine().accepted.size() > had) {
+        search.backward();
+        continue;
+      }
     }
-    const std::size_t had = search.engine().accepted.size();
-    search.forward(false);
-    if (search.engine().accepted.size() == had && !changed) return;
-    search.backward();
+    if (!changed) return;
   }
 }
 

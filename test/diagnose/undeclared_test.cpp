@@ -1,6 +1,7 @@
 // Simulated arms with an effect that nobody declared: the diagnosis is given two logs and a robot whose inertials
 // are wrong, and has to say what is going on.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 #include <set>
@@ -88,6 +89,21 @@ std::vector<KindOnArm> on_other_arms() {
   return cases;
 }
 
+/// Every kind on two of the arms that are heavier, smaller or slide.
+std::vector<KindOnArm> on_arms_of_other_sizes() {
+  constexpr std::array kArms{"heavy6", "desk6", "gantry5", "polar6"};
+  std::vector<KindOnArm> cases;
+  std::size_t next = 0;
+  for (const std::string& kind : test::undeclared_kinds()) {
+    for (int k = 0; k < 2; ++k) {
+      const std::string arm = kArms[next++ % kArms.size()];
+      cases.emplace_back(kind, kind == "wrist_coupling" && arm == "gantry5" ? "heavy6" : arm);
+    }
+    ++next;
+  }
+  return cases;
+}
+
 class OneEffect : public testing::TestWithParam<KindOnArm> {};
 
 TEST_P(OneEffect, IsNamedWithItsJointAndLowersTheErrorOnALogNotSeen) {
@@ -122,6 +138,7 @@ std::string name_of(const testing::TestParamInfo<KindOnArm>& p) {
 
 INSTANTIATE_TEST_SUITE_P(QuickKinds, OneEffect, testing::ValuesIn(quick_kinds()), name_of);
 INSTANTIATE_TEST_SUITE_P(OtherArms, OneEffect, testing::ValuesIn(on_other_arms()), name_of);
+INSTANTIATE_TEST_SUITE_P(OtherSizes, OneEffect, testing::ValuesIn(on_arms_of_other_sizes()), name_of);
 
 // Masses that identify found without the effect had taken up a part of it.
 class ParameterBesideMasses : public testing::TestWithParam<KindOnArm> {};
@@ -325,6 +342,15 @@ INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
                                          std::tuple{"contact+rotor_inertia+base_tilt", "scara4", 96},
                                          // Once with a spring damped by half of the critical damping.
                                          std::tuple{"rotor_inertia+payload_change+stribeck", "scara4", 98}),
+                         name_of_several);
+
+INSTANTIATE_TEST_SUITE_P(OtherSizes, SeveralEffects,
+                         testing::Values(// Slides show all masses: directions that are rounding were taken for masses that a tilt shows.
+                                         std::tuple{"base_tilt", "gantry5", 2},
+                                         // A curve took its place next to a memory, which the validation log refused.
+                                         std::tuple{"stribeck", "desk6", 2},
+                                         // One knot of the curve, known as little as its neighbour, seemed to come and go.
+                                         std::tuple{"load_friction+friction_curve", "heavy6", 12007}),
                          name_of_several);
 
 // Two joints of a SCARA share masses with each other alone: only their ratio is known.
