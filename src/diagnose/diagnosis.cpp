@@ -277,7 +277,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   search.progress(0.75);
   identified.fit = Engine(identified.base, start.train->shared_table(), start.pairs).base_fit();
   reject_needless(search, identified);
-  reject_impossible_springs(search, identified);
+  reject_denied_by_intervals(search, identified);
   search.progress(0.8);
   const std::unique_ptr<WrittenModel> chosen = written_of(found, identified);
   const WrittenModel& written = *chosen;

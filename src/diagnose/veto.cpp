@@ -321,28 +321,34 @@ void reject_needless(Search& search, const Identified& identified) {
   }
 }
 
-void reject_impossible_springs(Search& search, const Identified& identified) {
-  /// Least part of critical damping that the intervals of an elastic joint allow.
-  const auto least_damping = [](const Engine& engine, std::size_t e, const std::vector<Replica>& replicas) {
+void reject_denied_by_intervals(Search& search, const Identified& identified) {
+  const auto denied = [](const Engine& engine, std::size_t e, const std::vector<Replica>& replicas) -> std::string {
     const Candidate& own = engine.accepted[e];
     Finding f(own.effect);
     describe(own, engine.coefficients(e), engine.robot(), f);
     const std::vector<double> half = half_widths_of(own, e, replicas, f.parameters, 1.0 / engine.table().logged_rate);
-    // ζ = D / (2 √(K M))
-    return 0.5 * (own.second - half[1]) / std::sqrt((own.shape + half[0]) * own.inertia);
+    if (own.effect.is<TorqueScale>()) {
+      if (!(std::abs(f.parameters[0].second) < half[0])) return {};
+      return "its 95 % interval contains zero: masses explain it as well";
+    }
+    // Least part of critical damping that the intervals allow: ζ = D / (2 √(K M))
+    const double damping = 0.5 * (own.second - half[1]) / std::sqrt((own.shape + half[0]) * own.inertia);
+    if (!(damping > kMostDamped)) return {};
+    return fmt::format("its damping would be {:.2f} of the critical one or more, which no gear has", damping);
   };
   for (bool again = true; again;) {
     again = false;
     const Engine& engine = search.engine();
     std::vector<Replica> replicas;
     for (std::size_t e = 0; e < engine.accepted.size() && !again; ++e) {
-      if (!engine.accepted[e].is_elastic()) continue;
-      if (replicas.empty()) replicas = engine.replicas();
-      const double damping = least_damping(engine, e, replicas);
-      if (!(damping > kMostDamped)) continue;
       const int joint = engine.accepted[e].joint;
-      search.take_out(e, fmt::format("its damping would be {:.2f} of the critical one or more, which no gear has", damping));
-      search.take_rotor_and_offset(joint, identified);
+      const bool elastic = engine.accepted[e].is_elastic();
+      if (!elastic && !engine.accepted[e].effect.is<TorqueScale>()) continue;
+      if (replicas.empty()) replicas = engine.replicas();
+      const std::string why = denied(engine, e, replicas);
+      if (why.empty()) continue;
+      search.take_out(e, why);
+      if (elastic) search.take_rotor_and_offset(joint, identified);
       again = true;
     }
   }

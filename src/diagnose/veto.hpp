@@ -9,9 +9,9 @@
 
 namespace heft::diagnose {
 
-/// Takes out springs whose intervals of stiffness and damping allow only what no gear has: a motor's inertia, or the joint's
-/// friction, that is off looks like one.
-void reject_impossible_springs(Search& search, const Identified& identified);
+/// Takes out what its own intervals deny: springs whose stiffness and damping can only be what no gear has (a motor's inertia, or
+/// the joint's friction, that is off looks like one), and torque scales that may be none (masses that were held hide it).
+void reject_denied_by_intervals(Search& search, const Identified& identified);
 
 /// Takes out effects that raise the error on a validation log, or gives them another form that does not.
 /// @param base  prediction of the fit without effects on the validation logs
