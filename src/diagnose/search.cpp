@@ -381,11 +381,12 @@ void Search::backward() {
 
 bool Search::check_again(int joint) {
   bool changed = false;
-  for (std::size_t e = 0; e < engine().accepted.size();) {
+  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
+    if (engine().accepted[e].joint != joint || engine().accepted[e].is_elastic()) continue;
     const Candidate own = engine().accepted[e];
-    const bool stays = own.joint != joint || own.is_elastic() || check(e);
+    const bool stays = check(e);
     changed = changed || !stays || !same_effect(own, engine().accepted[e]);
-    if (stays) ++e;
+    if (!stays) --e;
   }
   return changed;
 }

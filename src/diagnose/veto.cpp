@@ -81,17 +81,14 @@ class Veto {
     }
   }
 
-  /// Joints of effects that were taken out, springs not counted.
-  const std::set<int>& refused_in() const { return refused_in_; }
-  /// Whether one of them explained so much that another effect is looked for: a spring hides the one that it stands in for as well.
-  bool leaves_much() const { return leaves_much_; }
+  /// Joints, or -1, where what was taken out explained so much that other effects may have been chosen for it, or not at all.
+  const std::set<int>& leaves_much_in() const { return leaves_much_in_; }
 
  private:
   void refuse(std::size_t effect, const std::string& why) {
     const Candidate& own = search_.engine().accepted[effect];
-    constexpr double kMuch = 0.2;  // of its joint's squared error
-    if (own.joint >= 0 && !own.is_elastic()) refused_in_.insert(own.joint);
-    leaves_much_ = leaves_much_ || own.is_elastic() || squared(fall(own.trial).maxCoeff()) > kMuch;
+    constexpr double kMuch = 0.2;  // of its joint's squared error; a spring in a wrong joint hides the one that it stands in for
+    if (own.is_elastic() || squared(fall(own.trial).maxCoeff()) > kMuch) leaves_much_in_.insert(own.joint);
     search_.take_out_for_good(effect, why);
   }
 
@@ -226,9 +223,8 @@ class Veto {
   Search& search_;
   const JudgedMotion& judged_;
   Settled harmless_;
-  std::set<int> exchanged_;   ///< joints whose memory has been given another form
-  std::set<int> refused_in_;  ///< see refused_in()
-  bool leaves_much_{false};
+  std::set<int> exchanged_;       ///< joints whose memory has been given another form
+  std::set<int> leaves_much_in_;  ///< see leaves_much_in()
 };
 
 /// Whether an effect lowers the error of a joint on validation logs as much as it must.
@@ -359,20 +355,19 @@ void reject_overfitted(Search& search, const MatrixXd& base) {
   while (true) {
     Veto veto(search);
     veto.run(base);
+    if (veto.leaves_much_in().empty()) return;
     // What was chosen next to an effect that is out may not be what does best without it.
     bool changed = false;
-    for (const int joint : veto.refused_in()) {
+    for (const int joint : veto.leaves_much_in()) {
       if (checked.insert(joint).second) changed = search.check_again(joint) || changed;
     }
-    if (veto.leaves_much()) {
-      const std::size_t had = search.engine().accepted.size();
-      search.forward(false);
-      if (search.engine().accepted.size() > had) {
-        search.backward();
-        continue;
-      }
+    const std::size_t had = search.engine().accepted.size();
+    search.forward(false);
+    if (search.engine().accepted.size() > had) {
+      search.backward();
+    } else if (!changed) {
+      return;
     }
-    if (!changed) return;
   }
 }
 

@@ -13,7 +13,8 @@ namespace heft::diagnose {
 /// the joint's friction, that is off looks like one), and torque scales that may be none (masses that were held hide it).
 void reject_denied_by_intervals(Search& search, const Identified& identified);
 
-/// Takes out effects that raise the error on a validation log, or gives them another form that does not.
+/// Takes out effects that raise the error on a validation log, or gives them another form that does not. Where one explained much
+/// of its joint's error, what was chosen beside it is chosen again, and what could stand in its place is looked for.
 /// @param base  prediction of the fit without effects on the validation logs
 void reject_overfitted(Search& search, const Eigen::MatrixXd& base);
 
