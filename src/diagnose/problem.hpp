@@ -196,7 +196,7 @@ class Problem {
   bool is_explained(const Joint& joint) const;
   void put_products(Joint& joint) const;
   Eigen::MatrixXd scores_of(const Joint& joint) const;
-  bool test_coefficients(const Joint& joint, const Eigen::MatrixXd& scores, int tested, Trial& trial) const;
+  bool test_coefficients(const Joint& joint, const Eigen::MatrixXd& scores, int t, Trial& trial) const;
   double drift_of(const Joint& joint, const Eigen::MatrixXd& scores) const;
   void cross_validate(const Joint& joint, Trial& trial) const;
 

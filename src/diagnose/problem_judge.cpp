@@ -106,7 +106,7 @@ Trial Problem::judge(const ColumnMoments& m, int without, int tested, double lea
   joint.rest = joint.fit.inverse.leftCols(t) * torque;
   put_products(joint);
   const MatrixXd scores = scores_of(joint);
-  if (!test_coefficients(joint, scores, tested, trial)) return trial;
+  if (!test_coefficients(joint, scores, t, trial)) return trial;
   trial.drift = drift_of(joint, scores);
   cross_validate(joint, trial);
   trial.valid = true;
@@ -167,8 +167,9 @@ MatrixXd Problem::scores_of(const Joint& joint) const {
 
 /// Robust covariance V = A⁻¹ (Σ s_b s_bᵀ) A⁻¹ B/(B-1), and Hotelling's test with it (H. Hotelling, Ann. Math. Statist. 2
 /// (1931) 360).
+/// @param t  how many of the first coefficients chance is asked of
 /// @return false where there are too few blocks
-bool Problem::test_coefficients(const Joint& joint, const MatrixXd& scores, int tested, Trial& trial) const {
+bool Problem::test_coefficients(const Joint& joint, const MatrixXd& scores, int t, Trial& trial) const {
   const ColumnMoments& m = joint.candidate;
   const Solved& fit = joint.fit;
   const int k = m.count;
@@ -183,7 +184,6 @@ bool Problem::test_coefficients(const Joint& joint, const MatrixXd& scores, int 
   if (used < 4) return false;
   const MatrixXd meat = statistics::sandwich_covariance(shares.leftCols(used));
   trial.std = meat.diagonal().cwiseSqrt();
-  const int t = tested > 0 ? tested : k;
   VectorXd in_deviations = trial.coefficients.head(t);
   if (!solve_positive(meat.topLeftCorner(t, t), in_deviations)) return false;
   trial.wald = trial.coefficients.head(t).dot(in_deviations);

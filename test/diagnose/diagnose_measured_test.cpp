@@ -28,11 +28,18 @@ data::Log log_of(const fs::path& path, int joints) {
   return data::read_log(path.string(), needs);
 }
 
-/// First 70 % of a log to fit, the rest to judge.
+/// First 65 % of a log to fit, the rest to judge.
 std::pair<data::Log, data::Log> cut_in_two(const data::Log& log) {
   const double begin = log.time[0], end = log.time[log.time.size() - 1];
   const double cut = begin + 0.65 * (end - begin);  // the rest is long enough to judge on, 2 s
   return {data::part_of(log, begin, cut), data::part_of(log, cut, end)};
+}
+
+/// The diagnosis of one recorded run, cut in two.
+Diagnosis of_one_run(const fs::path& folder, const std::string& run, const DiagnoseOptions& options = {}) {
+  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
+  const auto [train, rest] = cut_in_two(log_of(folder / (run + ".csv"), robot.num_joints()));
+  return diagnose(robot, {train}, {rest}, options);
 }
 
 class Example : public testing::TestWithParam<std::string> {};
@@ -80,9 +87,7 @@ INSTANTIATE_TEST_SUITE_P(All, Example,
 TEST(MeasuredTx40, WristCouplingIsFoundWithoutBeingTold) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "staubli-tx40";
   HEFT_NEEDS_MEASURED_DATA(folder);
-  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
-  const auto [train, judge] = cut_in_two(log_of(folder / "run-first6s.csv", robot.num_joints()));
-  const Diagnosis d = diagnose(robot, {train}, {judge});
+  const Diagnosis d = of_one_run(folder, "run-first6s");
   ASSERT_FALSE(d.findings.empty());
   EXPECT_TRUE(d.findings[0].effect.is<WristCoupling>());
   EXPECT_LT(d.validate_after.rmse_in_band[4], 0.3 * d.validate_before.rmse_in_band[4]);
@@ -95,9 +100,7 @@ TEST(MeasuredTx40, WristCouplingIsFoundWithoutBeingTold) {
 TEST(MeasuredKr300, AnotherEffectIsFoundWhereTheValidationLogRefusesTheFirst) {
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "kr300-weigand";
   HEFT_NEEDS_MEASURED_DATA(folder);
-  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
-  const auto [train, rest] = cut_in_two(log_of(folder / "run-a.csv", robot.num_joints()));
-  const Diagnosis d = diagnose(robot, {train}, {rest});
+  const Diagnosis d = of_one_run(folder, "run-a");
   const auto found = std::find_if(d.findings.begin(), d.findings.end(), [](const Finding& f) { return f.joint == 4; });
   ASSERT_NE(found, d.findings.end());
   EXPECT_TRUE(found->effect.is<RotorInertia>()) << found->effect.id();
@@ -158,11 +161,9 @@ TEST(MeasuredXMate3, NoJointPaysForTheEffectOfAnother) {
   // would rise by 40 %.
   const fs::path folder = fs::path(HEFT_DATA_DIR) / "xmate3pro-liu";
   HEFT_NEEDS_MEASURED_DATA(folder);
-  const model::Robot robot = urdf::load_urdf((folder / "robot.urdf").string());
-  const auto [train, judge] = cut_in_two(log_of(folder / "exc-first13s.csv", robot.num_joints()));
   DiagnoseOptions options;
   options.joint_sensor = true;
-  const Diagnosis d = diagnose(robot, {train}, {judge}, options);
+  const Diagnosis d = of_one_run(folder, "exc-first13s", options);
   ASSERT_FALSE(d.findings.empty());
   EXPECT_LT(d.validate_after.rmse[6], 0.7 * d.validate_before.rmse[6]);
   for (int j = 0; j < 7; ++j)

@@ -366,7 +366,6 @@ TEST(TorqueScale, OfTheOtherJointIsTheSame) {
   EXPECT_EQ(joints, (std::set{0, 1})) << said(d);
 }
 
-// Height of the load turns no joint of a SCARA whose axes are upright.
 // Masses were held, as a joint paid for free ones, and next to these a scale of -1.4 ± 3.8 % was no chance.
 TEST(TorqueScale, IsNotNamedWhereItMayBeNone) {
   UndeclaredCase c = test::make_undeclared_case("load_friction", "heavy6", 1);
@@ -381,6 +380,7 @@ TEST(TorqueScale, IsNotNamedWhereItMayBeNone) {
   EXPECT_TRUE(names(d.findings[0], c.effects[0])) << said(d);
 }
 
+// Height of the load turns no joint of a SCARA whose axes are upright.
 TEST(PickedUp, HasNoCentreOfMassWhereTheMotionShowsNone) {
   const UndeclaredCase c = test::make_undeclared_case("payload_change", "scara4", 95);
   const Diagnosis d = diagnosed(c);
