@@ -12,10 +12,14 @@
 
 #include <Eigen/Core>
 
+#include "column_faults.hpp"
 #include "heft/data/log_checks.hpp"
 #include "heft/host/numbers.hpp"
 
 namespace heft::data {
+
+/// "q1, q2 and q5" of joints counted from 0.
+std::string columns_of(std::string_view prefix, const std::vector<int>& joints);
 
 /// Longest run of equal rows that is taken for repetition rather than for standstill.
 inline constexpr int kLongestRepetition = 20;
@@ -52,7 +56,7 @@ struct LogCheck::Impl {
   double begin{0.0}, last_time{0.0};
   bool has_velocity{false}, has_acceleration{false}, has_torque{false};
 
-  Eigen::ArrayXd low, high, max_torque;
+  Eigen::ArrayXd low, high, least_torque, most_torque;
   std::vector<RateComparison> velocity, acceleration;
 
   // The row before, and the stretch since `stretch_time`.
@@ -78,10 +82,15 @@ struct LogCheck::Impl {
   };
   std::vector<Jump> jumps;
 
+  std::vector<PositionJumps> positions;
+  std::vector<HeldTorque> torques;
+  std::vector<TorqueSpikes> torque_spikes;
+
   Impl(std::string where, int joints) : path(std::move(where)), n(joints) {
     low = Eigen::ArrayXd::Constant(n, kInfinity);
     high = -low;
-    max_torque = Eigen::ArrayXd::Zero(n);
+    least_torque = low;
+    most_torque = high;
     velocity.resize(static_cast<std::size_t>(n));
     acceleration.resize(static_cast<std::size_t>(n));
     last_q = last_qd = last_qdd = last_tau = Eigen::ArrayXd::Zero(n);
@@ -90,6 +99,9 @@ struct LogCheck::Impl {
     least_step = Eigen::ArrayXd::Constant(n, kInfinity);
     step_sum = Eigen::ArrayXd::Zero(n);
     jumps.resize(static_cast<std::size_t>(n));
+    positions.resize(static_cast<std::size_t>(n));
+    torques.resize(static_cast<std::size_t>(n));
+    torque_spikes.resize(static_cast<std::size_t>(n));
     steps = rests = Eigen::Array<long, Eigen::Dynamic, 1>::Zero(n);
   }
 
@@ -100,6 +112,9 @@ struct LogCheck::Impl {
   bool is_revolute(const JointLimits& limits, int joint) const {
     return limits.prismatic.empty() || !limits.prismatic[static_cast<std::size_t>(joint)];
   }
+
+  /// Faster than any motion of the joint [rad/s, m/s].
+  double top_speed(const JointLimits& limits, int joint) const;
 
   /// Rows of a log that come together, and what all joints have in common in them.
   struct Part {
@@ -116,6 +131,8 @@ struct LogCheck::Impl {
   void add_joint(int joint, const Part& part, const std::vector<double>& position,
                  const std::vector<double>& speed, const std::vector<double>& rate);
   bool add_step(std::size_t joint, double from, double to, double time);
+  void add_torque(int joint, const Part& part, const std::vector<double>& position,
+                  const std::vector<double>& torque);
   void count_repetition(const Part& part);
 
   /// Joints by what speaks for positions in degrees.
@@ -131,6 +148,9 @@ struct LogCheck::Impl {
   void find_clock_rate(const JointLimits& limits, std::vector<LogFinding>& found) const;
   void find_rate_slips(const JointLimits& limits, std::string_view rate, std::string_view of,
                        const std::vector<RateComparison>& comparison, std::vector<LogFinding>& found) const;
+  bool find_jumps(const JointLimits& limits, std::vector<LogFinding>& found) const;
+  void find_held_torque(const JointLimits& limits, std::vector<LogFinding>& found) const;
+  void find_torque_spikes(std::vector<LogFinding>& found) const;
   void find_torque_unit(const JointLimits& limits, std::vector<LogFinding>& found) const;
   void find_coarse_sampling(std::vector<LogFinding>& found) const;
   void find_resting_joints(const JointLimits& limits, std::vector<LogFinding>& found) const;

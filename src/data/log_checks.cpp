@@ -40,7 +40,10 @@ void LogCheck::add(const Eigen::Ref<const Eigen::VectorXd>& time, const Eigen::R
   if (count == 0) return;
   s.low = s.low.min(q.colwise().minCoeff().transpose().array());
   s.high = s.high.max(q.colwise().maxCoeff().transpose().array());
-  if (s.has_torque) s.max_torque = s.max_torque.max(tau.cwiseAbs().colwise().maxCoeff().transpose().array());
+  if (s.has_torque) {
+    s.least_torque = s.least_torque.min(tau.colwise().minCoeff().transpose().array());
+    s.most_torque = s.most_torque.max(tau.colwise().maxCoeff().transpose().array());
+  }
 
   // Joint by joint over the rows of this part, which is fast for matrices in columns; where stretches end,
   // and whether a row is the one before, is the same for all joints and found first.
@@ -68,7 +71,10 @@ void LogCheck::add(const Eigen::Ref<const Eigen::VectorXd>& time, const Eigen::R
   };
   for (int joint = 0; joint < s.n; ++joint) {
     load(position, q, joint, s.last_q);
-    if (s.has_torque) load(rate, tau, joint, s.last_tau);  // only for its repetition
+    if (s.has_torque) {
+      load(rate, tau, joint, s.last_tau);
+      s.add_torque(joint, part, position, rate);
+    }
     if (s.has_velocity) load(speed, qd, joint, s.last_qd);
     if (s.has_acceleration) {
       std::copy(qdd.col(joint).data(), qdd.col(joint).data() + count, rate.begin() + 1);
@@ -126,7 +132,13 @@ void LogCheck::Impl::add_joint(int joint, const Part& part, const std::vector<do
   bool skip = skip_stretch[j] != 0;
   for (std::size_t k = part.second(); k < part.rows(); ++k) {
     const double period = times[k + 1] - times[k];
-    if (add_step(j, position[k], position[k + 1], times[k + 1])) skip = true;
+    const bool turn = add_step(j, position[k], position[k + 1], times[k + 1]);
+    if (turn) skip = true;
+    if (turn || part.gaps[k] != 0) {
+      positions[j].interrupt();
+    } else {
+      positions[j].add(position[k], position[k + 1], times[k + 1], period);
+    }
     if (has_velocity) position_change += 0.5 * period * (speed[k] + speed[k + 1]);
     if (has_acceleration) speed_change += 0.5 * period * (rate[k] + rate[k + 1]);
     if (part.ends[k] == 0) continue;
@@ -146,6 +158,22 @@ void LogCheck::Impl::add_joint(int joint, const Part& part, const std::vector<do
   claimed_q[joint] = position_change;
   claimed_qd[joint] = speed_change;
   skip_stretch[j] = skip ? 1 : 0;
+}
+
+/// @param position, torque  of the row before, then of the rows
+void LogCheck::Impl::add_torque(int joint, const Part& part, const std::vector<double>& position,
+                                const std::vector<double>& torque) {
+  HeldTorque& held = torques[static_cast<std::size_t>(joint)];
+  TorqueSpikes& spikes = torque_spikes[static_cast<std::size_t>(joint)];
+  for (std::size_t k = part.second(); k < part.rows(); ++k) {
+    spikes.add(torque[k], torque[k + 1], part.times[k + 1]);
+    if (part.gaps[k] != 0) {
+      held.interrupt();
+    } else {
+      held.add(torque[k], torque[k + 1], position[k], position[k + 1], part.times[k + 1],
+               part.times[k + 1] - part.times[k]);
+    }
+  }
 }
 
 /// A change of position from row to row. @return whether it is a jump by a whole turn

@@ -45,7 +45,13 @@ bool is_near(double ratio, double factor) {
   return ratio * factor > 0.0 && std::abs(std::log(ratio / factor)) < kRatioTolerance;
 }
 
-/// "q1, q2 and q5" of joints counted from 0.
+std::string range_text(double lower, double upper) {
+  if (lower == -upper) return fmt::format("+-{:.4g}", upper);
+  return fmt::format("{:.4g} to {:.4g}", lower, upper);
+}
+
+}  // namespace
+
 std::string columns_of(std::string_view prefix, const std::vector<int>& joints) {
   std::string text;
   for (std::size_t k = 0; k < joints.size(); ++k) {
@@ -55,24 +61,22 @@ std::string columns_of(std::string_view prefix, const std::vector<int>& joints) 
   return text;
 }
 
-std::string range_text(double lower, double upper) {
-  if (lower == -upper) return fmt::format("+-{:.4g}", upper);
-  return fmt::format("{:.4g} to {:.4g}", lower, upper);
-}
-
-}  // namespace
-
 std::vector<LogFinding> LogCheck::findings(const JointLimits& limits) const {
   const Impl& s = *impl_;
   std::vector<LogFinding> found;
   if (s.rows < 2) return found;
-  s.find_degrees(limits, found);
+  // A position that jumps is as fast as one in degrees.
+  if (!s.find_jumps(limits, found)) s.find_degrees(limits, found);
   s.find_turns(limits, found);
   s.find_time_unit(found);
   s.find_clock_rate(limits, found);
   if (s.has_velocity) s.find_rate_slips(limits, "qd", "q", s.velocity, found);
   if (s.has_velocity && s.has_acceleration) s.find_rate_slips(limits, "qdd", "qd", s.acceleration, found);
-  if (s.has_torque) s.find_torque_unit(limits, found);
+  if (s.has_torque) {
+    s.find_torque_unit(limits, found);
+    s.find_held_torque(limits, found);
+    s.find_torque_spikes(found);
+  }
   s.find_coarse_sampling(found);
   s.find_resting_joints(limits, found);
   std::stable_partition(found.begin(), found.end(),
@@ -80,9 +84,14 @@ std::vector<LogFinding> LogCheck::findings(const JointLimits& limits) const {
   return found;
 }
 
+double LogCheck::Impl::top_speed(const JointLimits& limits, int joint) const {
+  const bool limited =
+      limits.velocity.size() == n && std::isfinite(limits.velocity[joint]) && limits.velocity[joint] > 0.0;
+  return limited ? kTooFast * limits.velocity[joint] : kTopSpeed;
+}
+
 LogCheck::Impl::DegreeSigns LogCheck::Impl::degree_signs(const JointLimits& limits) const {
   const bool has_limits = limits.lower.size() == n && limits.upper.size() == n;
-  const bool has_speeds = limits.velocity.size() == n;
   DegreeSigns signs;
   for (int joint = 0; joint < n; ++joint) {
     const bool revolute = is_revolute(limits, joint);
@@ -104,9 +113,7 @@ LogCheck::Impl::DegreeSigns LogCheck::Impl::degree_signs(const JointLimits& limi
       }
     }
     if (!revolute) continue;
-    const bool limited = has_speeds && std::isfinite(limits.velocity[joint]) && limits.velocity[joint] > 0.0;
-    const double fastest = limited ? kTooFast * limits.velocity[joint] : kTopSpeed;
-    if (rate.top_rate > fastest && rate.stretches > 20) signs.fast.push_back(joint);
+    if (rate.top_rate > top_speed(limits, joint) && rate.stretches > 20) signs.fast.push_back(joint);
     if (has_velocity && travel(joint) > kTellingTravel && rate.correlation() > kBelieved &&
         is_near(rate.ratio(), 1.0 / kDegree)) {
       signs.by_velocity.push_back(joint);
@@ -384,6 +391,7 @@ void LogCheck::Impl::find_rate_slips(const JointLimits& limits, std::string_view
 /// Torques in another unit; limits are too rough for more than a note.
 void LogCheck::Impl::find_torque_unit(const JointLimits& limits, std::vector<LogFinding>& found) const {
   if (limits.effort.size() != n) return;
+  const Eigen::ArrayXd max_torque = most_torque.max(-least_torque);
   double most = 0.0;  // largest torque in parts of the limit
   double least = kInfinity;
   int most_joint = 0;

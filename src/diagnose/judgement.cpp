@@ -82,8 +82,8 @@ host::Judgement Diagnosis::judgement() const {
   const std::vector<int> structure = joints_with_structure(diagnosis);
   if (!structure.empty()) {
     judgement.add(host::Verdict::kDoubtful,
-                  fmt::format("structure of more than {:.0f} % of the largest torque is left in {}, which no "
-                              "known effect explains",
+                  fmt::format("an error that goes on in time, of more than {:.0f} % of the largest torque, is left in {}: no known "
+                              "effect explains it",
                               100.0 * kRelevantStructure, named(structure)));
   }
   if (diagnosis.logs_contradict)

@@ -25,6 +25,7 @@ using testing::AllOf;
 using testing::AnyOf;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 constexpr double kDegreesPerRadian = 180.0 / pi;
 
@@ -295,6 +296,84 @@ TEST(LogChecks, NoteCoarsePositions) {
   EXPECT_THAT(only_note(log), HasSubstr("column 'q3': q3 comes in steps of 0.000873 rad (0.05 degrees)"));
 }
 
+/// The values of a column repeated over some rows.
+void hold(Eigen::MatrixXd& channel, int joint, int from, int rows) {
+  channel.col(joint).segment(from, rows).setConstant(channel(from, joint));
+}
+
+TEST(LogChecks, NameJumpsOfAPositionRatherThanDegrees) {
+  Log log = sound_log();
+  for (int k = 500; k < 3000; k += 500) log.q(k, 1) += 1.0;
+  EXPECT_THAT(only_error(log),
+              AllOf(HasSubstr("run.csv: column 'q2': q2 jumps by 0.992 rad from one row to the next at 2 s"),
+                    HasSubstr("where 3 is the limit (10 such jumps until 10.004 s)"), HasSubstr("remove the wrong rows")));
+  log.q *= kDegreesPerRadian;  // and in degrees the unit is named, whatever jumps
+  EXPECT_THAT(only_error(log), HasSubstr("by pi/180"));
+}
+
+TEST(LogChecks, SayWhereRowsWereRepeatedInMotion) {
+  const auto repeated = [](int rows) {
+    Log log = sound_log();
+    for (Eigen::MatrixXd* channel : {&log.q, &log.qd, &log.qdd, &log.tau}) {
+      for (int joint = 0; joint < 3; ++joint) hold(*channel, joint, 1000, rows);
+    }
+    return log;
+  };
+  EXPECT_THAT(only_error(repeated(60)), AllOf(HasSubstr("at 4.24 s after 0.236 s at one value"), HasSubstr("; likewise q2 and q3")));
+  // Little of a motion is a note.
+  EXPECT_THAT(only_note(repeated(8)), HasSubstr("at 4.032 s after 0.028 s at one value"));
+}
+
+TEST(LogChecks, TakeNoStepOfAnEncoderForAJump) {
+  Log log = sound_log();
+  drop_rates(log);
+  // In one row 0.03 rad are 7.5 rad/s.
+  log.q = (log.q.array() / 0.03).round() * 0.03;
+  EXPECT_THAT(only_note(log), HasSubstr("in steps of 0.03 rad"));
+}
+
+TEST(LogChecks, NoteATorqueThatStaysAtOneValue) {
+  Log log = sound_log();
+  hold(log.tau, 2, 1000, 1500);
+  EXPECT_THAT(only_note(log), AllOf(HasSubstr("run.csv: column 'tau3': tau3 stays at exactly "), HasSubstr("from 4 to 9.996 s, while q3 moves by "),
+                                    HasSubstr("(50 % of the log in 1 such stretch)")));
+  hold(log.tau, 0, 1000, 500);
+  EXPECT_THAT(only_note(log), HasSubstr("column 'tau1': tau1 stays at exactly"));
+  EXPECT_THAT(only_note(log), HasSubstr("; likewise tau3"));
+}
+
+TEST(LogChecks, NoteATorqueThatIsCut) {
+  Log log = sound_log();
+  log.tau.col(1) = log.tau.col(1).cwiseMin(10.0).cwiseMax(-10.0);
+  EXPECT_THAT(only_note(log), AllOf(HasSubstr("run.csv: column 'tau2': tau2 is cut at "), HasSubstr("stretches of up to "),
+                                    HasSubstr("while q2 moves")));
+}
+
+TEST(LogChecks, TakeNoTorqueAtOneAccelerationForOneThatIsHeld) {
+  // Without noise: masses and friction at one speed, or one acceleration, ask for one torque.
+  Log log = sound_log();
+  log.qd.resize(0, 0);
+  log.qdd.resize(0, 0);
+  for (int k = 0; k < log.num_samples(); ++k) {
+    const double t = std::fmod(log.time[k], 4.0), back = t < 2.0 ? t : 4.0 - t;
+    log.q(k, 0) = back;
+    log.tau(k, 0) = t < 2.0 ? 3.0 : -3.0;
+    log.q(k, 1) = t < 2.0 ? 0.5 * t * t : 2.0 + 2.0 * (t - 2.0) - 0.5 * (t - 2.0) * (t - 2.0) - (t - 2.0) * 2.0;
+    log.tau(k, 1) = t < 2.0 ? 10.0 : -10.0;
+    log.tau(k, 2) = 2.0 * std::round(log.tau(k, 2) / 2.0);  // coarse
+  }
+  for (const std::string& note : messages(check_log(log, limits()), Severity::kNote)) EXPECT_THAT(note, Not(HasSubstr("exactly")));
+}
+
+TEST(LogChecks, NoteATorqueOfSingleRows) {
+  Log log = sound_log();
+  log.tau(700, 0) = 3000.0;
+  log.tau(1700, 0) = -3000.0;
+  EXPECT_THAT(only_note(log), HasSubstr("run.csv: column 'tau1': tau1 is 3000 in one row at 2.8 s (2 such rows until 6.8 s)"));
+  log.tau.block(700, 0, 3, 1).setConstant(3000.0);  // a torque that lasts is one
+  EXPECT_THAT(messages(check_log(log, limits()), Severity::kNote), IsEmpty());
+}
+
 TEST(LogChecks, LookAtMetresOfAPrismaticJointAsMetres) {
   Log log = sound_log();
   JointLimits with = limits();
@@ -308,13 +387,15 @@ TEST(LogChecks, GiveTheSameInPartsAndThroughAStream) {
   Log log = sound_log();
   log.q *= kDegreesPerRadian;
   log.q.col(1).setConstant(3.0);
+  hold(log.tau, 0, 900, 500);
+  log.tau(2000, 2) = 1e3;
   const std::vector<LogFinding> whole = check_log(log, limits());
   const TemporaryFolder folder;
   write_log(folder.path("run.csv"), log);
   const MotionStream stream(folder.path("run.csv"), {});
   const std::vector<LogFinding> streamed = stream.check(limits());
   ASSERT_EQ(streamed.size(), whole.size());
-  ASSERT_GE(whole.size(), 2u);
+  ASSERT_GE(whole.size(), 4u);
   for (std::size_t k = 0; k < whole.size(); ++k) {
     EXPECT_EQ(streamed[k].severity, whole[k].severity);
     const std::string at = folder.path("run.csv");

@@ -45,8 +45,11 @@ struct LogFinding {
 ///   than ten samples a second of a motion by more than 0.1 rad and slower than 0.02 rad/s
 /// - a clock that runs at another rate: qd of all joints that move is the same multiple of q's derivative
 /// - positions that jump by a whole turn
+/// - positions that jump by more than 0.1 rad (m) from one row to the next, faster than that: lost or repeated rows, encoders
 ///
-/// Notes: joints that never move, positions beyond the limits otherwise, velocities in another ratio to the
+/// Notes: smaller jumps, faster than 1.5 times the velocity limit and far more than the encoder's step and than positions
+/// elsewhere leave their way; torques that stay at one value for 0.25 s while their joint moves by 0.05 rad (m) and not at one
+/// acceleration, or are cut at an extreme; torques of a single row three times as large as any of two rows; joints that never move, positions beyond the limits otherwise, velocities in another ratio to the
 /// derivative of q or unrelated to it, torques that look like mN·m, kN·m or per cent, rows that repeat the
 /// row before, coarse position steps, fewer than two samples a second.
 ///
