@@ -163,15 +163,15 @@ MotionReport derive_motion(Log& log, const MotionOptions& options) {
                                    : Eigen::VectorXd(Eigen::VectorXd::LinSpaced(
                                          log.time.size(), log.time[0], log.time[log.time.size() - 1]));
   report.sample_rate = static_cast<double>(grid.size() - 1) / (grid[grid.size() - 1] - grid[0]);
-  const auto to_grid = [&](const Eigen::MatrixXd& x) {
-    return report.resampled ? resample(log.time, x, grid) : x;
+  const auto to_grid = [&](const Eigen::MatrixXd& x, Bridge bridge) {
+    return report.resampled ? resample(log.time, x, grid, kGapFactor / rate, bridge) : x;
   };
   const auto from_grid = [&](const Eigen::MatrixXd& x) {
     return report.resampled ? resample(grid, x, log.time) : x;
   };
 
   // 2. The cut-off.
-  const Eigen::MatrixXd q = to_grid(log.q);
+  const Eigen::MatrixXd q = to_grid(log.q, Bridge::kMotion);
   if (options.cutoff == 0.0) {
     report.cutoff_chosen = true;
     report.bandwidth = motion_bandwidth(q, report.sample_rate);
@@ -189,7 +189,7 @@ MotionReport derive_motion(Log& log, const MotionOptions& options) {
     if (options.smooth_position) log.q = from_grid(motion.q);
   }
   if (!need_velocity && need_acceleration) {
-    log.qdd = from_grid(derive_on_grid(grid, to_grid(log.qd), report.sample_rate, report.cutoff, options).qd);
+    log.qdd = from_grid(derive_on_grid(grid, to_grid(log.qd, Bridge::kLine), report.sample_rate, report.cutoff, options).qd);
   }
   report.acceleration_derived = need_acceleration;
   return report;

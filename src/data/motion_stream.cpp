@@ -234,7 +234,8 @@ void MotionStream::Impl::refuse_other_length(Index rows) const {
 
 Eigen::MatrixXd MotionStream::Impl::on_grid(const Window& window, Index column, Index columns) const {
   if (!summary.resampled) return window.values.middleCols(column, columns);
-  return resample(window.time, window.values.middleCols(column, columns), window.grid, longest);
+  return resample(window.time, window.values.middleCols(column, columns), window.grid, longest,
+                  column == 0 ? Bridge::kMotion : Bridge::kLine);
 }
 
 DerivedMotion MotionStream::Impl::motion(const Window& window) const {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
@@ -71,6 +72,25 @@ Eigen::MatrixXd spline_curvature(const Eigen::VectorXd& t, const Eigen::MatrixXd
   return curvature;
 }
 
+/// Velocity at one end of a piece without gaps, by a parabola through the samples beside it, against noise of single ones.
+/// @param begin,end  the piece; @param at  its first or its last sample
+/// @param reach      how far the samples used lie from it [s]
+Eigen::RowVectorXd velocity_at(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal, Index begin, Index end, Index at,
+                               double reach) {
+  Index from = at, to = at + 1;
+  while (from > begin && time[at] - time[from - 1] <= reach) --from;
+  while (to < end && time[to] - time[at] <= reach) ++to;
+  const Index n = to - from, degree = std::min<Index>(2, n - 1);
+  if (degree == 0) return Eigen::RowVectorXd::Zero(signal.cols());
+  const double length = time[to - 1] - time[from];
+  Eigen::MatrixXd powers(n, degree + 1);
+  for (Index k = 0; k < n; ++k) {
+    for (Index p = 0; p <= degree; ++p) powers(k, p) = std::pow((time[from + k] - time[at]) / length, static_cast<double>(p));
+  }
+  const Eigen::MatrixXd off = signal.middleRows(from, n).rowwise() - signal.row(at);
+  return powers.householderQr().solve(off).row(1) / length;
+}
+
 }  // namespace
 
 Index grid_rows(double length, double sample_rate) {
@@ -110,7 +130,9 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
 }
 
 Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal,
-                         const Eigen::VectorXd& at, double longest) {
+                         const Eigen::VectorXd& at, double longest, Bridge bridge) {
+  /// A velocity is that of at least so long [s].
+  constexpr double kReach = 0.05;
   const Index n = time.size();
   if (n == 0 || signal.rows() != n) {
     throw DataError(fmt::format("resampling: {} times for {} rows; expected the same number, at least 1", n,
@@ -123,12 +145,18 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
     return result;
   }
   // Pieces between gaps have their own spline; in a gap the curvature is zero, which is the straight line.
-  Eigen::MatrixXd curvature(n, signal.cols());
+  Eigen::MatrixXd curvature(n, signal.cols()), velocity;
+  if (bridge == Bridge::kMotion) velocity.setZero(n, signal.cols());
   for (Index begin = 0; begin < n;) {
     Index end = begin + 1;
     while (end < n && time[end] - time[end - 1] <= longest) ++end;
     curvature.middleRows(begin, end - begin) =
         spline_curvature(time.segment(begin, end - begin), signal.middleRows(begin, end - begin));
+    if (bridge == Bridge::kMotion) {
+      const double reach = std::max(kReach, longest);
+      if (begin > 0) velocity.row(begin) = velocity_at(time, signal, begin, end, begin, reach);
+      if (end < n) velocity.row(end - 1) = velocity_at(time, signal, begin, end, end - 1, reach);
+    }
     begin = end;
   }
   Index k = 0;
@@ -152,6 +180,10 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
       // Cubic part: ((left³ - left) c[k] + (right³ - right) c[k+1]) h²/6.
       result.row(row) += (h * h / 6.0) * (left * (left * left - 1.0) * curvature.row(k) +
                                           right * (right * right - 1.0) * curvature.row(k + 1));
+    } else if (bridge == Bridge::kMotion) {
+      // Hermite's cubic, off the line by left right (left (v₀ h - Δ) - right (v₁ h - Δ)).
+      const Eigen::RowVectorXd way = signal.row(k + 1) - signal.row(k);
+      result.row(row) += left * right * (left * (h * velocity.row(k) - way) - right * (h * velocity.row(k + 1) - way));
     }
   }
   return result;
@@ -169,9 +201,12 @@ Log resample_uniform(const Log& log, double sample_rate) {
   Log result;
   result.path = log.path;
   result.time = even_grid(log.time, sample_rate);
+  const double longest = kGapFactor / median_sample_rate(log.time);
   for (Eigen::MatrixXd Log::*channel :
        {&Log::q, &Log::qd, &Log::qdd, &Log::tau, &Log::current, &Log::qref, &Log::qdref, &Log::temperature}) {
-    if ((log.*channel).cols() > 0) result.*channel = resample(log.time, log.*channel, result.time);
+    if ((log.*channel).cols() == 0) continue;
+    result.*channel = resample(log.time, log.*channel, result.time, longest,
+                               channel == &Log::q ? Bridge::kMotion : Bridge::kLine);
   }
   for (const auto& [name, values] : log.extra) {
     result.extra.emplace_back(name, resample(log.time, values, result.time));

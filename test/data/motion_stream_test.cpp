@@ -508,6 +508,32 @@ TEST(MotionStream, MarksGapsAndWhatTheFilterCarriesOutOfThem) {
   expect_the_whole_log(log, stream, 10);
 }
 
+TEST(MotionStream, HasTheMotionBesideAGapAsWellAsElsewhere) {
+  // Half a second of motion is missing; along a straight line the velocity would jump at both ends.
+  Log log = sine_log(10000, 250.0, 0.0, 13);
+  std::vector<Index> rows;
+  for (Index k = 0; k < 10000; ++k) {
+    if (k < 5000 || k >= 5125) rows.push_back(k);
+  }
+  for (Eigen::MatrixXd* channel : {&log.q, &log.tau}) *channel = (*channel)(rows, Eigen::all).eval();
+  log.time = log.time(rows).eval();
+  StreamOptions options;
+  options.motion.cutoff = 10.0;
+  options.cut_standstill = false;
+  const Whole whole = whole_of(MotionStream(log, options));
+  double beside = 0.0, elsewhere = 0.0;
+  for (Index k = 500; k + 500 < whole.time.size(); ++k) {
+    if (whole.usable[k] == 0.0) continue;
+    const auto sine = [&](double f) { return std::sin(2.0 * pi * f * whole.time[k]); };
+    const auto cosine = [&](double f) { return std::cos(2.0 * pi * f * whole.time[k]); };
+    const double truth = -std::pow(2.0 * pi * 0.37, 2) * sine(0.37) - 0.2 * std::pow(2.0 * pi * 1.1, 2) * cosine(1.1);
+    const bool is_beside = std::abs(whole.time[k] - 0.5 * (log.time[4999] + log.time[5000])) < 1.0;
+    double& most = is_beside ? beside : elsewhere;
+    most = std::max(most, std::abs(whole.qdd(k, 0) - truth));
+  }
+  EXPECT_LT(beside, 1.5 * elsewhere);
+}
+
 TEST(MotionStream, PassesOverAGapOfDays) {
   Log log = sine_log(4000, 250.0, 0.0, 12);
   for (Index k = 2000; k < 4000; ++k) log.time[k] += 1e6;

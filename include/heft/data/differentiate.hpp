@@ -44,7 +44,8 @@ bool is_uniform(const Eigen::VectorXd& time);
 Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal,
                          const Eigen::VectorXd& at);
 
-/// The log on an even grid from its first to its last time stamp, every channel by `resample`.
+/// The log on an even grid from its first to its last time stamp, every channel by `resample`; in a gap positions go on with
+/// the velocities beside it.
 /// @param sample_rate  [Hz]; 0 takes the median rate. The period is fitted so that both ends are met.
 /// @throws DataError when the rate is not positive or the log has fewer than two samples.
 Log resample_uniform(const Log& log, double sample_rate = 0.0);
