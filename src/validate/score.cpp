@@ -63,6 +63,7 @@ Index segment_length(double sample_rate, double duration) {
 struct TorqueScorer::Impl {
   explicit Impl(const Setup& given)
       : setup(given),
+        scored(given.begin, given.end, given.gaps),
         n(given.max_torque.size()),
         filtered(given.band > 0 && given.band < 0.5 * given.sample_rate) {
     const Eigen::VectorXd zero = Eigen::VectorXd::Zero(n);
@@ -71,7 +72,6 @@ struct TorqueScorer::Impl {
     // Rows that exceed the quantile, and some to spare for rows whose number is not known beforehand.
     const auto above = static_cast<std::size_t>(static_cast<double>(std::max(0L, setup.samples)) / 1000.0);
     largest.assign(static_cast<std::size_t>(n), LargestValues(above + 2));
-    ends = setup.end - setup.begin > 2.0 * kScoreEnd;
     const Index length = segment_length(setup.sample_rate, setup.end - setup.begin);
     for (Index j = 0; j < n; ++j) spectra.emplace_back(length);
     segment = length;
@@ -81,17 +81,7 @@ struct TorqueScorer::Impl {
     buffer_time.resize(0);
   }
 
-  bool counts(double time) const {
-    // Time stamps near the border may be rounded.
-    constexpr double kRounding = 1e-9;
-    return !ends ||
-           (time >= setup.begin + kScoreEnd - kRounding && time <= setup.end - kScoreEnd + kRounding);
-  }
   bool moves(double time) const { return time >= setup.moving_from && time <= setup.moving_to; }
-  bool in_gap(double time) const {
-    return std::any_of(setup.gaps.begin(), setup.gaps.end(),
-                       [time](const data::TimeGap& gap) { return time > gap.begin && time < gap.end; });
-  }
 
   /// Filters what has come in and counts it; keeps what the next rows need for their margin.
   void filter(bool last) {
@@ -100,7 +90,7 @@ struct TorqueScorer::Impl {
     if (stop <= fresh) return;
     const Eigen::MatrixXd low = data::low_pass_zero_phase(buffer, setup.sample_rate, setup.band);
     for (Index k = fresh; k < stop; ++k) {
-      if (!counts(buffer_time[k]) || in_gap(buffer_time[k])) continue;
+      if (!scored.counts(buffer_time[k])) continue;
       band_squares += low.row(k).transpose().cwiseAbs2();
       ++band_count;
       if (!moves(buffer_time[k])) continue;
@@ -152,9 +142,9 @@ struct TorqueScorer::Impl {
   }
 
   Setup setup;
+  ScoredTime scored;
   Index n;
   bool filtered;
-  bool ends{true};
   long count{0}, band_count{0}, moving_count{0}, moving_band_count{0};
   Eigen::VectorXd squares, sum, torque_sum, torque_squares, band_squares, shift;
   Eigen::VectorXd moving_squares, moving_band_squares;
@@ -176,7 +166,7 @@ void TorqueScorer::add_rows(const Eigen::Ref<const Eigen::VectorXd>& time,
                             const Eigen::Ref<const Eigen::MatrixXd>& predicted) {
   Impl& s = *impl_;
   for (Index k = 0; k < time.size(); ++k) {
-    if (!s.counts(time[k])) continue;
+    if (!s.scored.counts(time[k])) continue;
     // Sums about the first torque, so that a large mean does not drown a small variance.
     if (s.count == 0) s.shift = measured.row(k);
     ++s.count;
@@ -199,7 +189,7 @@ void TorqueScorer::add_grid(const Eigen::Ref<const Eigen::VectorXd>& time,
                             const Eigen::Ref<const Eigen::MatrixXd>& residual) {
   Impl& s = *impl_;
   for (Index k = 0; k < time.size(); ++k) {
-    if (s.in_gap(time[k])) {
+    if (s.scored.is_in_gap(time[k])) {
       if (!s.was_in_gap) {
         for (statistics::Spectrum& spectrum : s.spectra) spectrum.interrupt();
       }
@@ -207,13 +197,17 @@ void TorqueScorer::add_grid(const Eigen::Ref<const Eigen::VectorXd>& time,
       continue;
     }
     s.was_in_gap = false;
-    if (!s.counts(time[k])) continue;
+    if (!s.scored.is_inside(time[k])) continue;
     for (Index j = 0; j < s.n; ++j) s.spectra[static_cast<std::size_t>(j)].add(residual(k, j));
   }
   if (!s.filtered) return;
   const Index before = s.buffer_time.size();
   s.buffer.conservativeResize(before + time.size(), s.n);
   s.buffer.bottomRows(time.size()) = residual;
+  // What was made up in a gap must not ring on beside it.
+  for (Index k = 0; k < time.size(); ++k) {
+    if (s.scored.is_in_gap(time[k])) s.buffer.row(before + k).setZero();
+  }
   s.buffer_time.conservativeResize(before + time.size());
   s.buffer_time.tail(time.size()) = time;
   // Work in pieces several margins long, or the margins would be the work.
@@ -226,7 +220,7 @@ Score TorqueScorer::finish() {
   Score score;
   score.log = s.setup.log;
   score.samples = s.count;
-  score.ends_left_out = s.ends;
+  score.ends_left_out = s.scored.ends_left_out();
   score.band = s.filtered && s.band_count > 0 ? s.setup.band : 0.0;
   score.sample_rate = s.setup.sample_rate;
   score.max_torque = s.setup.max_torque;

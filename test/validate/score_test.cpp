@@ -186,7 +186,40 @@ TEST(Score, RowsInsideAGapCountNowhereOnTheGrid) {
   scorer.add_grid(time, residual);
   const Score score = scorer.finish();
   EXPECT_TRUE(std::isnan(score.rmse[0]));  // no row of the log came in
-  EXPECT_LT(score.rmse_in_band[0], 10.0);  // what leaks out of the gap at its edges
+  EXPECT_EQ(score.rmse_in_band[0], 0.0);   // nothing leaks out of the gap at its edges
+}
+
+TEST(Score, RowsBesideAGapCountAsLittleAsThoseAtTheEnds) {
+  Eigen::VectorXd time = even_time(2000, 100.0);
+  time.tail(1000).array() += 3.0;
+  // The derived motion is wrong for 0.4 s at either side.
+  Eigen::MatrixXd residual = Eigen::MatrixXd::Ones(2000, 1);
+  residual.col(0).segment(960, 80).setConstant(1000.0);
+  TorqueScorer::Setup setup = setup_of(time, residual, 100.0, 0.0);
+  setup.gaps = {{time[999], time[1000]}};
+  TorqueScorer scorer(setup);
+  scorer.add_rows(time, residual, Eigen::MatrixXd::Zero(2000, 1));
+  const Score score = scorer.finish();
+  EXPECT_EQ(score.rmse[0], 1.0);
+  EXPECT_EQ(score.samples, 2000 - 4 * 50);
+}
+
+TEST(ScoredTime, LeavesOutEndsAndWhatIsBesideGaps) {
+  const ScoredTime scored(10.0, 30.0, {{15.0, 16.0}});
+  for (const double t : {10.5, 14.5, 16.5, 29.5}) EXPECT_TRUE(scored.counts(t)) << t;
+  for (const double t : {10.4, 14.6, 15.5, 16.4, 29.6}) EXPECT_FALSE(scored.counts(t)) << t;
+  EXPECT_TRUE(scored.is_inside(15.5));
+}
+
+TEST(ScoredTime, CountsUpToGapsWhereLittleWouldRemain) {
+  std::vector<data::TimeGap> gaps;
+  for (int k = 1; k < 20; ++k) gaps.push_back({0.95 * k, 0.95 * k + 0.1});
+  const ScoredTime scored(0.0, 19.0, gaps);
+  EXPECT_TRUE(scored.counts(9.2));
+  EXPECT_FALSE(scored.counts(9.55));  // in one
+  const ScoredTime brief(0.0, 0.9, {});
+  EXPECT_TRUE(brief.counts(0.0));
+  EXPECT_FALSE(brief.ends_left_out());
 }
 
 model::Robot arm() {

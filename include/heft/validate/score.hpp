@@ -14,16 +14,14 @@
 #include "heft/model/model_file.hpp"
 #include "heft/model/robot.hpp"
 #include "heft/validate/predict.hpp"
+#include "heft/validate/scored_time.hpp"
 
 namespace heft::validate {
-
-/// Left out of every error at either end of a log [s].
-inline constexpr double kScoreEnd = 0.5;
 
 /// Measured minus predicted torque of one log, or of several taken together. Vectors of n.
 ///
 /// "rmse" is against the torque as logged, unfiltered, at the log's own time stamps: all samples but the first
-/// and last 0.5 s, reversals and standstill included. "in band": both sides through the same zero-phase low-pass
+/// and last 0.5 s and those within 0.5 s of a gap (ScoredTime), reversals and standstill included. "in band": both sides through the same zero-phase low-pass
 /// on the even grid.
 struct Score {
   std::string log;           ///< path; empty for a pooled score
@@ -78,7 +76,7 @@ class TorqueScorer {
     Eigen::VectorXd max_torque;   ///< n
     double sample_rate{0.0};      ///< of the even grid [Hz]
     double band{0.0};             ///< low-pass for the figures in band [Hz]; not below half the rate: none
-    std::vector<data::TimeGap> gaps;  ///< grid rows inside count nowhere
+    std::vector<data::TimeGap> gaps;  ///< rows in and beside them count nowhere, see ScoredTime
     /// Standstill outside of it [s].
     double moving_from{-std::numeric_limits<double>::infinity()};
     double moving_to{std::numeric_limits<double>::infinity()};
