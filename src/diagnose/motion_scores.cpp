@@ -69,6 +69,16 @@ std::vector<Run> runs_of(const MotionTable& table) {
   return runs;
 }
 
+/// The same rows, cut where springs begin anew.
+std::vector<Run> sections_of(const MotionTable& table) {
+  std::vector<Run> sections;
+  for (Index i = 0; i < table.rows(); ++i) {
+    if (table.begins_anew(i)) sections.push_back({i, 0});
+    ++sections.back().count;
+  }
+  return sections;
+}
+
 /// The same rows in pieces that are worth a job.
 std::vector<Run> cut(const std::vector<Run>& runs) {
   constexpr Index kPiece = 2048;
@@ -113,7 +123,7 @@ JudgedMotion JudgedMotion::with_cutoffs(const model::Robot& robot, const std::ve
 MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
   const MotionTable& t = *table_;
   MatrixXd predicted(t.rows(), t.num_joints);
-  std::vector<Run> pieces = runs_of(t);
+  std::vector<Run> pieces = robot.elasticities.empty() ? runs_of(t) : sections_of(t);
   if (robot.effects.empty() && robot.elasticities.empty() && robot.couplings.empty() &&
       !(robot.torque_delay > 0.0)) {
     pieces = cut(pieces);  // rows know nothing of each other
@@ -144,6 +154,8 @@ std::vector<validate::Score> JudgedMotion::scores(const MatrixXd& predicted, dou
     setup.max_torque = summary.max_torque;
     setup.sample_rate = static_cast<double>(count - 1) / (setup.end - setup.begin);
     setup.band = band;
+    setup.gaps = summary.gaps;
+    for (data::TimeGap& gap : setup.gaps) gap = {gap.begin - summary.begin, gap.end - summary.begin};
     setup.moving_from = summary.moving_from - summary.begin;
     setup.moving_to = summary.moving_to - summary.begin;
     validate::TorqueScorer scorer(setup);
@@ -174,9 +186,8 @@ std::vector<VectorXd> JudgedMotion::rms_errors(const MatrixXd& predicted) const 
   for (const auto [begin, rows] : runs_of(t)) {
     VectorXd sum = VectorXd::Zero(t.num_joints);
     double count = 0.0;
-    const Index last = begin + rows - 1;
-    for (Index i = begin; i <= last; ++i) {
-      if (t.time[i] < validate::kScoreEnd || t.time[last] - t.time[i] < validate::kScoreEnd) continue;
+    for (Index i = begin; i < begin + rows; ++i) {
+      if (t.scored[i] == 0.0) continue;
       sum += (t.tau.row(i) - predicted.row(i)).cwiseAbs2().transpose();
       count += 1.0;
     }
@@ -204,8 +215,7 @@ std::vector<VectorXd> JudgedMotion::errors_by_kind(const MatrixXd& predicted, do
       counts(joint, kind) += 1.0;
     };
     for (Index i = 0; i < rows; ++i) {
-      const double time = t.time[begin + i];
-      if (time < validate::kScoreEnd || t.time[last] - time < validate::kScoreEnd) continue;
+      if (t.scored[begin + i] == 0.0) continue;
       for (int j = 0; j < t.num_joints; ++j) {
         const double speed = std::abs(t.qd(begin + i, j)), error = residual(i, j);
         count(j, 0, error);

@@ -9,6 +9,7 @@
 #include "heft/core/effects/displacement.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/host/error.hpp"
+#include "heft/validate/scored_time.hpp"
 
 namespace heft::diagnose {
 namespace {
@@ -49,6 +50,11 @@ Collected collect(const data::MotionStream& log, int n) {
 }
 
 }  // namespace
+
+bool MotionTable::begins_anew(Index row) const {
+  return (row > 0 && in_gap[row - 1] > 0.0 && in_gap[row] == 0.0) ||
+         std::binary_search(run_begin.begin(), run_begin.end(), row);
+}
 
 VectorXd MotionTable::turns(int joint, double times) const {
   const auto speed = qd.col(joint).cwiseAbs().array();
@@ -192,6 +198,7 @@ std::vector<bool> add_rows(const Collected& part, Index group, Index at, double 
     table.tau.row(at) = mean.segment(3 * n, n);
     if (before.size() > 0) table.displacement.row(at) = (mean - before).tail(steps);
     before = mean;
+    table.in_gap[at] = usable ? 0.0 : 1.0;
     if (time - begin < kEnds || end - time < kEnds) usable = false;
     counts[static_cast<std::size_t>(i)] = usable && std::isfinite(mean.sum());
     for (int j = 0; j < n; ++j) {
@@ -255,6 +262,8 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
   Index rows = 0;
   for (const Collected& part : parts) rows += static_cast<Index>(part.time.size()) / group;
   table.time.resize(rows);
+  table.scored.resize(rows);
+  table.in_gap.resize(rows);
   for (MatrixXd* m :
        {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction, &table.keep, &table.standing}) {
     m->setZero(rows, n);
@@ -285,9 +294,12 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
     const std::vector<bool> counts = add_rows(part, group, first, options.reversal_seconds, table);
     keep_resting_rows(first, last, static_cast<Index>(options.rest_seconds * rate), counts, table);
     const double begin = part.time.empty() ? 0.0 : part.time.front();
+    const validate::ScoredTime scored(begin, count > 0 ? begin + table.time[last - 1] : begin, summary.gaps);
     for (Index i = first; i < last; ++i) {
       const double t = begin + table.time[i];
+      table.scored[i] = scored.counts(t) ? 1.0 : 0.0;
       if (t >= summary.moving_from && t <= summary.moving_to) continue;
+      table.in_gap[i] = 0.0;  // standstill may not be usable either
       table.standing.row(i) = table.keep.row(i);
       table.keep.row(i).setZero();
     }

@@ -41,6 +41,8 @@ struct MotionTable {
   /// m × n, 1 or 0: the joint rests before or after the motion. What holds it there only friction that remembers can
   /// say: such rows count together with it, and do not with friction that knows no more than the velocity.
   Eigen::MatrixXd standing;
+  /// m, 1 or 0: an error in the row counts, see validate::ScoredTime; and what was made up in a gap of time reaches the row.
+  Eigen::VectorXd scored, in_gap;
   std::vector<Block> blocks;
   Eigen::VectorXd sign_width;  ///< n: of the smooth sign [rad/s, m/s]
   /// n: time within which the low-pass of its motion leaves open when a joint turns back, and with it the sign of its
@@ -49,6 +51,8 @@ struct MotionTable {
   Eigen::VectorXd encoder_step;  ///< n: see encoder_steps(); no rows: not known
 
   Eigen::Index rows() const { return time.size(); }
+  /// The row is the first of a log, or the first that a gap does not reach: how springs swing there nothing before it says.
+  bool begins_anew(Eigen::Index row) const;
   /// m, 1 or 0: the joint moves, and turns back within `times` turn_seconds.
   Eigen::VectorXd turns(int joint, double times) const;
   /// Takes the motion of one joint from another table of the same logs, whose low-pass has another cut-off.

@@ -132,11 +132,11 @@ class CutLog {
     const MatrixXd others = table.tau - motion_.predicted(other);
     const auto n = errors_.cols();
     Judged sums{VectorXd::Zero(n), VectorXd::Zero(n), VectorXd::Zero(n), 0.0};
-    const double begin = stretches_.front().from, end = table.time[table.rows() - 1];
+    const double begin = stretches_.front().from;
     for (Index i = 0; i < table.rows(); ++i) {
       const double time = table.time[i];
       const bool inside = begin + time >= from && begin + time <= to;
-      if (!inside || time < validate::kScoreEnd || end - time < validate::kScoreEnd) continue;
+      if (!inside || table.scored[i] == 0.0) continue;
       const VectorXd error = errors_.row(i).transpose(), change = error - others.row(i).transpose();
       sums.squares += error.cwiseAbs2();
       sums.product += error.cwiseProduct(change);

@@ -57,7 +57,13 @@ Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
   while (static_cast<double>(length) < 4.0 * table.sample_rate) length *= 2;
   statistics::Spectrum spectrum(length);
   for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
-    for (Index i = table.run_begin[r]; i < table.run_begin[r + 1]; ++i) spectrum.add(residual[i]);
+    for (Index i = table.run_begin[r]; i < table.run_begin[r + 1]; ++i) {
+      if (table.scored[i] > 0.0) {
+        spectrum.add(residual[i]);
+      } else {
+        spectrum.interrupt();
+      }
+    }
     spectrum.interrupt();
   }
   if (spectrum.segments() < 3) return line;

@@ -22,6 +22,7 @@ MotionTable two_runs() {
   table.time = VectorXd::LinSpaced(kSteps, 0.0, (kSteps - 1) / table.sample_rate);
   table.time.tail(kSteps - kSecondRun).array() -= table.time[kSecondRun];
   table.run_begin = {0, kSecondRun, kSteps};
+  table.in_gap = VectorXd::Zero(kSteps);
   return table;
 }
 

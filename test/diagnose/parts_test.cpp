@@ -39,6 +39,8 @@ MotionTable even_table(Index rows, int joints, double rate, int blocks) {
   for (MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction})
     m->setZero(rows, joints);
   table.keep = MatrixXd::Ones(rows, joints);
+  table.scored = VectorXd::Ones(rows);
+  table.in_gap = VectorXd::Zero(rows);
   for (int b = 0; b < blocks; ++b) {
     table.blocks.push_back({rows * b / blocks, rows * (b + 1) / blocks - rows * b / blocks, 0, b % 8});
   }

@@ -366,19 +366,47 @@ TEST(TorqueScale, OfTheOtherJointIsTheSame) {
   EXPECT_EQ(joints, (std::set{0, 1})) << said(d);
 }
 
+/// Some rows of a log.
+template <typename Rows>
+void take_rows(const Rows& rows, data::Log& log) {
+  log.time = log.time(rows).eval();
+  for (Eigen::MatrixXd* columns : {&log.q, &log.qd, &log.tau})
+    if (columns->size() > 0) *columns = (*columns)(rows, Eigen::all).eval();
+}
+
 // Masses were held, as a joint paid for free ones, and next to these a scale of -1.4 ± 3.8 % was no chance.
 TEST(TorqueScale, IsNotNamedWhereItMayBeNone) {
   UndeclaredCase c = test::make_undeclared_case("load_friction", "heavy6", 1);
-  for (data::Log* log : {&c.train, &c.validate}) {
-    const auto fifth = Eigen::seq(0, Eigen::last, 5);  // 200 Hz
-    log->time = log->time(fifth).eval();
-    for (Eigen::MatrixXd* columns : {&log->q, &log->qd, &log->tau})
-      if (columns->size() > 0) *columns = (*columns)(fifth, Eigen::all).eval();
-  }
+  for (data::Log* log : {&c.train, &c.validate})
+    take_rows(Eigen::seq(0, log->num_samples() - 1, 5), *log);  // 200 Hz
   const Diagnosis d = diagnosed(c);
   ASSERT_EQ(d.findings.size(), 1U) << said(d);
   EXPECT_TRUE(names(d.findings[0], c.effects[0])) << said(d);
 }
+
+// A recorder that drops single rows, and half a second of them once, in both logs.
+class LostRows : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
+
+TEST_P(LostRows, ChangeNoName) {
+  const auto& [kind, arm, seed] = GetParam();
+  UndeclaredCase c = test::make_undeclared_case(kind, arm, seed);
+  for (data::Log* log : {&c.train, &c.validate}) {
+    const int all = log->num_samples(), gap = static_cast<int>(0.4 * all);
+    std::vector<int> rows;
+    for (int k = 0; k < all; ++k) {
+      if ((k < gap || k > gap + all / 60) && k % 71 != 0) rows.push_back(k);
+    }
+    take_rows(rows, *log);
+  }
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), c.effects.size()) << said(d);
+  for (const UndeclaredEffect& effect : c.effects) EXPECT_NE(found_in(d, effect), d.findings.end()) << said(d);
+}
+
+INSTANTIATE_TEST_SUITE_P(OtherSizes, LostRows,
+                         testing::Values(std::tuple{"none", "gantry5", 3}, std::tuple{"elasticity", "heavy6", 3},
+                                         std::tuple{"contact", "heavy6", 3}, std::tuple{"elasticity", "polar6", 3}),
+                         name_of_several);
 
 // Height of the load turns no joint of a SCARA whose axes are upright.
 TEST(PickedUp, HasNoCentreOfMassWhereTheMotionShowsNone) {
