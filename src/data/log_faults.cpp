@@ -103,7 +103,7 @@ void LogCheck::Impl::find_held_torque(const JointLimits& limits, std::vector<Log
       const HeldTorque::Stretch& stretch = longest(held.cut);
       found.push_back(
           {Severity::kNote,
-           fmt::format("{}: column 'tau{}': tau{} is cut at {:.4g}: {} stretches of up to {:.3g} s ({:.2g} % of the log) have "
+           fmt::format("{}: column 'tau{}': tau{} is cut at {:.4g}: {} stretches of up to {:.3g} s ({:.3g} % of the log) have "
                        "exactly its {} value while q{} moves; expected the whole torque; a limit of the drive is true torque, one of "
                        "the sensor or of the logger is not: remove these rows then (a gap in time is understood)",
                        path, joint + 1, joint + 1, stretch.torque, held.cut.size(), stretch.end - stretch.begin,
@@ -115,7 +115,7 @@ void LogCheck::Impl::find_held_torque(const JointLimits& limits, std::vector<Log
     if (joints.size() > 1) continue;
     const HeldTorque::Stretch& stretch = longest(held.repeated);
     first = fmt::format("{}: column 'tau{}': tau{} stays at exactly {:.4g} from {:.6g} to {:.6g} s, while q{} moves by {:.3g} {} "
-                        "({:.2g} % of the log in {} such stretch{})",
+                        "({:.3g} % of the log in {} such stretch{})",
                         path, joint + 1, joint + 1, stretch.torque, stretch.begin, stretch.end, joint + 1, stretch.travel,
                         is_revolute(limits, joint) ? "rad" : "m",
                         percent_of(held.repeated, torque.rows()), held.repeated.size(), held.repeated.size() > 1 ? "es" : "");
