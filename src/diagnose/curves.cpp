@@ -87,7 +87,7 @@ std::vector<Sample> around_reversals(const MotionTable& table, const MatrixXd& v
         for (Index i = step > 0 ? turn : turn - 1; i >= first && i < end; i += step) {
           const double way = std::abs(table.q(i, joint) - table.q(turn, joint));
           const bool same = (table.qd(i, joint) > 0.0) == (sign * static_cast<double>(step) > 0.0);
-          if (!same || way > away) break;
+          if (!same || way > away || table.in_gap[i] > 0.0) break;
           samples.push_back({static_cast<double>(step) * way, table.time[i] + 1e4 * static_cast<double>(r),
                              sign * values.row(i).transpose()});
         }

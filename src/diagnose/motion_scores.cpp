@@ -175,7 +175,7 @@ std::vector<Traces> JudgedMotion::traces(const MatrixXd& before, const MatrixXd&
     all.push_back({t.runs[all.size()], t.time.segment(begin, count), t.q.middleRows(begin, count),
                    t.qd.middleRows(begin, count),
                    t.tau.middleRows(begin, count) - before.middleRows(begin, count),
-                   t.tau.middleRows(begin, count) - after.middleRows(begin, count)});
+                   t.tau.middleRows(begin, count) - after.middleRows(begin, count), t.in_gap.segment(begin, count)});
   }
   return all;
 }

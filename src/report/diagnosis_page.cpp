@@ -35,7 +35,23 @@ bool usable(const Traces& traces, int joint) {
 bool is_event(EffectKind effect) { return effect.is<Contact>() || effect.is<PayloadChange>(); }
 
 double rate_of(const Traces& traces) {
-  return static_cast<double>(traces.time.size() - 1) / (traces.time[traces.time.size() - 1] - traces.time[0]);
+  const double mean = static_cast<double>(traces.time.size() - 1) / (traces.time[traces.time.size() - 1] - traces.time[0]);
+  const double first = 1.0 / (traces.time[1] - traces.time[0]);
+  return first < 1.01 * mean ? mean : first;  // rows that a gap reaches are missing
+}
+
+/// The rows of logs that no gap reaches.
+std::vector<Traces> outside_gaps(std::vector<Traces> logs) {
+  for (Traces& log : logs) {
+    if (log.in_gap.size() == 0 || log.in_gap.maxCoeff() == 0.0) continue;
+    std::vector<Index> rows;
+    for (Index i = 0; i < log.in_gap.size(); ++i) {
+      if (log.in_gap[i] == 0.0) rows.push_back(i);
+    }
+    for (Eigen::VectorXd* values : {&log.time, &log.in_gap}) *values = (*values)(rows).eval();
+    for (Eigen::MatrixXd* values : {&log.q, &log.qd, &log.before, &log.after}) *values = (*values)(rows, Eigen::all).eval();
+  }
+  return logs;
 }
 
 /// One column of every log, one after the other.
@@ -200,6 +216,7 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
   const auto show = [&](int joint, const std::string& why, bool training, const EventMarks& events) {
     if (joint >= 0 && joint < robot.num_joints()) shown.try_emplace(joint, Shown{why, training, events});
   };
+  const std::vector<Traces> train = outside_gaps(diagnosis.train), validate = outside_gaps(diagnosis.validate);
   page.heading("Residuals");
   page.paragraph(
       fmt::format("Measured minus predicted torque{}. So that noise drops out, means are drawn: over {:g} ms "
@@ -224,7 +241,7 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
     show(u.joint, "unexplained: " + u.what, false, {});
   show(worst_joint(diagnosis), "the largest error left", false, {});
   for (const auto& [joint, what] : shown) {
-    const std::vector<Traces>& traces = what.training ? diagnosis.train : diagnosis.validate;
+    const std::vector<Traces>& traces = what.training ? train : validate;
     add_joint(page, diagnosis,
               fmt::format("Joint {}: {} ({})", joint + 1, what.why,
                           log_name(traces, what.training ? "training" : "validation")),
@@ -233,8 +250,8 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
   std::vector<page::PlotSpec> others;
   for (int j = 0; j < robot.num_joints(); ++j) {
     if (shown.contains(j)) continue;
-    if (diagnosis.validate.empty() || !usable(diagnosis.validate.front(), j)) continue;
-    others.push_back(over_time(diagnosis.validate.front(), j, torque_unit(robot, j)));
+    if (validate.empty() || !usable(validate.front(), j)) continue;
+    others.push_back(over_time(validate.front(), j, torque_unit(robot, j)));
     others.back().title = fmt::format("Joint {}", j + 1);
     leave_one_curve(diagnosis, others.back());
   }
@@ -254,7 +271,7 @@ void add_files(page::Page& page, const Diagnosis& diagnosis) {
   constexpr Index kMostRows = 1500;
   const bool one_model = diagnosis.findings.empty();
   for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
-    for (const Traces& log : *logs) {
+    for (const Traces& log : outside_gaps(*logs)) {
       const Index rows = log.time.size(), samples = std::max<Index>(1, (rows + kMostRows - 1) / kMostRows);
       if (log.after.rows() != rows || log.before.rows() != rows) continue;
       page::DataFile file = residual_file(log.log, samples);

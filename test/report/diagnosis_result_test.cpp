@@ -499,6 +499,26 @@ std::vector<nlohmann::json> files_in(const std::string& html) {
   return files;
 }
 
+TEST(DiagnosisPage, HasNoResidualThatAGapReaches) {
+  Diagnosis diagnosis = empty_diagnosis();
+  diagnose::Traces traces;
+  traces.log = "run.csv";
+  traces.time = Eigen::VectorXd::LinSpaced(1001, 0.0, 10.0);
+  traces.q = traces.qd = traces.before = traces.after = Eigen::MatrixXd::Zero(1001, 2);
+  traces.after.middleRows(400, 100).setConstant(1e6);
+  traces.in_gap = Eigen::VectorXd::Zero(1001);
+  traces.in_gap.segment(400, 100).setOnes();
+  diagnosis.validate = diagnosis.train = {traces};
+  const std::vector<nlohmann::json> files = files_in(report::page(diagnosis, kContext).html());
+  ASSERT_EQ(files.size(), 2U);
+  for (const nlohmann::json& file : files) {
+    ASSERT_EQ(file["columns"].size(), 3U);
+    for (const nlohmann::json& column : file["columns"])
+      EXPECT_EQ(column["data"].get<std::string>().size(), 901 * column["places"].get<std::size_t>());
+    EXPECT_LT(file["columns"][1]["step"].get<double>(), 1.0);
+  }
+}
+
 TEST(DiagnosisPage, CarriesTheResidualsOfEachLogAsMeans) {
   Diagnosis diagnosis = empty_diagnosis();
   diagnose::Traces traces;

@@ -157,6 +157,7 @@ struct Traces {
   Eigen::VectorXd time;           ///< [s]
   Eigen::MatrixXd q, qd;          ///< m × n
   Eigen::MatrixXd before, after;  ///< measured minus predicted torque, m × n [N·m, N]
+  Eigen::VectorXd in_gap;         ///< m, 1 or 0: a gap of time reaches the row, whose residual means nothing; no rows: none does
 };
 
 /// What a joint's torque holds beside that of the rigid bodies of the model after, on the validation logs: means over
