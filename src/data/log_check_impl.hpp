@@ -113,6 +113,8 @@ struct LogCheck::Impl {
     return limits.prismatic.empty() || !limits.prismatic[static_cast<std::size_t>(joint)];
   }
 
+  /// The joint's velocity limit; infinity: none is known [rad/s, m/s].
+  double velocity_limit(const JointLimits& limits, int joint) const;
   /// Faster than any motion of the joint [rad/s, m/s].
   double top_speed(const JointLimits& limits, int joint) const;
 

@@ -63,10 +63,10 @@ bool LogCheck::Impl::find_jumps(const JointLimits& limits, std::vector<LogFindin
   bool is_error = false;
   for (int joint = 0; joint < n; ++joint) {
     const auto j = static_cast<std::size_t>(joint);
+    const double limit = velocity_limit(limits, joint), top = top_speed(limits, joint);
+    const double possible = std::min(kBeyondLimit * limit, top);
     // In another unit, rows that are lost look like jumps.
-    if (positions[j].mean_speed() > kMeanOfTop * top_speed(limits, joint)) return false;
-    const bool limited = limits.velocity.size() == n && limits.velocity[joint] > 0.0 && std::isfinite(limits.velocity[joint]);
-    const double top = top_speed(limits, joint), possible = limited ? kBeyondLimit * limits.velocity[joint] : top;
+    if (positions[j].mean_speed() > kMeanOfTop * top) return false;
     std::vector<PositionJumps::Jump> all = positions[j].jumps(least_step[joint]);
     std::erase_if(all, [&](const PositionJumps::Jump& jump) { return std::abs(jump.step) < possible * jump.period; });
     if (all.empty()) continue;
@@ -81,7 +81,7 @@ bool LogCheck::Impl::find_jumps(const JointLimits& limits, std::vector<LogFindin
                         joint + 1, joint + 1, jump.step, unit, jump.time,
                         jump.stood > 3.0 * jump.period ? fmt::format(" after {:.3g} s at one value", jump.stood) : "",
                         std::abs(jump.step) / jump.period, unit,
-                        limited ? fmt::format(" where {:.3g} is the limit", limits.velocity[joint]) : "",
+                        std::isfinite(limit) ? fmt::format(" where {:.3g} is the limit", limit) : "",
                         all.size() > 1 ? fmt::format(" ({} such jumps until {:.6g} s)", all.size(), all.back().time) : "");
   }
   if (joints.empty()) return false;
@@ -136,8 +136,8 @@ void LogCheck::Impl::find_torque_spikes(std::vector<LogFinding>& found) const {
     if (all.empty()) continue;
     joints.push_back(joint);
     if (joints.size() > 1) continue;
-    first = fmt::format("{}: column 'tau{}': tau{} is {:.4g} in one row at {:.6g} s{}, three times as much as ever in two rows in "
-                        "succession",
+    first = fmt::format("{}: column 'tau{}': tau{} is {:.4g} in one row at {:.6g} s{}, more than three times the largest of any "
+                        "two rows in succession",
                         path, joint + 1, joint + 1, all.front().torque, all.front().time,
                         all.size() > 1 ? fmt::format(" ({} such rows until {:.6g} s)", all.size(), all.back().time) : "");
   }

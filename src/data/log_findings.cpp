@@ -84,10 +84,13 @@ std::vector<LogFinding> LogCheck::findings(const JointLimits& limits) const {
   return found;
 }
 
+double LogCheck::Impl::velocity_limit(const JointLimits& limits, int joint) const {
+  return limits.velocity.size() == n && limits.velocity[joint] > 0.0 ? limits.velocity[joint] : kInfinity;
+}
+
 double LogCheck::Impl::top_speed(const JointLimits& limits, int joint) const {
-  const bool limited =
-      limits.velocity.size() == n && std::isfinite(limits.velocity[joint]) && limits.velocity[joint] > 0.0;
-  return limited ? kTooFast * limits.velocity[joint] : kTopSpeed;
+  const double limit = velocity_limit(limits, joint);
+  return std::isfinite(limit) ? kTooFast * limit : kTopSpeed;
 }
 
 LogCheck::Impl::DegreeSigns LogCheck::Impl::degree_signs(const JointLimits& limits) const {
@@ -286,9 +289,8 @@ double LogCheck::Impl::clock_ratio(const JointLimits& limits) const {
     const RateComparison& c = velocity[static_cast<std::size_t>(joint)];
     if (c.stretches < 10 || travel(joint) < kTellingTravel) continue;
     if (c.correlation() < kBelieved) return 1.0;
-    const bool limited =
-        limits.velocity.size() == n && limits.velocity[joint] > 0.0 && std::isfinite(limits.velocity[joint]);
-    if (c.ratio() * c.top_rate > (limited ? kBeyond * limits.velocity[joint] : kTopSpeed)) return 1.0;
+    const double limit = velocity_limit(limits, joint);
+    if (c.ratio() * c.top_rate > (std::isfinite(limit) ? kBeyond * limit : kTopSpeed)) return 1.0;
     ratios.push_back(std::log(c.ratio()));
     sum += ratios.back();
   }

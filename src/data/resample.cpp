@@ -72,14 +72,14 @@ Eigen::MatrixXd spline_curvature(const Eigen::VectorXd& t, const Eigen::MatrixXd
   return curvature;
 }
 
-/// Velocity at one end of a piece without gaps, by a parabola through the samples beside it, against noise of single ones.
-/// @param begin,end  the piece; @param at  its first or its last sample
-/// @param reach      how far the samples used lie from it [s]
-Eigen::RowVectorXd velocity_at(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal, Index begin, Index end, Index at,
-                               double reach) {
+/// Velocity at the sample before a gap, or behind one, by a parabola through those beside it, against noise of single ones.
+/// @param longest  step in time that is no gap [s]
+Eigen::RowVectorXd velocity_at(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal, Index at, double longest) {
+  constexpr double kReach = 0.05;  // [s] at least
+  const double reach = std::max(kReach, longest);
   Index from = at, to = at + 1;
-  while (from > begin && time[at] - time[from - 1] <= reach) --from;
-  while (to < end && time[to] - time[at] <= reach) ++to;
+  while (from > 0 && time[from] - time[from - 1] <= longest && time[at] - time[from - 1] <= reach) --from;
+  while (to < time.size() && time[to] - time[to - 1] <= longest && time[to] - time[at] <= reach) ++to;
   const Index n = to - from, degree = std::min<Index>(2, n - 1);
   if (degree == 0) return Eigen::RowVectorXd::Zero(signal.cols());
   const double length = time[to - 1] - time[from];
@@ -131,8 +131,6 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
 
 Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& signal,
                          const Eigen::VectorXd& at, double longest, Bridge bridge) {
-  /// A velocity is that of at least so long [s].
-  constexpr double kReach = 0.05;
   const Index n = time.size();
   if (n == 0 || signal.rows() != n) {
     throw DataError(fmt::format("resampling: {} times for {} rows; expected the same number, at least 1", n,
@@ -145,21 +143,16 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
     return result;
   }
   // Pieces between gaps have their own spline; in a gap the curvature is zero, which is the straight line.
-  Eigen::MatrixXd curvature(n, signal.cols()), velocity;
-  if (bridge == Bridge::kMotion) velocity.setZero(n, signal.cols());
+  Eigen::MatrixXd curvature(n, signal.cols());
   for (Index begin = 0; begin < n;) {
     Index end = begin + 1;
     while (end < n && time[end] - time[end - 1] <= longest) ++end;
     curvature.middleRows(begin, end - begin) =
         spline_curvature(time.segment(begin, end - begin), signal.middleRows(begin, end - begin));
-    if (bridge == Bridge::kMotion) {
-      const double reach = std::max(kReach, longest);
-      if (begin > 0) velocity.row(begin) = velocity_at(time, signal, begin, end, begin, reach);
-      if (end < n) velocity.row(end - 1) = velocity_at(time, signal, begin, end, end - 1, reach);
-    }
     begin = end;
   }
-  Index k = 0;
+  Index k = 0, bridged = -1;
+  Eigen::RowVectorXd before, behind;  // velocities at the gap after sample `bridged`
   for (Index row = 0; row < at.size(); ++row) {
     const double t = at[row];
     if (t <= time[0]) {
@@ -182,8 +175,13 @@ Eigen::MatrixXd resample(const Eigen::VectorXd& time, const Eigen::MatrixXd& sig
                                           right * (right * right - 1.0) * curvature.row(k + 1));
     } else if (bridge == Bridge::kMotion) {
       // Hermite's cubic, off the line by left right (left (v₀ h - Δ) - right (v₁ h - Δ)).
+      if (bridged != k) {
+        before = velocity_at(time, signal, k, longest);
+        behind = velocity_at(time, signal, k + 1, longest);
+        bridged = k;
+      }
       const Eigen::RowVectorXd way = signal.row(k + 1) - signal.row(k);
-      result.row(row) += left * right * (left * (h * velocity.row(k) - way) - right * (h * velocity.row(k + 1) - way));
+      result.row(row) += left * right * (left * (h * before - way) - right * (h * behind - way));
     }
   }
   return result;

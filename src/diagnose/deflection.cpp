@@ -66,13 +66,15 @@ bool deflect(const MotionTable& table, const MatrixXd& inertia, const VectorXd& 
   const State K = stiffness.replicate(1, kLoads), D = damping.replicate(1, kLoads);
   State e = State::Zero(k, kLoads), v = e, a = e;
   Matrix<kJoints> M(k, k);
+  std::size_t section = 0;
   for (Index i = 0; i < table.rows(); ++i) {
     for (Index r = 0; r < k; ++r) {
       for (Index c = 0; c <= r; ++c) M(r, c) = inertia(i, r * k + c);
     }
     if (!is_positive_definite<kJoints>(M)) return false;
     const State f = load(i);
-    if (table.begins_anew(i)) {
+    if (section < table.section_begin.size() && table.section_begin[section] == i) {
+      ++section;
       e = f / K;
       v.setZero();
       a.setZero();

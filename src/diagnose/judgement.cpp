@@ -82,7 +82,7 @@ host::Judgement Diagnosis::judgement() const {
   const std::vector<int> structure = joints_with_structure(diagnosis);
   if (!structure.empty()) {
     judgement.add(host::Verdict::kDoubtful,
-                  fmt::format("an error that goes on in time, of more than {:.0f} % of the largest torque, is left in {}: no known "
+                  fmt::format("an error that is correlated in time, more than {:.0f} % of the largest torque, is left in {}: no known "
                               "effect explains it",
                               100.0 * kRelevantStructure, named(structure)));
   }

@@ -58,26 +58,17 @@ std::shared_ptr<MotionTable> table_of(const model::Robot& robot,
   return std::make_shared<MotionTable>(std::move(table));
 }
 
-/// Rows of one log of a table.
+/// Rows of one log of a table, or of a section of it.
 struct Run {
   Index begin, count;
 };
-std::vector<Run> runs_of(const MotionTable& table) {
+/// @param begin  first row of each, and one past the last
+std::vector<Run> runs_between(const std::vector<Index>& begin) {
   std::vector<Run> runs;
-  for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r)
-    runs.push_back({table.run_begin[r], table.run_begin[r + 1] - table.run_begin[r]});
+  for (std::size_t r = 0; r + 1 < begin.size(); ++r) runs.push_back({begin[r], begin[r + 1] - begin[r]});
   return runs;
 }
-
-/// The same rows, cut where springs begin anew.
-std::vector<Run> sections_of(const MotionTable& table) {
-  std::vector<Run> sections;
-  for (Index i = 0; i < table.rows(); ++i) {
-    if (table.begins_anew(i)) sections.push_back({i, 0});
-    ++sections.back().count;
-  }
-  return sections;
-}
+std::vector<Run> runs_of(const MotionTable& table) { return runs_between(table.run_begin); }
 
 /// The same rows in pieces that are worth a job.
 std::vector<Run> cut(const std::vector<Run>& runs) {
@@ -123,7 +114,7 @@ JudgedMotion JudgedMotion::with_cutoffs(const model::Robot& robot, const std::ve
 MatrixXd JudgedMotion::predicted(const model::Robot& robot) const {
   const MotionTable& t = *table_;
   MatrixXd predicted(t.rows(), t.num_joints);
-  std::vector<Run> pieces = robot.elasticities.empty() ? runs_of(t) : sections_of(t);
+  std::vector<Run> pieces = runs_between(robot.elasticities.empty() ? t.run_begin : t.section_begin);
   if (robot.effects.empty() && robot.elasticities.empty() && robot.couplings.empty() &&
       !(robot.torque_delay > 0.0)) {
     pieces = cut(pieces);  // rows know nothing of each other

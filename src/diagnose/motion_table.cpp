@@ -51,11 +51,6 @@ Collected collect(const data::MotionStream& log, int n) {
 
 }  // namespace
 
-bool MotionTable::begins_anew(Index row) const {
-  return (row > 0 && in_gap[row - 1] > 0.0 && in_gap[row] == 0.0) ||
-         std::binary_search(run_begin.begin(), run_begin.end(), row);
-}
-
 VectorXd MotionTable::turns(int joint, double times) const {
   const auto speed = qd.col(joint).cwiseAbs().array();
   const double rests = 2.0 * sign_width[joint];
@@ -303,12 +298,16 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
       table.standing.row(i) = table.keep.row(i);
       table.keep.row(i).setZero();
     }
+    for (Index i = first; i < last; ++i) {
+      if (i == first || (table.in_gap[i - 1] > 0.0 && table.in_gap[i] == 0.0)) table.section_begin.push_back(i);
+    }
     const int pieces =
         std::max(1, static_cast<int>(std::lround(static_cast<double>(count) / rate / options.block_seconds)));
     add_blocks(first, count, static_cast<int>(r), pieces, options.folds, table);
     first = last;
   }
   table.run_begin.push_back(first);
+  table.section_begin.push_back(first);
   return table;
 }
 

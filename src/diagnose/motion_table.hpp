@@ -29,6 +29,8 @@ struct MotionTable {
   std::vector<std::string> runs;  ///< names of the logs
   std::vector<double> run_seconds;
   std::vector<Eigen::Index> run_begin;  ///< first row of each log, and one past the last
+  /// The same, and the first row behind each gap that the gap does not reach: how springs swing there nothing before it says.
+  std::vector<Eigen::Index> section_begin;
   Eigen::VectorXd time;                 ///< since the begin of its log [s]
   Eigen::MatrixXd q, qd, qdd, tau;      ///< m × n
   Eigen::MatrixXd direction;            ///< m × n: smooth sign of the velocity
@@ -51,8 +53,6 @@ struct MotionTable {
   Eigen::VectorXd encoder_step;  ///< n: see encoder_steps(); no rows: not known
 
   Eigen::Index rows() const { return time.size(); }
-  /// The row is the first of a log, or the first that a gap does not reach: how springs swing there nothing before it says.
-  bool begins_anew(Eigen::Index row) const;
   /// m, 1 or 0: the joint moves, and turns back within `times` turn_seconds.
   Eigen::VectorXd turns(int joint, double times) const;
   /// Takes the motion of one joint from another table of the same logs, whose low-pass has another cut-off.

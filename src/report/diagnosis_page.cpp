@@ -201,7 +201,9 @@ EventMarks marks_of(const Finding& finding) {
   return events;
 }
 
-void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
+/// @param train, validate  without the rows that a gap reaches
+void add_residuals(page::Page& page, const Diagnosis& diagnosis, const std::vector<Traces>& train,
+                   const std::vector<Traces>& validate) {
   const model::Robot& robot = diagnosis.after;
   const auto prismatic = [&](int j) { return torque_unit(robot, j) == "N"; };
   const auto log_name = [](const std::vector<Traces>& traces, const char* what) {
@@ -216,7 +218,6 @@ void add_residuals(page::Page& page, const Diagnosis& diagnosis) {
   const auto show = [&](int joint, const std::string& why, bool training, const EventMarks& events) {
     if (joint >= 0 && joint < robot.num_joints()) shown.try_emplace(joint, Shown{why, training, events});
   };
-  const std::vector<Traces> train = outside_gaps(diagnosis.train), validate = outside_gaps(diagnosis.validate);
   page.heading("Residuals");
   page.paragraph(
       fmt::format("Measured minus predicted torque{}. So that noise drops out, means are drawn: over {:g} ms "
@@ -267,11 +268,10 @@ std::vector<double> means(const Eigen::Ref<const Eigen::VectorXd>& values, Index
 }
 
 /// The residuals of each log, before and after, thinned to about as many rows as a plot has pixels.
-void add_files(page::Page& page, const Diagnosis& diagnosis) {
+void add_files(page::Page& page, bool one_model, const std::vector<Traces>& train, const std::vector<Traces>& validate) {
   constexpr Index kMostRows = 1500;
-  const bool one_model = diagnosis.findings.empty();
-  for (const auto* logs : {&diagnosis.train, &diagnosis.validate}) {
-    for (const Traces& log : outside_gaps(*logs)) {
+  for (const auto* logs : {&train, &validate}) {
+    for (const Traces& log : *logs) {
       const Index rows = log.time.size(), samples = std::max<Index>(1, (rows + kMostRows - 1) / kMostRows);
       if (log.after.rows() != rows || log.before.rows() != rows) continue;
       page::DataFile file = residual_file(log.log, samples);
@@ -427,8 +427,9 @@ page::Page page(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   add_effects(page, diagnosis);
   add_ceiling(page, diagnosis);
   add_unexplained(page, diagnosis);
-  add_residuals(page, diagnosis);
-  add_files(page, diagnosis);
+  const std::vector<Traces> train = outside_gaps(diagnosis.train), validate = outside_gaps(diagnosis.validate);
+  add_residuals(page, diagnosis, train, validate);
+  add_files(page, diagnosis.findings.empty(), train, validate);
   add_curves(page, diagnosis);
   add_errors(page, diagnosis);
   add_refusals(page, diagnosis);

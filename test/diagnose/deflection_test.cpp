@@ -22,7 +22,7 @@ MotionTable two_runs() {
   table.time = VectorXd::LinSpaced(kSteps, 0.0, (kSteps - 1) / table.sample_rate);
   table.time.tail(kSteps - kSecondRun).array() -= table.time[kSecondRun];
   table.run_begin = {0, kSecondRun, kSteps};
-  table.in_gap = VectorXd::Zero(kSteps);
+  table.section_begin = table.run_begin;
   return table;
 }
 
@@ -128,7 +128,7 @@ INSTANTIATE_TEST_SUITE_P(Numbers, ElasticJoints, testing::Values(1, 2, 3));
 /// Closed form: x = f/K (1 - e^{-ζωt} (cos ω't + ζω/ω' sin ω't)) after a step of the load.
 TEST(ElasticJoint, SwingsAfterAStepAsTheClosedFormSays) {
   MotionTable table = two_runs();
-  table.run_begin = {0, kSteps};
+  table.run_begin = table.section_begin = {0, kSteps};
   const double M = 2.0, K = 800.0, D = 4.0, f = 30.0, h = 1e-3;
   VectorXd load = VectorXd::Constant(kSteps, f);
   load[0] = 0.0;

@@ -34,7 +34,7 @@ MotionTable even_table(Index rows, int joints, double rate, int blocks) {
   table.sample_rate = rate;
   table.runs = {"log"};
   table.run_seconds = {static_cast<double>(rows) / rate};
-  table.run_begin = {0, rows};
+  table.run_begin = table.section_begin = {0, rows};
   table.time = VectorXd::LinSpaced(rows, 0.0, static_cast<double>(rows - 1) / rate);
   for (MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction})
     m->setZero(rows, joints);

@@ -21,8 +21,8 @@ namespace heft::validate {
 /// Measured minus predicted torque of one log, or of several taken together. Vectors of n.
 ///
 /// "rmse" is against the torque as logged, unfiltered, at the log's own time stamps: all samples but the first
-/// and last 0.5 s and those within 0.5 s of a gap (ScoredTime), reversals and standstill included. "in band": both sides through the same zero-phase low-pass
-/// on the even grid.
+/// and last 0.5 s and those within 0.5 s of a gap (ScoredTime), reversals and standstill included. "in band": both
+/// sides through the same zero-phase low-pass on the even grid.
 struct Score {
   std::string log;           ///< path; empty for a pooled score
   long samples{0};           ///< counted in rmse
