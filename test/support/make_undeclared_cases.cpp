@@ -96,10 +96,12 @@ int main(int argc, char** argv) {
       "Writes simulated cases with undeclared effects: robot.urdf, train.csv, validate.csv, truth.json.");
   std::string out, kind, arm;
   std::vector<std::uint64_t> seeds;
+  bool work = false;
   app.add_option("OUT", out, "Folder for the cases")->required();
   app.add_option("--kind", kind, "One kind, or several with a plus between; all without it");
   app.add_option("--arm", arm, "scara4, arm6, arm7, heavy6, desk6, gantry5 or polar6; the first three without it");
   app.add_option("--seeds", seeds, "First and last seed")->expected(2)->required();
+  app.add_flag("--work", work, "The arm goes from pose to pose with rests, in place of exciting motion");
   CLI11_PARSE(app, argc, argv);
   std::vector<std::string> kinds{kind};
   if (kind.empty()) {
@@ -115,7 +117,8 @@ int main(int argc, char** argv) {
         for (const std::string& a : arms) {
           if (k.find("wrist_coupling") != std::string::npos && (a == "scara4" || a == "gantry5")) continue;
           const auto start = std::chrono::steady_clock::now();
-          const UndeclaredCase c = heft::test::make_undeclared_case(k, a, seed);
+          const UndeclaredCase c = heft::test::make_undeclared_case(
+              k, a, seed, work ? heft::test::CaseMotion::kWork : heft::test::CaseMotion::kExciting);
           const std::filesystem::path folder = std::filesystem::path(out) / c.name;
           std::filesystem::create_directories(folder);
           heft::host::write_file_atomically((folder / "robot.urdf").string(), c.urdf);

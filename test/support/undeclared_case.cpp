@@ -18,6 +18,8 @@
 #include "heft/model/motion_torque.hpp"
 #include "heft/sim/simulator.hpp"
 #include "heft/urdf/urdf_import.hpp"
+#include "support/case_motion.hpp"
+#include "support/case_random.hpp"
 
 namespace heft::test {
 namespace {
@@ -25,32 +27,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using Random = std::mt19937_64;
-
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
-
-double uniform(Random& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-double log_uniform(Random& random, double low, double high) {
-  return std::exp(uniform(random, std::log(low), std::log(high)));
-}
-double normal(Random& random) { return std::normal_distribution<double>()(random); }
-bool chance(Random& random, double share) { return uniform(random, 0.0, 1.0) < share; }
-double either(Random& random) { return chance(random, 0.5) ? 1.0 : -1.0; }
-int pick(Random& random, int count) { return std::uniform_int_distribution<int>(0, count - 1)(random); }
-
-double smooth_step(double u) {
-  u = std::clamp(u, 0.0, 1.0);
-  return u * u * u * (10.0 + u * (-15.0 + 6.0 * u));
-}
-/// Integral of smooth_step from 0.
-double smooth_step_integral(double u) {
-  if (u <= 0.0) return 0.0;
-  if (u >= 1.0) return 0.5 + (u - 1.0);
-  return u * u * u * u * (2.5 + u * (-3.0 + u));
-}
-
 // ---------------------------------------------------------------------------------------------------- arms
 
 struct BodySpec {
@@ -336,143 +312,6 @@ BodySpec true_body(const BodySpec& nominal, Random& random) {
 
 // -------------------------------------------------------------------------------------------------- motion
 
-/// Fourier path, run through at full and at crawling speed in turn. While it crawls, each joint goes slowly
-/// to and fro; in some logs there are brisk moves between stops.
-class Path : public sim::Reference {
- public:
-  Path(const model::Robot& robot, double duration, bool brisk, Random& random) : n_(robot.num_joints()) {
-    period_ = uniform(random, 10.0, 16.0);
-    constexpr int kTerms = 6;
-    centre_.resize(n_);
-    sine_.setZero(n_, kTerms);
-    cosine_.setZero(n_, kTerms);
-    harmonic_.resize(n_, kTerms);
-    slow_amplitude_.resize(n_);
-    slow_frequency_.resize(n_);
-    slow_phase_.resize(n_);
-    top_.resize(n_);
-    for (int i = 0; i < n_; ++i) {
-      const model::RobotJoint& joint = robot.joints[static_cast<std::size_t>(i)];
-      const bool prismatic = joint.joint.type == JointType::kPrismatic;
-      const double room = joint.upper - joint.lower;
-      for (int k = 0; k < kTerms; ++k) {
-        harmonic_(i, k) = prismatic ? k + 3 : k + 1;
-        const double size = 1.0 / std::pow(harmonic_(i, k), prismatic ? 0.5 : 0.65);
-        sine_(i, k) = size * normal(random);
-        cosine_(i, k) = size * normal(random);
-      }
-      double low = 1e9, high = -1e9, speed = 0.0;
-      for (int k = 0; k <= 2000; ++k) {
-        const double s = period_ * k / 2000.0;
-        const double here = fourier(i, s);
-        const double rate = (fourier(i, s + 1e-3) - here) / 1e-3;
-        low = std::min(low, here);
-        high = std::max(high, here);
-        speed = std::max(speed, std::abs(rate));
-      }
-      const double wanted = uniform(random, 0.6, 0.85) * joint.velocity_limit;
-      const double scale = std::min(wanted / speed, 0.75 * room / (high - low));
-      sine_.row(i) *= scale;
-      cosine_.row(i) *= scale;
-      top_[i] = speed * scale;
-      const double margin = 0.5 * (room - (high - low) * scale) - 0.08 * room;
-      centre_[i] = 0.5 * (joint.upper + joint.lower) - 0.5 * (high + low) * scale +
-                   uniform(random, -1.0, 1.0) * std::max(0.0, margin);
-      slow_frequency_[i] = uniform(random, 0.25, 0.6);
-      slow_amplitude_[i] = uniform(random, 0.025, 0.045) * top_[i] / (kTwoPi * slow_frequency_[i]);
-      slow_phase_[i] = uniform(random, 0.0, kTwoPi);
-    }
-    offset_ = uniform(random, 0.0, period_);
-    // Crawl first, then in turn.
-    double t = uniform(random, 0.8, 1.4);
-    knots_.push_back({t, true});
-    while (t < duration) {
-      t += uniform(random, 4.0, 6.5);
-      knots_.push_back({t, false});
-      const double crawl = uniform(random, 1.3, 2.5);
-      if (brisk && chance(random, 0.75)) {
-        Brisk move;
-        move.time = uniform(random, 0.22, 0.4);
-        move.go = t + kBlend + 0.1;
-        move.back = move.go + move.time + uniform(random, 0.15, 0.35);
-        move.step.setZero(n_);
-        for (int i = 0; i < n_; ++i) {
-          if (chance(random, 0.7))
-            move.step[i] = either(random) * uniform(random, 0.5, 0.85) * top_[i] * move.time / 1.875;
-        }
-        moves_.push_back(move);
-      }
-      t += kBlend + crawl;
-      knots_.push_back({t, true});
-      t += kBlend;
-    }
-  }
-
-  int num_joints() const override { return n_; }
-  const VectorXd& top_speed() const { return top_; }
-  /// Slows the full speed down.
-  void slow_down(double factor) {
-    fast_ *= factor;
-    for (Brisk& move : moves_) move.step *= factor * factor;
-  }
-
-  void evaluate(double t, Eigen::Ref<VectorXd> q, Eigen::Ref<VectorXd> qd,
-                Eigen::Ref<VectorXd> qdd) const override {
-    constexpr double h = 3e-4;
-    const VectorXd before = position(t - h), here = position(t), after = position(t + h);
-    q = here;
-    qd = (after - before) / (2.0 * h);
-    qdd = (after - 2.0 * here + before) / (h * h);
-  }
-
- private:
-  static constexpr double kBlend = 0.6;
-  static constexpr double kCrawl = 0.01;
-  struct Knot {
-    double time;
-    bool speed_up;
-  };
-  struct Brisk {
-    double go, back, time;
-    VectorXd step;
-  };
-
-  double fourier(int i, double s) const {
-    double sum = 0.0;
-    for (Eigen::Index k = 0; k < sine_.cols(); ++k) {
-      const double angle = kTwoPi * harmonic_(i, k) * s / period_;
-      sum += sine_(i, k) * std::sin(angle) + cosine_(i, k) * std::cos(angle);
-    }
-    return sum;
-  }
-
-  VectorXd position(double t) const {
-    double s = offset_ + kCrawl * t, share = 0.0;
-    for (const Knot& knot : knots_) {
-      const double u = (t - knot.time) / kBlend;
-      const double sign = knot.speed_up ? 1.0 : -1.0;
-      s += sign * (fast_ - kCrawl) * kBlend * smooth_step_integral(u);
-      share += sign * smooth_step(u);
-    }
-    VectorXd q(n_);
-    for (int i = 0; i < n_; ++i) {
-      q[i] = centre_[i] + fourier(i, s) +
-             (1.0 - share) * slow_amplitude_[i] * std::sin(kTwoPi * slow_frequency_[i] * t + slow_phase_[i]);
-    }
-    for (const Brisk& move : moves_) {
-      q += move.step * (smooth_step((t - move.go) / move.time) - smooth_step((t - move.back) / move.time));
-    }
-    return q;
-  }
-
-  int n_;
-  double period_{12.0}, offset_{0.0}, fast_{1.0};
-  VectorXd centre_, slow_amplitude_, slow_frequency_, slow_phase_, top_;
-  MatrixXd sine_, cosine_, harmonic_;
-  std::vector<Knot> knots_;
-  std::vector<Brisk> moves_;
-};
-
 /// A motion, a row per sample.
 struct Motion {
   VectorXd time;
@@ -496,8 +335,9 @@ Motion sample(const Path& path, double duration, double rate) {
 }
 
 /// A path whose torque stays within the limits.
-std::shared_ptr<Path> make_path(const model::Robot& robot, double duration, bool brisk, Random& random) {
-  auto path = std::make_shared<Path>(robot, duration, brisk, random);
+std::shared_ptr<Path> make_path(CaseMotion kind, const model::Robot& robot, double duration, bool brisk, Random& random) {
+  const std::shared_ptr<Path> path = kind == CaseMotion::kWork ? work_path(robot, random)
+                                                               : exciting_path(robot, duration, brisk, random);
   const model::Dynamics dynamics(robot);
   for (int pass = 0; pass < 12; ++pass) {
     const Motion m = sample(*path, duration, 50.0);
@@ -601,7 +441,7 @@ struct Plan {
 /// Everything about a case before it is simulated.
 class CaseMaker {
  public:
-  CaseMaker(const std::string& kinds, const std::string& arm, std::uint64_t seed) {
+  CaseMaker(const std::string& kinds, const std::string& arm, std::uint64_t seed, CaseMotion motion) {
     std::uint64_t hash = seed * 1000003ULL + 17;
     for (char c : kinds + "/" + arm) hash = hash * 131 + static_cast<unsigned char>(c);
     random_.seed(hash);
@@ -609,7 +449,7 @@ class CaseMaker {
     std::string name = kinds;
     std::replace(name.begin(), name.end(), ':', '-');
     std::replace(name.begin(), name.end(), '+', '-');
-    case_.name = fmt::format("{}-{}-{}", name, arm, seed);
+    case_.name = fmt::format("{}-{}-{}{}", name, arm, seed, motion == CaseMotion::kWork ? "-work" : "");
     const ArmSpec nominal = arm_spec(arm);
     ArmSpec real = nominal;
     for (JointSpec& joint : real.joints) joint.body = true_body(joint.body, random_);
@@ -634,8 +474,8 @@ class CaseMaker {
     const bool quick =
         kinds.find("elasticity") != std::string::npos || kinds.find("delay") != std::string::npos;
     const bool brisk = chance(random_, quick ? 0.75 : 1.0 / 3.0);
-    train_path_ = make_path(case_.truth, train_seconds_, brisk, random_);
-    validate_path_ = make_path(case_.truth, kValidateSeconds, brisk, random_);
+    train_path_ = make_path(motion, case_.truth, train_seconds_, brisk, random_);
+    validate_path_ = make_path(motion, case_.truth, kValidateSeconds, brisk, random_);
     motion_ = sample(*train_path_, train_seconds_, 100.0);
 
     std::string rest = kinds;
@@ -1420,8 +1260,9 @@ const std::vector<std::string>& undeclared_arms() {
   return arms;
 }
 
-UndeclaredCase make_undeclared_case(const std::string& kind, const std::string& arm, std::uint64_t seed) {
-  return CaseMaker(kind, arm, seed).make();
+UndeclaredCase make_undeclared_case(const std::string& kind, const std::string& arm, std::uint64_t seed,
+                                    CaseMotion motion) {
+  return CaseMaker(kind, arm, seed, motion).make();
 }
 
 }  // namespace heft::test

@@ -61,11 +61,18 @@ const std::vector<std::string>& outside_kinds();
 /// Names of the arms: scara4, arm6, arm7.
 const std::vector<std::string>& undeclared_arms();
 
+/// How the arm of a case moves; both its logs alike.
+enum class CaseMotion {
+  kExciting,  ///< Fourier paths at full and at crawling speed, in some cases with brisk moves
+  kWork       ///< from pose to pose with rests, each log with poses of its own
+};
+
 /// Makes a case. The same arguments give the same case. Takes seconds.
 /// @param kind  an id, "none", an outside kind, or several ids with a plus between ("stribeck+spring")
 /// @param arm   scara4 (joint 3 prismatic), arm6 or arm7
 /// @throws std::invalid_argument for a name that does not exist, for wrist_coupling on scara4, and where other effects have
 /// left no joint.
-UndeclaredCase make_undeclared_case(const std::string& kind, const std::string& arm, std::uint64_t seed);
+UndeclaredCase make_undeclared_case(const std::string& kind, const std::string& arm, std::uint64_t seed,
+                                    CaseMotion motion = CaseMotion::kExciting);
 
 }  // namespace heft::test
