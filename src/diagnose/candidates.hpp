@@ -38,6 +38,7 @@ struct Candidate {
   Trial trial;
   bool stale{false};         ///< judged before another effect was taken
   double at_turns{0.0};      ///< part of its gain in rows where its joint turns back, see turns_that_matter()
+  double at_rest{0.0};       ///< the same where it rests, of a memory of few steps of the encoder; of others 0
   std::vector<int> entries;  ///< payload change: inertial parameters that the coefficients are
   GearCoupling<double> pair;  ///< wrist coupling, cable: which joints, and the ratio
   /// Another shape: damping; next to a first memory that one's distance; of a delay the time after a change of direction whose

@@ -384,7 +384,10 @@ bool Workbench::may_have_spring(int joint) const {
 
 void judge(const Problem& problem, const MotionTable& table, Candidate& c, int tested, double least) {
   c.trial = problem.judge(problem.moments(c.columns), c.replaces, tested, least);
-  c.at_turns = 0.0;
+  c.at_turns = c.at_rest = 0.0;
+  const bool short_memory = c.has_memory() && table.encoder_step.size() > 0 && c.shape < kFewSteps * table.encoder_step[c.joint];
+  if (short_memory && c.trial.valid)
+    c.at_rest = problem.part_of_fall(c.columns, c.trial, c.joint, table.resting.col(c.joint));
   if (const double times = c.turns_that_matter(); times > 0.0 && c.trial.valid)
     c.at_turns = problem.part_of_fall(c.columns, c.trial, c.joint, table.turns(c.joint, times));
 }

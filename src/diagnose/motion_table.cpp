@@ -60,7 +60,7 @@ VectorXd MotionTable::turns(int joint, double times) const {
 
 void MotionTable::take_motion(const MotionTable& other, int joint) {
   for (MatrixXd MotionTable::*of : {&MotionTable::q, &MotionTable::qd, &MotionTable::qdd,
-                                    &MotionTable::direction, &MotionTable::keep, &MotionTable::standing})
+                                    &MotionTable::direction, &MotionTable::keep, &MotionTable::standing, &MotionTable::resting})
     (this->*of).col(joint) = (other.*of).col(joint);
   turn_seconds[joint] = other.turn_seconds[joint];
 }
@@ -222,6 +222,24 @@ void keep_resting_rows(Index first, Index last, Index rest, const std::vector<bo
   }
 }
 
+/// Marks where joints rest, and what their low-pass reaches from there.
+void mark_rests(Index first, Index last, double rate, double cutoff, MotionTable& table) {
+  constexpr double kRests = 0.2;  // [s]
+  const double reach = cutoff > 0.0 ? 1.5 * std::numbers::inv_pi / cutoff : 0.0;  // [s]
+  const auto around = static_cast<Index>(std::ceil(reach * rate));
+  for (int j = 0; j < table.num_joints; ++j) {
+    for (Index i = first; i < last;) {
+      Index k = i;
+      while (k < last && std::abs(table.qd(k, j)) <= 5.0 * table.sign_width[j]) ++k;
+      if (static_cast<double>(k - i) >= kRests * rate) {
+        const Index from = std::max(first, i - around), to = std::min(last, k + around);
+        table.resting.col(j).segment(from, to - from).setOnes();
+      }
+      i = std::max(k, i + 1);
+    }
+  }
+}
+
 /// Whole blocks of about the same length, dealt out to the folds in turn.
 void add_blocks(Index first, Index count, int run, int pieces, int folds, MotionTable& table) {
   for (int b = 0; b < pieces; ++b) {
@@ -260,7 +278,7 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
   table.scored.resize(rows);
   table.in_gap.resize(rows);
   for (MatrixXd* m :
-       {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction, &table.keep, &table.standing}) {
+       {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction, &table.keep, &table.standing, &table.resting}) {
     m->setZero(rows, n);
   }
   const bool measured = std::all_of(parts.begin(), parts.end(), [&](const Collected& part) {
@@ -288,6 +306,7 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
     table.run_begin.push_back(first);
     const std::vector<bool> counts = add_rows(part, group, first, options.reversal_seconds, table);
     keep_resting_rows(first, last, static_cast<Index>(options.rest_seconds * rate), counts, table);
+    mark_rests(first, last, rate, summary.cutoff, table);
     const double begin = part.time.empty() ? 0.0 : part.time.front();
     const validate::ScoredTime scored(begin, count > 0 ? begin + table.time[last - 1] : begin, summary.gaps);
     for (Index i = first; i < last; ++i) {

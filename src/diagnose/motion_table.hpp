@@ -43,6 +43,9 @@ struct MotionTable {
   /// m × n, 1 or 0: the joint rests before or after the motion. What holds it there only friction that remembers can
   /// say: such rows count together with it, and do not with friction that knows no more than the velocity.
   Eigen::MatrixXd standing;
+  /// m × n, 1 or 0: the joint rests, or the low-pass reaches a rest from there. Friction holds any torque at rest, and the noise of
+  /// an encoder has any sign.
+  Eigen::MatrixXd resting;
   /// m, 1 or 0: an error in the row counts, see validate::ScoredTime; and what was made up in a gap of time reaches the row.
   Eigen::VectorXd scored, in_gap;
   std::vector<Block> blocks;

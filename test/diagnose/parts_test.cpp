@@ -36,7 +36,7 @@ MotionTable even_table(Index rows, int joints, double rate, int blocks) {
   table.run_seconds = {static_cast<double>(rows) / rate};
   table.run_begin = table.section_begin = {0, rows};
   table.time = VectorXd::LinSpaced(rows, 0.0, static_cast<double>(rows - 1) / rate);
-  for (MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction})
+  for (MatrixXd* m : {&table.q, &table.qd, &table.qdd, &table.tau, &table.direction, &table.resting})
     m->setZero(rows, joints);
   table.keep = MatrixXd::Ones(rows, joints);
   table.scored = VectorXd::Ones(rows);
@@ -133,7 +133,7 @@ TEST(Table, KnowsWhereTheLowPassLeavesOpenWhenAJointTurnsBack) {
 
 TEST(Table, TakesTheMotionOfOneJointFromAnother) {
   MotionTable table = even_table(10, 2, 100.0, 2), other = even_table(10, 2, 100.0, 2);
-  table.standing = other.standing = MatrixXd::Zero(10, 2);
+  table.standing = other.standing = table.resting = other.resting = MatrixXd::Zero(10, 2);
   table.turn_seconds.setConstant(2, 0.02);
   other.turn_seconds.setConstant(2, 0.01);
   for (MatrixXd* m : {&other.q, &other.qd, &other.qdd, &other.tau, &other.direction}) m->setOnes();

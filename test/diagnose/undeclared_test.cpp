@@ -408,6 +408,24 @@ INSTANTIATE_TEST_SUITE_P(OtherSizes, LostRows,
                                          std::tuple{"contact", "heavy6", 3}, std::tuple{"elasticity", "polar6", 3}),
                          name_of_several);
 
+// From pose to pose with rests, where friction holds any torque and the velocity has the sign of the encoder's next step.
+class DailyWork : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
+
+TEST_P(DailyWork, ChangesNoName) {
+  const auto& [kind, arm, seed] = GetParam();
+  const UndeclaredCase c = test::make_undeclared_case(kind, arm, seed, test::CaseMotion::kWork);
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), c.effects.size()) << said(d);
+  for (const UndeclaredEffect& effect : c.effects) EXPECT_NE(found_in(d, effect), d.findings.end()) << said(d);
+}
+
+INSTANTIATE_TEST_SUITE_P(AFew, DailyWork,
+                         testing::Values(std::tuple{"none", "heavy6", 1}, std::tuple{"hysteresis", "desk6", 1}), name_of_several);
+INSTANTIATE_TEST_SUITE_P(OtherArms, DailyWork,
+                         testing::Values(std::tuple{"friction_drift", "desk6", 1}, std::tuple{"contact", "arm6", 1},
+                                         std::tuple{"rotor_inertia", "arm6", 1}, std::tuple{"elasticity", "arm7", 1}),
+                         name_of_several);
+
 // Height of the load turns no joint of a SCARA whose axes are upright.
 TEST(PickedUp, HasNoCentreOfMassWhereTheMotionShowsNone) {
   const UndeclaredCase c = test::make_undeclared_case("payload_change", "scara4", 95);
