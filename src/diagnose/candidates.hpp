@@ -38,7 +38,6 @@ struct Candidate {
   Trial trial;
   bool stale{false};         ///< judged before another effect was taken
   double at_turns{0.0};      ///< part of its gain in rows where its joint turns back, see turns_that_matter()
-  double at_rest{0.0};       ///< the same where it rests, of a memory of few steps of the encoder; of others 0
   std::vector<int> entries;  ///< payload change: inertial parameters that the coefficients are
   GearCoupling<double> pair;  ///< wrist coupling, cable: which joints, and the ratio
   /// Another shape: damping; next to a first memory that one's distance; of a delay the time after a change of direction whose
@@ -75,8 +74,10 @@ struct Candidate {
 };
 
 /// Judges a candidate with its columns.
+/// @param left_at_rest   see Workbench
 /// @param tested, least  see Problem::judge()
-void judge(const Problem& problem, const MotionTable& table, Candidate& candidate, int tested = 0, double least = 0.0);
+void judge(const Problem& problem, const MotionTable& table, const Eigen::MatrixXd& left_at_rest, Candidate& candidate,
+           int tested = 0, double least = 0.0);
 
 /// The same effect in the same place, whatever its form.
 inline bool same_place(const Candidate& a, const Candidate& b) {
@@ -103,6 +104,8 @@ struct Workbench {
   const Eigen::MatrixXd* load;               ///< m × n: rigid-body torque of the present fit
   /// logs × n: torque that friction holds a resting joint with when the log begins; not finite where it moves
   const Eigen::MatrixXd* held;
+  /// m × n: torque that the model leaves where a joint rests between two motions; 0 in other rows.
+  const Eigen::MatrixXd* left_at_rest;
   std::vector<FirstMemory> memories;  ///< n: what each joint's friction remembers already
   std::vector<const Candidate*> springs;  ///< n: the one that a joint has already; none: nullptr
   const std::vector<int>* no_springs_in;  ///< see Engine

@@ -107,7 +107,7 @@ Workbench Engine::bench() const {
     if (!accepted[e].has_memory() || first_memory(e) >= 0) continue;
     memories[static_cast<std::size_t>(accepted[e].joint)] = {&accepted[e], first_column_[e]};
   }
-  return {problem_.get(),      &base_, &table_, &motion_, rows_.get(), &rigid_, &lazy_load_, &held_,
+  return {problem_.get(),      &base_, &table_, &motion_, rows_.get(), &rigid_, &lazy_load_, &held_, &left_at_rest_,
           std::move(memories), std::move(springs), &no_springs_in, pairs_};
 }
 
@@ -117,7 +117,7 @@ void Engine::build() {
   MatrixXd keep = table_.keep;
   double delay = 0.0;
   bool elastic = false;
-  const auto count_standing = [&](int j) { keep.col(j) = table_.keep.col(j) + table_.standing.col(j); };
+  const auto count_standing = [&](int j) { keep.col(j) = table_.keep.col(j) + table_.standing.col(j) + table_.resting.col(j); };
   if (standing_counts >= 0) count_standing(standing_counts);
   for (const Candidate& e : accepted) {
     if (e.has_memory()) count_standing(e.joint);
@@ -331,6 +331,7 @@ void Engine::note_fit() {
   loaded_.assign(static_cast<std::size_t>(table_.num_joints), false);
   lazy_load_.setZero(table_.rows(), table_.num_joints);
   find_holding_torque();
+  find_resting_torque();
 }
 
 /// Rigid-body torque of some joints, all rows: it costs as much as a fit, and few models are asked for it.
@@ -353,35 +354,6 @@ void Engine::load_joints(const std::vector<bool>& joints) const {
 }
 
 void Engine::load_all() const { load_joints(std::vector<bool>(loaded_.size(), true)); }
-
-/// Torque that a joint at rest is held with at the begin of each log: what is measured less what all but friction's
-/// memory makes up.
-void Engine::find_holding_torque() {
-  const auto runs = static_cast<Index>(table_.runs.size());
-  held_.resize(runs, table_.num_joints);
-  for (Index r = 0; r < runs; ++r) {
-    const Index begin = table_.run_begin[static_cast<std::size_t>(r)];
-    Index end = begin;
-    while (end < table_.run_begin[static_cast<std::size_t>(r) + 1] && table_.time[end] < model::kSeenAtRest) {
-      ++end;
-    }
-    const MatrixXd left = table_.tau.middleRows(begin, end - begin) - predicted(begin, end - begin);
-    for (int j = 0; j < table_.num_joints; ++j) {
-      const bool rests = end > begin && motion_.qd.col(j).segment(begin, end - begin).cwiseAbs().maxCoeff() <
-                                            model::kRestSpeed;
-      held_(r, j) = rests ? left.col(j).mean() : std::numeric_limits<double>::quiet_NaN();
-    }
-    for (std::size_t e = 0; e < accepted.size(); ++e) {
-      Candidate& effect = accepted[e];
-      if (!effect.has_memory() || first_column_[e] < 0) continue;
-      // Two of them hold in step, each with its part: as if the first one did it all.
-      const std::ptrdiff_t first = first_memory(e);
-      effect.level = first >= 0 ? accepted[static_cast<std::size_t>(first)].level : fitted(e)[0];
-      held_(r, effect.joint) +=
-          fitted(e)[0] * effect.columns.values[0].col(0).segment(begin, end - begin).mean();
-    }
-  }
-}
 
 void Engine::put(std::size_t index, Candidate candidate) {
   if (candidate.beside) {
@@ -584,7 +556,7 @@ std::vector<Candidate> Engine::forms_of(const Candidate& effect) const {
 
 void Engine::judge_again(Candidate& candidate) const {
   if (candidate.stale && !candidate.effect.is<Contact>() && candidate.columns.count() > 0)
-    judge(*problem_, table_, candidate, candidate.beside ? 1 : 0);
+    judge(*problem_, table_, left_at_rest_, candidate, candidate.beside ? 1 : 0);
   candidate.stale = false;
 }
 

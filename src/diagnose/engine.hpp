@@ -195,6 +195,7 @@ class Engine {
   std::optional<Columns> appended(std::size_t index, bool deflect) const;
   void add_to_problem(bool deflect);
   void find_holding_torque();
+  void find_resting_torque();
 
   std::shared_ptr<const MotionTable> shared_;
   const MotionTable& table_;
@@ -218,7 +219,7 @@ class Engine {
   mutable Eigen::MatrixXd lazy_load_;
   mutable std::vector<bool> loaded_;  ///< n: which of them; empty: nothing is fitted yet
   mutable std::mutex loading_;
-  Eigen::MatrixXd held_;                     ///< see Workbench
+  Eigen::MatrixXd held_, left_at_rest_;      ///< see Workbench
   Eigen::VectorXd base_noise_, base_theta_;  ///< of the fit without effects
   double steady_{0.0};
   std::vector<int> first_column_;  ///< of each accepted effect; -1: has none

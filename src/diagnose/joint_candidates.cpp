@@ -204,7 +204,7 @@ Candidate second_memory(const Workbench& bench, int joint, Displacement displace
   c.shape = own;
   c.second = other;
   c.replaces = in_place.column;
-  judge(*bench.problem, *bench.table, c, 1, least);
+  judge(*bench.problem, *bench.table, *bench.left_at_rest, c, 1, least);
   const VectorXd& parts = c.trial.coefficients;
   if (!(parts[0] > 0.0)) c.refused = "would be negative";
   const bool too_much =
@@ -271,7 +271,7 @@ class ShapeSearch {
     candidate.level = level_;
     if (form_.whole) candidate.replaces = bench_.base->coulomb(joint_);
     if (candidate.refused.empty()) {
-      judge(*bench_.problem, *bench_.table, candidate, 0, least_);
+      judge(*bench_.problem, *bench_.table, *bench_.left_at_rest, candidate, 0, least_);
       for (Index c = 0; c < candidate.trial.coefficients.size(); ++c) {
         if (Effect::kNotNegative[static_cast<std::size_t>(c)] &&
             candidate.trial.coefficients[c] < -2.0 * candidate.trial.std[c]) {
@@ -382,14 +382,12 @@ bool Workbench::may_have_spring(int joint) const {
          std::find(no_springs_in->begin(), no_springs_in->end(), joint) == no_springs_in->end();
 }
 
-void judge(const Problem& problem, const MotionTable& table, Candidate& c, int tested, double least) {
+void judge(const Problem& problem, const MotionTable& table, const MatrixXd& left_at_rest, Candidate& c, int tested,
+           double least) {
   c.trial = problem.judge(problem.moments(c.columns), c.replaces, tested, least);
-  c.at_turns = c.at_rest = 0.0;
-  const bool short_memory = c.has_memory() && table.encoder_step.size() > 0 && c.shape < kFewSteps * table.encoder_step[c.joint];
-  if (short_memory && c.trial.valid)
-    c.at_rest = problem.part_of_fall(c.columns, c.trial, c.joint, table.resting.col(c.joint));
+  c.at_turns = 0.0;
   if (const double times = c.turns_that_matter(); times > 0.0 && c.trial.valid)
-    c.at_turns = problem.part_of_fall(c.columns, c.trial, c.joint, table.turns(c.joint, times));
+    c.at_turns = problem.part_of_fall(c.columns, c.trial, c.joint, table.turns(c.joint, times), left_at_rest.col(c.joint));
 }
 
 MatrixXd joint_effect_columns(const Workbench& bench, int effect, int joint, double shape, FrictionForm form,

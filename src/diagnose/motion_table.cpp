@@ -9,6 +9,7 @@
 #include "heft/core/effects/displacement.hpp"
 #include "heft/core/friction/friction.hpp"
 #include "heft/host/error.hpp"
+#include "heft/regression/rests.hpp"
 #include "heft/validate/scored_time.hpp"
 
 namespace heft::diagnose {
@@ -207,39 +208,19 @@ std::vector<bool> add_rows(const Collected& part, Index group, Index at, double 
   return counts;
 }
 
-/// Calls `use` with begin and end of each stretch of at least `least` rows in which a joint is no faster than `speed`.
-template <typename Use>
-void for_each_rest(const MotionTable& table, int joint, Index first, Index last, double speed, double least, const Use& use) {
-  for (Index i = first; i < last;) {
-    Index k = i;
-    while (k < last && std::abs(table.qd(k, joint)) <= speed) ++k;
-    if (k > i && static_cast<double>(k - i) >= least) use(i, k);
-    i = std::max(k, i + 1);
-  }
-}
-
-/// A joint at rest is no reversal: what holds it there is part of the log.
-/// @param rest  rows from which on it rests
-void keep_resting_rows(Index first, Index last, Index rest, const std::vector<bool>& counts,
-                       MotionTable& table) {
+/// A joint at rest is no reversal. What holds it there only friction that remembers can say: such rows stand aside for it. Of a
+/// joint that rests all along they are what the log says.
+void take_resting_rows(Index first, Index last, const data::StreamSummary& log, const std::vector<bool>& prismatic,
+                       double rate, const std::vector<bool>& counts, MotionTable& table) {
   for (int j = 0; j < table.num_joints; ++j) {
-    for_each_rest(table, j, first, last, 2.0 * table.sign_width[j], static_cast<double>(rest), [&](Index from, Index to) {
-      for (Index row = from; row < to; ++row)
-        table.keep(row, j) = counts[static_cast<std::size_t>(row - first)] ? 1.0 : 0.0;
-    });
-  }
-}
-
-/// Marks where joints rest, and what their low-pass reaches from there.
-/// @param reach  of the low-pass [s]
-void mark_rests(Index first, Index last, double rate, double reach, MotionTable& table) {
-  constexpr double kRests = 0.2;  // [s]
-  const auto around = static_cast<Index>(std::ceil(reach * rate));
-  for (int j = 0; j < table.num_joints; ++j) {
-    for_each_rest(table, j, first, last, 5.0 * table.sign_width[j], kRests * rate, [&](Index from, Index to) {
-      from = std::max(first, from - around), to = std::min(last, to + around);
-      table.resting.col(j).segment(from, to - from).setOnes();
-    });
+    const bool slides = prismatic[static_cast<std::size_t>(j)], moves = regression::moves(log, j, slides);
+    const auto rests = regression::resting_rows(table.qd.col(j).segment(first, last - first), rate, slides);
+    for (Index i = 0; i < last - first; ++i) {
+      if (!rests[i]) continue;
+      const double counted = counts[static_cast<std::size_t>(i)] ? 1.0 : 0.0;
+      table.keep(first + i, j) = moves ? 0.0 : counted;
+      table.resting(first + i, j) = moves ? counted : 0.0;
+    }
   }
 }
 
@@ -302,14 +283,13 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
       table.sample_rate = rate;
       table.logged_rate = summary.sample_rate;
     }
-    const double turn_seconds = summary.cutoff > 0.0 ? 0.5 * std::numbers::inv_pi / summary.cutoff : 0.0;
-    table.turn_seconds = table.turn_seconds.cwiseMax(turn_seconds);
+    if (summary.cutoff > 0.0)
+      table.turn_seconds = table.turn_seconds.cwiseMax(0.5 * std::numbers::inv_pi / summary.cutoff);
     table.runs.push_back(summary.path);
     table.run_seconds.push_back(summary.end - summary.begin);
     table.run_begin.push_back(first);
     const std::vector<bool> counts = add_rows(part, group, first, options.reversal_seconds, table);
-    keep_resting_rows(first, last, static_cast<Index>(options.rest_seconds * rate), counts, table);
-    mark_rests(first, last, rate, 3.0 * turn_seconds, table);
+    take_resting_rows(first, last, summary, prismatic, rate, counts, table);
     const double begin = part.time.empty() ? 0.0 : part.time.front();
     const validate::ScoredTime scored(begin, count > 0 ? begin + table.time[last - 1] : begin, summary.gaps);
     for (Index i = first; i < last; ++i) {
@@ -317,8 +297,9 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
       table.scored[i] = scored.counts(t) ? 1.0 : 0.0;
       if (t >= summary.moving_from && t <= summary.moving_to) continue;
       table.in_gap[i] = 0.0;  // standstill may not be usable either
-      table.standing.row(i) = table.keep.row(i);
+      table.standing.row(i) = table.keep.row(i) + table.resting.row(i);
       table.keep.row(i).setZero();
+      table.resting.row(i).setZero();
     }
     for (Index i = first; i < last; ++i) {
       if (i == first || (table.in_gap[i - 1] > 0.0 && table.in_gap[i] == 0.0)) table.section_begin.push_back(i);

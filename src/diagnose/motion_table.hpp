@@ -40,12 +40,9 @@ struct MotionTable {
   /// m × n, 1 or 0: the row counts. Near a reversal no log resolves when the sign turns; in gaps and at the ends
   /// the derived motion means nothing.
   Eigen::MatrixXd keep;
-  /// m × n, 1 or 0: the joint rests before or after the motion. What holds it there only friction that remembers can
-  /// say: such rows count together with it, and do not with friction that knows no more than the velocity.
-  Eigen::MatrixXd standing;
-  /// m × n, 1 or 0: the joint rests, or the low-pass reaches a rest from there. Friction holds any torque at rest, and the noise of
-  /// an encoder has any sign.
-  Eigen::MatrixXd resting;
+  /// m × n, 1 or 0: the joint rests before or after the motion, and between two parts of it. What holds it there only friction
+  /// that remembers can say: such rows count together with it, and do not with friction that knows no more than the velocity.
+  Eigen::MatrixXd standing, resting;
   /// m, 1 or 0: an error in the row counts, see validate::ScoredTime; and what was made up in a gap of time reaches the row.
   Eigen::VectorXd scored, in_gap;
   std::vector<Block> blocks;
@@ -76,8 +73,6 @@ struct TableOptions {
   double block_seconds{1.0};  ///< length of a block
   int folds{8};
   double reversal_seconds{0.006};  ///< rows nearer than this to a change of direction do not count
-  double rest_seconds{
-      0.5};  ///< but a joint that stays below the smallest speed that can be resolved counts as resting
   long most_rows{40000};  ///< beyond it neighbouring samples are averaged
 };
 

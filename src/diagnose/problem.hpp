@@ -154,11 +154,13 @@ class Problem {
   /// @param tested  how many of the first coefficients chance is asked of; 0: all
   /// @param least   gain below which it is not valid
   Trial judge(const ColumnMoments& moments, int without = -1, int tested = 0, double least = 0.0) const;
-  /// Part of the fall of a joint's squared error that lies in some of its rows; 0 where the error does not fall.
-  /// @param trial  of the columns, by this problem
-  /// @param where  m, 1 or 0
-  double part_of_fall(const Columns& columns, const Trial& trial, int joint,
-                      const Eigen::VectorXd& where) const;
+  /// Part of the fall of a joint's squared error that lies in some of its rows; 0 where the error does not fall. Where the joint
+  /// rests counts as well, if the error falls there.
+  /// @param trial         of the columns, by this problem
+  /// @param where         m, 1 or 0
+  /// @param left_at_rest  m: see Workbench
+  double part_of_fall(const Columns& columns, const Trial& trial, int joint, const Eigen::VectorXd& where,
+                      const Eigen::Ref<const Eigen::VectorXd>& left_at_rest) const;
   /// Sum of the squared residuals of a joint's rows that count [N²m²].
   double squares_of(int joint) const;
   double weight(int joint) const { return 1.0 / (noise_[joint] * noise_[joint]); }

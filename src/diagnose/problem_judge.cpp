@@ -320,16 +320,27 @@ void Problem::cross_validate(const Joint& joint, Trial& trial) const {
   trial.half_t[1] = steadiness(gains.tail(gains.size() - half));
 }
 
-double Problem::part_of_fall(const Columns& columns, const Trial& trial, int joint,
-                             const VectorXd& where) const {
+double Problem::part_of_fall(const Columns& columns, const Trial& trial, int joint, const VectorXd& where,
+                             const Eigen::Ref<const VectorXd>& left_at_rest) const {
+  const auto j = static_cast<std::size_t>(joint);
+  const VectorXd now = trial.base - prior_;
   const VectorXd before = residual_of(joint, theta_);
-  VectorXd after = residual_of(joint, trial.base - prior_);
+  VectorXd after = residual_of(joint, now), of_columns = VectorXd::Zero(before.size());
   for (std::size_t a = 0; a < columns.joints.size(); ++a) {
-    if (columns.joints[a] == joint)
-      after -= (columns.values[a] * trial.coefficients).cwiseProduct(keep_->col(joint));
+    if (columns.joints[a] == joint) of_columns += columns.values[a] * trial.coefficients;
   }
+  after -= of_columns.cwiseProduct(keep_->col(joint));
   const VectorXd fall = before.cwiseAbs2() - after.cwiseAbs2();
-  const double all = fall.sum();
+  // Rows of rest that do not count themselves; a column that another one replaces is 0 there.
+  const VectorXd rests = (table_->resting.col(joint) - keep_->col(joint)).cwiseMax(0.0);
+  double at_rest = 0.0;
+  if (rests.any()) {
+    const MatrixXd& base = (*rows_)[j];
+    const VectorXd moved = (now - theta_)(places_[j]).head(base.cols());
+    const VectorXd left = (left_at_rest - base * moved - of_columns).cwiseProduct(rests);
+    at_rest = left_at_rest.cwiseProduct(rests).squaredNorm() - left.squaredNorm();
+  }
+  const double all = fall.sum() + std::max(0.0, at_rest);
   return all > 0.0 ? fall.dot(where) / all : 0.0;
 }
 

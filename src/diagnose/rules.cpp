@@ -133,7 +133,6 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   const bool at_turns = c.at_turns > (c.effect.is<FrictionCurve>() ? kCurveAtTurns : kAtTurns);
   if (at_turns && squared(fall(c.trial).maxCoeff()) < kBothSides)
     return "shows only around reversals, whose instant the low-pass leaves open";
-  if (c.at_rest > kAtRest) return "shows only where the joint rests, within the steps of its encoder";
   if (!c.in_time() && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
   if (!is_steady(c.trial)) return "does not help on stretches that it was not fitted to";
   // Several runs that agree say what one run leaves open.

@@ -37,9 +37,6 @@ inline constexpr double kAtTurns = 0.5;
 inline constexpr double kBothSides = 0.6;
 /// The same of a free curve over speed, within twice that time: it has nothing to do with turning back.
 inline constexpr double kCurveAtTurns = 1.0 / 3.0;
-/// Most of the gain of a memory that is no longer than so many steps of the encoder that may lie where its joint rests: there
-/// friction holds any torque, and the velocity has the sign of the next step.
-inline constexpr double kAtRest = 0.8, kFewSteps = 3.0;
 /// Shortest delay, in samples: drives that average over a sample, or hold one, differ by half of one.
 inline constexpr double kShortestDelay = 0.5;
 /// Shortest time constant of a joint that warms up [s].

@@ -15,7 +15,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "sums are sent as they lie in memory");
 
 constexpr std::string_view kMagic = "heftsums";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::size_t kHash = sizeof(std::uint64_t);
 
 /// Appends what it is called with.

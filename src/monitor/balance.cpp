@@ -68,7 +68,8 @@ void fill(const Balance& balance, const Thresholds& thresholds, Deviations& foun
     core.update(balance.outside.row(k), balance.explained.row(k), balance.qd.row(k), balance.period[k], 0.0,
                 record);
     found.level.row(k) = (record.residual.array() / record.level_threshold.array()).abs();
-    found.change.row(k) = (record.change.array() / record.change_threshold.array()).abs();
+    // Thresholds hold for friction that takes up no load as well.
+    found.change.row(k) = ((record.change + record.taken_up).array() / record.change_threshold.array()).abs();
     for (Index j = 0; j < found.phase.cols(); ++j)
       found.phase(k, j) = static_cast<int>(record.phase[static_cast<std::size_t>(j)]);
     found.load_rate[k] = core.load_rate();

@@ -9,6 +9,7 @@
 #include "heft/data/decimate.hpp"
 #include "heft/host/error.hpp"
 #include "heft/regression/recorded_rows.hpp"
+#include "heft/regression/rests.hpp"
 
 namespace heft::regression {
 namespace {
@@ -57,6 +58,16 @@ class Signals {
 
   /// Columns of the regressor that reach a joint, by their place among the selected.
   const std::vector<int>& places(Eigen::Index joint) const { return places_[static_cast<std::size_t>(joint)]; }
+
+  /// Rows of a piece in which friction takes up what it likes.
+  Eigen::Array<bool, Eigen::Dynamic, 1> rests(const data::MotionChunk& chunk, const data::StreamSummary& log,
+                                              Eigen::Index joint) const {
+    const bool prismatic =
+        columns_.robot().joints[static_cast<std::size_t>(joint)].joint.type == JointType::kPrismatic;
+    if (columns_.structure().coulomb && moves(log, joint, prismatic))
+      return resting_rows(chunk.qd.col(joint), chunk.sample_rate, prismatic);
+    return Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(chunk.time.size(), false);
+  }
 
   /// The first row of a piece that is kept; every step-th row of the log is.
   static Eigen::Index first_kept(const data::MotionChunk& chunk, Eigen::Index step) {
@@ -124,16 +135,16 @@ class Signals {
   Eigen::Index entries_{0};
 };
 
-/// Rows of a piece that a joint may use: usable, and faster than standstill within the reach of the filter.
+/// Rows of a piece that a joint may use: usable, and neither slower than standstill nor at rest within the reach of the filter.
 std::vector<bool> rows_in_use(const data::MotionChunk& chunk, Eigen::Index joint, double standstill,
-                              double cutoff) {
+                              const Eigen::Array<bool, Eigen::Dynamic, 1>& rests, double cutoff) {
   const Eigen::Index size = chunk.time.size();
   std::vector<bool> use(static_cast<std::size_t>(size), true);
   // Half the main lobe of the forth-and-back filter's impulse response.
   const Eigen::Index reach =
       cutoff > 0.0 ? static_cast<Eigen::Index>(std::ceil(0.35 * chunk.sample_rate / cutoff)) : 0;
   for (Eigen::Index i = 0; i < size; ++i) {
-    if (chunk.usable[i] && std::abs(chunk.qd(i, joint)) >= standstill) continue;
+    if (chunk.usable[i] && std::abs(chunk.qd(i, joint)) >= standstill && !rests[i]) continue;
     const Eigen::Index around = chunk.usable[i] ? reach : 0;
     for (Eigen::Index k = std::max<Eigen::Index>(0, i - around); k <= std::min(size - 1, i + around); ++k) {
       use[static_cast<std::size_t>(k)] = false;
@@ -144,6 +155,7 @@ std::vector<bool> rows_in_use(const data::MotionChunk& chunk, Eigen::Index joint
 
 /// What a log's rows are made with.
 struct Behind {
+  const data::StreamSummary& log;
   double cutoff{0.0};     ///< [Hz]; 0: no low-pass
   Eigen::Index step{1};   ///< every step-th row of the grid is kept
 };
@@ -151,9 +163,9 @@ struct Behind {
 Behind behind(const data::StreamSummary& log, const ObservationOptions& options) {
   const double chosen = options.cutoff > 0.0 ? options.cutoff : log.cutoff;
   // A cut-off near half the sample rate is no filter.
-  if (!(chosen > 0.0 && chosen < 0.45 * log.sample_rate)) return {};
+  if (!(chosen > 0.0 && chosen < 0.45 * log.sample_rate)) return {log};
   const double rows = std::floor(log.sample_rate / (options.rows_per_cutoff * chosen));
-  return {chosen, std::max<Eigen::Index>(1, static_cast<Eigen::Index>(rows))};
+  return {log, chosen, std::max<Eigen::Index>(1, static_cast<Eigen::Index>(rows))};
 }
 
 /// Rows of every joint from one piece of a log; none of joints that have no row to use.
@@ -172,7 +184,7 @@ std::vector<ObservationRows> rows_of(const Signals& signals, Eigen::Index select
     const std::vector<int>& list = signals.places(j);
     const Eigen::Index from = first_entry;
     first_entry += static_cast<Eigen::Index>(list.size());
-    const std::vector<bool> use = rows_in_use(chunk, j, options.standstill_speed, log.cutoff);
+    const std::vector<bool> use = rows_in_use(chunk, j, options.standstill_speed, signals.rests(chunk, log.log, j), log.cutoff);
     std::vector<Eigen::Index> picked, kept;  // rows of the piece, and of what was kept of them
     for (Eigen::Index k = 0, i = first; i < chunk.begin + chunk.count; ++k, i += log.step) {
       if (i < chunk.begin || !use[static_cast<std::size_t>(i)]) continue;

@@ -103,7 +103,7 @@ page::Table threshold_table(const Thresholds& thresholds) {
 
 std::string filters_words(const Thresholds& thresholds) {
   return fmt::format(
-      "Low-pass {:.3g}/s ({:.2g} Hz), change from a mean that follows at {:.3g}/s. A joint turns for {:.2g} s after it started or turned "
+      "Low-pass {:.3g}/s ({:.2g} Hz), change from a mean that follows at {:.3g}/s. A joint turns for {:.2g} s after it started, stopped or turned "
       "round. Beyond a load rate of {} N·m/s and the speeds of the last column thresholds grow in proportion.",
       thresholds.bandwidth, thresholds.bandwidth / 6.283185307179586, thresholds.adaptation,
       thresholds.turning_time, page::number(thresholds.load_rate, 3));

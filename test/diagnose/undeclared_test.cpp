@@ -408,7 +408,7 @@ INSTANTIATE_TEST_SUITE_P(OtherSizes, LostRows,
                                          std::tuple{"contact", "heavy6", 3}, std::tuple{"elasticity", "polar6", 3}),
                          name_of_several);
 
-// From pose to pose with rests, where friction holds any torque and the velocity has the sign of the encoder's next step.
+// From pose to pose with rests, where friction holds any torque and no low-pass says when a joint stopped.
 class DailyWork : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
 
 TEST_P(DailyWork, ChangesNoName) {
@@ -420,10 +420,15 @@ TEST_P(DailyWork, ChangesNoName) {
 }
 
 INSTANTIATE_TEST_SUITE_P(AFew, DailyWork,
-                         testing::Values(std::tuple{"none", "heavy6", 1}, std::tuple{"hysteresis", "desk6", 1}), name_of_several);
+                         testing::Values(std::tuple{"none", "heavy6", 1}, std::tuple{"none", "desk6", 1},
+                                         std::tuple{"hysteresis", "desk6", 1}),
+                         name_of_several);
 INSTANTIATE_TEST_SUITE_P(OtherArms, DailyWork,
-                         testing::Values(std::tuple{"friction_drift", "desk6", 1}, std::tuple{"contact", "arm6", 1},
-                                         std::tuple{"rotor_inertia", "arm6", 1}, std::tuple{"elasticity", "arm7", 1}),
+                         testing::Values(std::tuple{"base_tilt", "desk6", 1}, std::tuple{"rotor_inertia", "desk6", 1},
+                                         std::tuple{"offset", "desk6", 1}, std::tuple{"contact", "arm6", 1},
+                                         std::tuple{"rotor_inertia", "arm6", 1}, std::tuple{"none", "arm7", 1},
+                                         std::tuple{"elasticity", "arm7", 1}, std::tuple{"hysteresis", "arm6", 1},
+                                         std::tuple{"stribeck", "heavy6", 1}, std::tuple{"friction_drift", "desk6", 1}),
                          name_of_several);
 
 // Height of the load turns no joint of a SCARA whose axes are upright.

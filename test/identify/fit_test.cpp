@@ -90,6 +90,55 @@ TEST(Fit, FindsFrictionRotorAndAGearCoupling) {
   EXPECT_LT((fit.beta - beta).cwiseAbs().maxCoeff(), 1e-7);
 }
 
+/// A log of daily work: a move of 1 s, a rest of 0.8 s, and so on. At rest friction holds what it likes, up to its level.
+data::Log point_to_point_log(const model::Robot& robot, std::uint64_t seed) {
+  constexpr double kRate = 200.0, kMove = 1.0, kRest = 0.8;
+  constexpr int kMoves = 20;
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> pose(-1.2, 1.2), part(-1.0, 1.0), encoder(-5e-6, 5e-6);
+  const Eigen::Index n = robot.num_joints(), rows_a_move = static_cast<Eigen::Index>((kMove + kRest) * kRate);
+  data::Log log;
+  log.path = "work.csv";
+  log.time = Eigen::VectorXd::LinSpaced(kMoves * rows_a_move, 0.0, kMoves * (kMove + kRest) - 1.0 / kRate);
+  log.q.resize(log.time.size(), n);
+  log.qd = log.qdd = log.q;
+  Eigen::VectorXd from = Eigen::VectorXd::Zero(n), to(n);
+  for (int move = 0; move < kMoves; ++move, from = to) {
+    for (double& angle : to) angle = pose(random);
+    for (Eigen::Index k = 0; k < rows_a_move; ++k) {
+      const double u = std::min(1.0, static_cast<double>(k) / (kRate * kMove)), w = u * u;
+      const Eigen::Index row = move * rows_a_move + k;
+      log.q.row(row) = (from + (to - from) * (w * u * (10.0 - 15.0 * u + 6.0 * w))).transpose();
+      log.qd.row(row) = ((to - from) * (30.0 * w * (1.0 - 2.0 * u + w) / kMove)).transpose();
+      log.qdd.row(row) = ((to - from) * (60.0 * u * (1.0 - 3.0 * u + 2.0 * w) / (kMove * kMove))).transpose();
+    }
+  }
+  test::put_torque(log, robot);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    double held = 0.0;
+    for (Eigen::Index k = 0; k < log.time.size(); ++k) {
+      if (k % rows_a_move == 0) held = part(random) * robot.joints[static_cast<std::size_t>(j)].actuation.coulomb_friction;
+      if (k % rows_a_move >= static_cast<Eigen::Index>(kMove * kRate)) log.tau(k, j) += held;
+      log.q(k, j) += encoder(random);
+    }
+  }
+  log.qd.resize(0, 0), log.qdd.resize(0, 0);
+  return log;
+}
+
+TEST(Fit, OfDailyWorkHasTheFrictionOfTheMotion) {
+  const model::Robot truth = small_arm();
+  const data::MotionStream stream(point_to_point_log(truth, 3));
+  const Fit fit = identify::fit(truth, {&stream}, quick());
+  int found = 0;
+  for (std::size_t k = 0; k < fit.base.kept.size(); ++k) {
+    if ((*fit.columns)[fit.base.kept[k]].kind != regression::ColumnKind::kCoulomb) continue;
+    EXPECT_NEAR(fit.beta[static_cast<Eigen::Index>(k)], 2.0, 0.05) << "rests are 44 % of the rows";
+    ++found;
+  }
+  EXPECT_EQ(found, 2);
+}
+
 TEST(Fit, RefusesALogInWhichNothingMoves) {
   data::Log log = fourier_log(small_arm(), {.duration = 10.0, .amplitude = 0.0});
   const data::MotionStream stream(std::move(log));

@@ -24,7 +24,8 @@ namespace {
 
 using Names = std::vector<std::string>;
 
-/// A push: when it begins, as the torque of joints 1 to 3 shows it to the eye against the same path without.
+/// A push in a run named as that on the same path without, and "-pushed": when it begins, as the torque of joints 1 to 3
+/// shows it to the eye against that run.
 struct Push {
   std::string run;
   double time;
@@ -102,12 +103,11 @@ class Measured {
   data::TorqueAt at_;
 };
 
-/// A low-pass of the first order.
-Eigen::MatrixXd low_pass(const Balance& log, double bandwidth) {
-  Eigen::MatrixXd out = log.outside;
+/// Samples of a log through a low-pass of the first order.
+Eigen::MatrixXd low_pass(const Balance& log, Eigen::MatrixXd out, double bandwidth) {
   for (Eigen::Index k = 1; k < out.rows(); ++k) {
     const double keep = std::exp(-bandwidth * log.period[k]);
-    out.row(k) = keep * out.row(k - 1) + (1.0 - keep) * log.outside.row(k);
+    out.row(k) = keep * out.row(k - 1) + (1.0 - keep) * out.row(k);
   }
   return out;
 }
@@ -140,7 +140,7 @@ class Constant {
   static constexpr double kBandwidth = 2.0 * 3.14159265358979 * 4.0, kStart = 0.6;
   /// Of the residual, zero while the low-pass settles.
   static Eigen::MatrixXd sizes(const Balance& log) {
-    Eigen::MatrixXd size = low_pass(log, kBandwidth).cwiseAbs();
+    Eigen::MatrixXd size = low_pass(log, log.outside, kBandwidth).cwiseAbs();
     for (Eigen::Index k = 0; k < size.rows() && log.time[k] < log.time[0] + kStart; ++k)
       size.row(k).setZero();
     return size;
@@ -156,8 +156,8 @@ std::size_t alarms_of(const std::vector<double>& times) {
 }
 
 /// The same, forwards and backwards: without a lag.
-Eigen::MatrixXd smooth(const Balance& log, double bandwidth) {
-  Eigen::MatrixXd out = low_pass(log, bandwidth);
+Eigen::MatrixXd smooth(const Balance& log, const Eigen::MatrixXd& values, double bandwidth) {
+  Eigen::MatrixXd out = low_pass(log, values, bandwidth);
   for (Eigen::Index k = out.rows() - 1; k-- > 0;) {
     const double keep = std::exp(-bandwidth * log.period[k + 1]);
     out.row(k) = keep * out.row(k + 1) + (1.0 - keep) * out.row(k);
@@ -165,15 +165,30 @@ Eigen::MatrixXd smooth(const Balance& log, double bandwidth) {
   return out;
 }
 
-/// When the torque of one of the first three joints leaves what it was before the push by 6 N·m, which is what 12 N at half
-/// a metre make, on its way to 12 N·m: the ripple of free motion reaches 8 N·m and is no push [s].
-double onset_of(const Balance& log, double push) {
-  const Eigen::MatrixXd torque = smooth(log, 60.0);
+/// Torque of the first three joints beyond that of the run without pushes at the same time of the path: no model takes part.
+Eigen::MatrixXd beyond_free(const Balance& pushed, const Balance& free) {
+  Eigen::MatrixXd torque = (pushed.explained - pushed.outside).leftCols(3);
+  const Eigen::MatrixXd known = (free.explained - free.outside).leftCols(3);
+  Eigen::Index at = 0;
+  for (Eigen::Index k = 0; k < torque.rows(); ++k) {
+    while (at + 2 < known.rows() && free.time[at + 1] <= pushed.time[k]) ++at;
+    const double share =
+        std::clamp((pushed.time[k] - free.time[at]) / (free.time[at + 1] - free.time[at]), 0.0, 1.0);
+    torque.row(k) -= (1.0 - share) * known.row(at) + share * known.row(at + 1);
+  }
+  return torque;
+}
+
+/// When the torque of one of the first three joints, beyond that of the same path without pushes, leaves what it was before
+/// the push by 6 N·m, which is what 12 N at half a metre make, on its way to 12 N·m: the ripple of free motion reaches
+/// 8 N·m and is no push [s].
+double onset_of(const Balance& log, const Balance& free, double push) {
+  const Eigen::MatrixXd sharp = beyond_free(log, free), torque = smooth(log, sharp, 60.0);
   double onset = kInfinity;
-  for (Eigen::Index j = 0; j < 3; ++j) {
+  for (Eigen::Index j = 0; j < torque.cols(); ++j) {
     std::vector<double> values;
     for (Eigen::Index k = 0; k < torque.rows(); ++k) {
-      if (log.time[k] > push - 0.6 && log.time[k] < push - 0.25) values.push_back(log.outside(k, j));
+      if (log.time[k] > push - 0.6 && log.time[k] < push - 0.25) values.push_back(sharp(k, j));
     }
     const double before = statistics::median(std::move(values));
     double below = push - 0.15;
@@ -259,10 +274,10 @@ TEST(MeasuredContacts, OfAUr5PushedByHandAreAllFoundAndNoFreeRunRaisesAnAlarm) {
   const Names runs{"no5-pushed", "no7-pushed", "no9-pushed"};
   const std::vector<Contacts> found = ur5.judged(free, runs);
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    const Balance log = ur5.balance(runs[r]);
+    const Balance log = ur5.balance(runs[r]), same = ur5.balance(runs[r].substr(0, runs[r].find('-')));
     for (const Push& push : pushes) {
       if (push.run != runs[r]) continue;
-      const double onset = onset_of(log, push.time);
+      const double onset = onset_of(log, same, push.time);
       ASSERT_NEAR(onset, push.time, 0.15);
       add_delay(begins_of(found[r]), onset, push.time, ours);
       add_delay(largest.above(log), onset, push.time, constant);

@@ -151,7 +151,7 @@ Action set_up_identify(CommandLine line) {
       .not_negative()
       .capture_default_str();
   line.add_option("--standstill", options->standstill,
-                  "leave out rows of joints slower than this [rad/s, m/s]")
+                  "leave out all rows of joints slower than this [rad/s, m/s]; rests are left out anyway")
       .type_name("SPEED")
       .not_negative()
       .capture_default_str();

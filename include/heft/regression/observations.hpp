@@ -17,8 +17,8 @@ struct ObservationOptions {
   double cutoff{0.0};
   /// Rows kept a second, in cut-offs: behind the low-pass, rows that follow faster say nothing new.
   double rows_per_cutoff{4.0};
-  /// Rows in which the joint was slower than this within the filter's reach are left out: at rest friction
-  /// takes up any torque below its level. [rad/s, m/s]. 0 keeps all.
+  /// Rows in which the joint was slower than this within the filter's reach are left out [rad/s, m/s]. 0 keeps them. With Coulomb
+  /// friction among the columns, rests are left out anyway (rests.hpp): friction takes up any torque below its level there.
   double standstill_speed{0.0};
 };
 

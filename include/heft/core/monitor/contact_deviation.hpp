@@ -23,7 +23,13 @@ namespace heft {
 ///   seconds, a push within tenths of a second. It finds a push in the noise that the low-pass leaves.
 ///
 /// Both depend on what the joint does: at rest its motor may give any torque within friction's limit, while it turns
-/// friction changes sign or level, in motion it is known best. Motion harsher than that which the thresholds were learnt from
+/// friction changes sign or level, in motion it is known best. What the load of a resting joint changes by, its friction may
+/// take up: with the change of the load b = e - n, e the torque that the model explains behind the same low-pass and n its mean
+/// as m is of r, the part of c between 0 and b is no change,
+///
+///   c ← c - clip(c, min(b, 0), max(b, 0)).
+///
+/// Motion harsher than that which the thresholds were learnt from
 /// widens them: in proportion to the rate of the arm's load and to the joint's speed.
 template <typename Scalar, int N>
 class ContactDeviation {
@@ -35,6 +41,7 @@ class ContactDeviation {
     Vector residual = Vector::Zero();          ///< r, torque from outside along positive q [N·m, N]
     Vector level_threshold = Vector::Zero();   ///< for |r|
     Vector change = Vector::Zero();            ///< c [N·m, N]
+    Vector taken_up = Vector::Zero();  ///< what c is smaller by since friction at rest takes up load [N·m, N]
     Vector change_threshold = Vector::Zero();  ///< for |c|
     std::array<MotionPhase, static_cast<std::size_t>(N)> phase{};
   };
@@ -82,7 +89,10 @@ class ContactDeviation {
       const Scalar change = share * (explained[j] - joint.explained);
       joint.explained += change;
       rate += size(change);
-      if (starts) joint.mean = joint.residual;
+      if (starts) {
+        joint.mean = joint.residual;
+        joint.mean_explained = joint.explained;
+      }
       const Scalar speed = size(qd[j]);
       const Scalar wide = speed > limits.top_speed ? widening * (speed / limits.top_speed) : widening;
       const MotionPhase phase = phase_of(qd[j], speed, period, limits, joint);
@@ -102,13 +112,17 @@ class ContactDeviation {
         limit *= limits.rest_change;
       }
       joint.phase = phase;
-      const Scalar apart = joint.residual - joint.mean;
-      if (!held || (size(apart) < hold * limit && size(joint.residual) < level)) joint.mean += follow * apart;
+      const Scalar apart = joint.residual - joint.mean, loaded = joint.explained - joint.mean_explained;
+      const Scalar taken_up = phase == MotionPhase::kRest ? common(apart, loaded) : Scalar(0);
+      const Scalar beyond = apart - taken_up;
+      if (!held || (size(beyond) < hold * limit && size(joint.residual) < level)) joint.mean += follow * apart;
+      joint.mean_explained += follow * loaded;
       joint.largest_step = thresholds_.largest_step * limit;
       record.phase[i] = phase;
       record.residual[j] = joint.residual;
       record.level_threshold[j] = level;
-      record.change[j] = apart;
+      record.change[j] = beyond;
+      record.taken_up[j] = taken_up;
       record.change_threshold[j] = limit;
     }
     if (!starts) rate_ += rate_pass_ * (rate * frequency_ - rate_);
@@ -140,7 +154,8 @@ class ContactDeviation {
 
   struct Joint {
     Scalar residual{0}, explained{0};
-    Scalar mean{0};          ///< m [N·m, N]
+    Scalar mean{0};            ///< m [N·m, N]
+    Scalar mean_explained{0};  ///< n [N·m, N]
     Scalar largest_step{0};  ///< of the residual's input [N·m, N]
     Scalar age{0};  ///< time since the joint started, stopped or turned round, up to the turning time [s]
     std::uint8_t way{kStill};
@@ -152,6 +167,11 @@ class ContactDeviation {
   static Scalar size(Scalar value) noexcept { return value < Scalar(0) ? -value : value; }
   static Scalar limited(Scalar value, Scalar limit) noexcept {
     return value > limit ? limit : value < -limit ? -limit : value;
+  }
+  /// The part of a value between 0 and another.
+  static Scalar common(Scalar value, Scalar other) noexcept {
+    if (other < Scalar(0)) return value < other ? other : value < Scalar(0) ? value : Scalar(0);
+    return value > other ? other : value > Scalar(0) ? value : Scalar(0);
   }
 
   void set_period(Scalar period) noexcept {
@@ -180,8 +200,9 @@ class ContactDeviation {
       joint.age += period;
     }
     joint.way = way;
-    if (way == kStill) return MotionPhase::kRest;
-    const bool settled = joint.age >= thresholds_.turning_time && speed >= kSlow * limits.rest_speed;
+    const bool aged = joint.age >= thresholds_.turning_time;
+    if (way == kStill) return aged ? MotionPhase::kRest : MotionPhase::kTurning;
+    const bool settled = aged && speed >= kSlow * limits.rest_speed;
     return settled ? MotionPhase::kMoving : MotionPhase::kTurning;
   }
 
