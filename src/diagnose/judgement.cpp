@@ -32,17 +32,19 @@ std::vector<int> joints_with_structure(const Diagnosis& diagnosis) {
   return joints;
 }
 
-/// Joints whose error on a validation log is above that of the identified model.
+/// Joints whose error on a validation log is above that of the identified model, as logged and no smaller in band: at rest friction
+/// takes the sign of the velocity's noise, which a motion behind a higher cut-off has more of, in any model.
 std::vector<int> joints_made_worse(const Diagnosis& diagnosis) {
   std::vector<int> joints;
   const std::size_t logs =
       std::min(diagnosis.validate_each_identified.size(), diagnosis.validate_each_after.size());
   for (std::size_t k = 0; k < logs; ++k) {
-    const Eigen::VectorXd &before = diagnosis.validate_each_identified[k].rmse,
-                          &after = diagnosis.validate_each_after[k].rmse;
-    for (Eigen::Index j = 0; j < std::min(before.size(), after.size()); ++j) {
+    const validate::Score &before = diagnosis.validate_each_identified[k], &after = diagnosis.validate_each_after[k];
+    for (Eigen::Index j = 0; j < std::min(before.rmse.size(), after.rmse.size()); ++j) {
       const int joint = static_cast<int>(j) + 1;
-      if (after[j] > kWorse * before[j] && std::find(joints.begin(), joints.end(), joint) == joints.end())
+      const bool has_band = j < std::min(before.rmse_in_band.size(), after.rmse_in_band.size());
+      if (has_band && after.rmse_in_band[j] < before.rmse_in_band[j]) continue;
+      if (after.rmse[j] > kWorse * before.rmse[j] && std::find(joints.begin(), joints.end(), joint) == joints.end())
         joints.push_back(joint);
     }
   }

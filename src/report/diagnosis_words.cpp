@@ -187,10 +187,15 @@ std::vector<std::string> errors_that_rise(const Diagnosis& diagnosis) {
     if (!has_scores(before, after)) continue;
     for (Eigen::Index j = 0; j < before.rmse.size(); ++j) {
       if (after.rmse[j] <= diagnose::kWorse * before.rmse[j]) continue;
-      lines.push_back(fmt::format("{}: joint {}: identified {}, diagnosed {} {} ({})", before.log, j + 1,
+      const bool has_band = j < std::min(before.rmse_in_band.size(), after.rmse_in_band.size()) &&
+                            std::isfinite(before.rmse_in_band[j]) && std::isfinite(after.rmse_in_band[j]);
+      lines.push_back(fmt::format("{}: joint {}: identified {}, diagnosed {} {} ({}{})", before.log, j + 1,
                                   number(before.rmse[j], 3), number(after.rmse[j], 3),
                                   torque_unit(diagnosis.after, static_cast<int>(j)),
-                                  change_percent(before.rmse[j], after.rmse[j])));
+                                  change_percent(before.rmse[j], after.rmse[j]),
+                                  has_band ? ", in band " + change_percent(before.rmse_in_band[j],
+                                                                           after.rmse_in_band[j])
+                                           : ""));
     }
   }
   return lines;

@@ -411,12 +411,14 @@ INSTANTIATE_TEST_SUITE_P(OtherSizes, LostRows,
 // From pose to pose with rests, where friction holds any torque and no low-pass says when a joint stopped.
 class DailyWork : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
 
-TEST_P(DailyWork, ChangesNoName) {
+TEST_P(DailyWork, ChangesNeitherNamesNorVerdict) {
   const auto& [kind, arm, seed] = GetParam();
   const UndeclaredCase c = test::make_undeclared_case(kind, arm, seed, test::CaseMotion::kWork);
   const Diagnosis d = diagnosed(c);
   ASSERT_EQ(d.findings.size(), c.effects.size()) << said(d);
   for (const UndeclaredEffect& effect : c.effects) EXPECT_NE(found_in(d, effect), d.findings.end()) << said(d);
+  for (const std::string& reason : d.judgement().reasons)
+    EXPECT_EQ(reason.find("predicted worse on a validation log"), std::string::npos) << reason;
 }
 
 INSTANTIATE_TEST_SUITE_P(AFew, DailyWork,

@@ -455,8 +455,15 @@ TEST(DiagnosisText, NamesTheLogThatGetsWorse) {
   diagnosis.validate_each_identified = {score_of(0.4, 0.6), score_of(0.4, 0.6)};
   diagnosis.validate_each_after = {score_of(0.3, 0.603), score_of(0.3, 0.7)};
   diagnosis.validate_each_after[1].log = diagnosis.validate_each_identified[1].log = "monday.csv";
+  diagnosis.validate_each_identified[1].rmse_in_band = Eigen::Vector2d(0.2, 0.2);
+  diagnosis.validate_each_after[1].rmse_in_band = Eigen::Vector2d(0.1, 0.3);
   EXPECT_THAT(report::errors_that_rise(diagnosis),
-              ::testing::ElementsAre("monday.csv: joint 2: identified 0.600, diagnosed 0.700 N (+17 %)"));
+              ::testing::ElementsAre("monday.csv: joint 2: identified 0.600, diagnosed 0.700 N (+17 %, in band +50 %)"));
+  EXPECT_THAT(diagnosis.judgement().reasons, Contains(HasSubstr("joint 2 predicted worse on a validation log")));
+  // Of a joint at rest the sign of friction follows noise, which is not in band.
+  diagnosis.validate_each_after[1].rmse_in_band[1] = 0.1;
+  EXPECT_THAT(diagnosis.judgement().reasons, ::testing::Not(Contains(HasSubstr("predicted worse"))));
+  EXPECT_THAT(report::errors_that_rise(diagnosis), ::testing::ElementsAre(HasSubstr("(+17 %, in band −50 %)")));
 }
 
 TEST(DiagnosisText, StandsWithoutScoresAndTraces) {
