@@ -432,6 +432,12 @@ INSTANTIATE_TEST_SUITE_P(OtherArms, DailyWork,
                                          std::tuple{"elasticity", "arm7", 1}, std::tuple{"hysteresis", "arm6", 1},
                                          std::tuple{"stribeck", "heavy6", 1}, std::tuple{"friction_drift", "desk6", 1}),
                          name_of_several);
+// Rests of a quarter of a second are no pushes, and pushes are found beside them.
+INSTANTIATE_TEST_SUITE_P(ShortRests, DailyWork,
+                         testing::Values(std::tuple{"load_friction", "desk6", 2}, std::tuple{"friction_drift", "desk6", 2},
+                                         std::tuple{"load_friction", "polar6", 2}, std::tuple{"spring", "gantry5", 2},
+                                         std::tuple{"contact", "desk6", 3}),
+                         name_of_several);
 
 // Height of the load turns no joint of a SCARA whose axes are upright.
 TEST(PickedUp, HasNoCentreOfMassWhereTheMotionShowsNone) {

@@ -33,7 +33,7 @@ struct Clear {
 /// more, or, nearer to one force and clearer, of four.
 constexpr std::array kClear{Clear{1000.0, 3.0, 0.6, 0.0}, Clear{100.0, 8.0, 0.9, 4.5}, Clear{300.0, 8.0, 0.95, 3.6}};
 /// Beside one that is clear, in the same log.
-constexpr Clear kClearBeside{300.0, 8.0, 0.95, 3.0};
+constexpr Clear kClearBeside{300.0, 8.0, 0.9, 3.0};
 /// Below the least of these no stretch is looked at.
 constexpr double kFaintest = std::ranges::min(kClear, {}, &Clear::statistic).statistic;
 constexpr double kOneForce = std::ranges::min(kClear, {}, &Clear::share).share;
@@ -44,12 +44,15 @@ constexpr double kAboveFreeRuns = 2.0, kUnlikely = 1e-3, kOneForceBesideFreeRuns
 constexpr int kMostTouchesBesideFreeRuns = 20;
 constexpr double kBin = 0.02, kShortestTouch = 0.26, kLongestTouch = 1.2, kMargin = 0.1;  // [s]
 
-/// Rows of a bin that count for a joint. A joint at rest holds with whatever part of its friction it stopped with:
-/// that is no touch.
+/// A joint slower than that many widths of its sign may rest, as model::kRestSpeed says of one that turns.
+constexpr double kRests = 5.0;
+
+/// Rows of a bin that count for a joint. A joint at rest holds with whatever part of its friction it stopped with: that is no
+/// touch.
 VectorXd counted_rows(const Workbench& bench, Index from, Index count, int joint) {
   const MotionTable& table = *bench.table;
   const auto moves =
-      (bench.motion->qd.col(joint).segment(from, count).array().abs() > 2.0 * table.sign_width[joint])
+      (bench.motion->qd.col(joint).segment(from, count).array().abs() > kRests * table.sign_width[joint])
           .cast<double>();
   return bench.problem->keep().col(joint).segment(from, count).array() * moves;
 }
@@ -76,12 +79,13 @@ class BinnedLog {
     s.normal.assign(static_cast<std::size_t>(bins_) + 1, Matrix3d::Zero());
     s.right.assign(s.normal.size(), Vector3d::Zero());
     s.power.assign(s.normal.size(), 0.0);
-    s.joints = s.power;
+    s.joints = s.rows = s.power;
     for (std::size_t b = 0; b < jacobians_.size(); ++b) {
       s.normal[b + 1] = s.normal[b];
       s.right[b + 1] = s.right[b];
       s.power[b + 1] = s.power[b];
       s.joints[b + 1] = s.joints[b];
+      s.rows[b + 1] = s.rows[b];
       const Index from = row_of(static_cast<Index>(b));
       for (int j = 0; j < bench_.table->num_joints; ++j) {
         const double w = bench_.problem->weight(j);
@@ -93,6 +97,7 @@ class BinnedLog {
         if (!(keep.sum() > 0.0)) continue;
         s.power[b + 1] += w * sum * sum / keep.sum();
         s.joints[b + 1] += 1.0;
+        s.rows[b + 1] += keep.sum() / static_cast<double>(rows_);
       }
     }
     return s;
@@ -271,6 +276,7 @@ void describe_contact(const Candidate& effect, const VectorXd&, const model::Rob
 Touch best_touch(const ForceSums& sums, const std::vector<std::pair<Index, Index>>& taken) {
   constexpr double kMedian = 2.37, kDegreesPerStretch = 1.58;  // see the header
   constexpr std::size_t kFewest = 20;
+  constexpr double kLeastRows = 1.0;  // of one joint all along
   Touch best;
   double scale = 0.0, independent = 0.0, tried = 0.0;
   for (auto count = static_cast<Index>(kShortestTouch / sums.seconds);
@@ -282,6 +288,8 @@ Touch best_touch(const ForceSums& sums, const std::vector<std::pair<Index, Index
       });
       if (!free) continue;
       const auto a = static_cast<std::size_t>(first), b = static_cast<std::size_t>(first + count);
+      // What a stretch in which no joint moves shows at its ends is friction, and its gain is no measure for others.
+      if (!sums.rows.empty() && sums.rows[b] - sums.rows[a] < kLeastRows * static_cast<double>(count)) continue;
       Matrix3d M = sums.normal[b] - sums.normal[a];
       M.diagonal().array() += 1e-6 * M.trace() + 1e-12;
       const Vector3d s = sums.right[b] - sums.right[a];

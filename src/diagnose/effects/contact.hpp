@@ -19,6 +19,7 @@ struct ForceSums {
   std::vector<Eigen::Vector3d> right;   ///< the same of -J w r
   std::vector<double> power;  ///< the same of w (Σ r)² / rows: most that any force of a bin could explain
   std::vector<double> joints;  ///< the same of how many joints move
+  std::vector<double> rows{};  ///< the same of rows that count, all joints, in parts of a joint's rows of a bin; empty: all do
   Eigen::Index bins() const { return static_cast<Eigen::Index>(normal.size()) - 1; }
 };
 
