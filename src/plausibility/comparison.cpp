@@ -74,7 +74,9 @@ double Comparison::offset(const JointMoments& moments, int torque) const {
 }
 
 double Comparison::noise(int torque, std::initializer_list<double> residuals) const {
-  return std::max({kNoiseShare * rms_[torque], floor_[torque], std::min(residuals), 1e-12});
+  // Where a joint rests friction takes up any torque below its level, whatever the load.
+  const double share = kNoiseShare + (kRestingOffset - kNoiseShare) * joint(torque).resting();
+  return std::max({share * rms_[torque], floor_[torque], std::min(residuals), 1e-12});
 }
 
 std::pair<double, double> Comparison::slope_of(const std::vector<JointMoments>& moments, int j) const {

@@ -72,7 +72,9 @@ JointMoments::JointMoments(const model::Robot& robot, int joint, const std::vect
   const VectorXd speed = samples.qd.col(joint);
   const double top = rows > 0 ? speed.cwiseAbs().maxCoeff() : 0.0;
   const bool slides = robot.joints[static_cast<std::size_t>(joint)].joint.type == JointType::kPrismatic;
-  moving_ = top > (slides ? kMovingSlide : kMovingSpeed);
+  const double slowest = slides ? kMovingSlide : kMovingSpeed;
+  moving_ = top > slowest;
+  resting_ = rows > 0 ? static_cast<double>((speed.array().abs() <= slowest).count()) / static_cast<double>(rows) : 1.0;
   rows_ = static_cast<double>(rows);
   effective_ = std::clamp(kRowsPerSecond * samples.duration, kFewestRows, kMostRows);
 

@@ -27,6 +27,8 @@ class JointMoments {
                const Eigen::VectorXd& deviations, const Samples& samples);
 
   bool moving() const { return moving_; }
+  /// Share of the rows in which the joint rests, 0 to 1.
+  double resting() const { return resting_; }
   /// Rows that count as independent: two a second, since residuals of motion are correlated in time.
   double effective_rows() const { return effective_; }
   double torque_rms(int torque) const;
@@ -53,6 +55,7 @@ class JointMoments {
   Eigen::Index parameters_{0};
   double rows_{0.0}, effective_{0.0};
   bool moving_{false};
+  double resting_{0.0};
 };
 
 }  // namespace heft::plausibility
