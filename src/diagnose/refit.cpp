@@ -89,6 +89,11 @@ struct Judged {
   VectorXd product;  ///< of it and of what the other fit changes
   VectorXd change;   ///< squares of that
   double rows;
+
+  /// Squares of a joint's error after a part of the change.
+  double squares_after(Index j, double part) const {
+    return squares[j] - 2.0 * part * product[j] + part * part * change[j];
+  }
 };
 
 /// How long an error goes on as it is: the longest of the joints' correlation times [s].
@@ -265,7 +270,7 @@ double fall_of(const std::vector<Judged>& judged, double part, Index but = -1) {
       if (static_cast<Index>(k) == but) continue;
       const Judged& one = judged[k];
       before += one.squares[j];
-      after += one.squares[j] - 2.0 * part * one.product[j] + part * part * one.change[j];
+      after += one.squares_after(j, part);
     }
     if (!(before > 0.0 && after > 0.0)) continue;
     sum += 0.5 * std::log(after / before);
@@ -281,7 +286,7 @@ VectorXd rise_left_out(const model::Robot& written, const BaseModel& base, const
   VectorXd before = VectorXd::Zero(judged.front().squares.size()), after = before;
   for (const Judged& one : judged) {
     before += one.squares;
-    after += one.squares - 2.0 * one.product + one.change;
+    for (Index j = 0; j < after.size(); ++j) after[j] += one.squares_after(j, 1.0);
   }
   return after.cwiseQuotient(before).cwiseSqrt();
 }

@@ -24,13 +24,13 @@ namespace heft {
 ///
 /// Both depend on what the joint does: at rest its motor may give any torque within friction's limit, while it turns
 /// friction changes sign or level, in motion it is known best. What the load of a resting joint changes by, its friction may
-/// take up: with the change of the load b = e - n, e the torque that the model explains behind the same low-pass and n its mean
-/// as m is of r, the part of c between 0 and b is no change,
+/// take up: with the change of the load b = e - n, e the torque that the model explains behind the same low-pass and n following
+/// it at the rate A, the part of c between 0 and b is no change,
 ///
 ///   c ← c - clip(c, min(b, 0), max(b, 0)).
 ///
-/// Motion harsher than that which the thresholds were learnt from
-/// widens them: in proportion to the rate of the arm's load and to the joint's speed.
+/// Motion harsher than that which the thresholds were learnt from widens them: in proportion to the rate of the arm's load and
+/// to the joint's speed.
 template <typename Scalar, int N>
 class ContactDeviation {
  public:
