@@ -18,6 +18,8 @@
 #include "heft/data/log_set.hpp"
 #include "heft/identify/identify.hpp"
 #include "heft/model/dynamics.hpp"
+#include "heft/model/model_file.hpp"
+#include "heft/model/physical_links.hpp"
 #include "heft/plausibility/plausibility.hpp"
 #include "heft/urdf/urdf_import.hpp"
 #include "judge.hpp"
@@ -369,21 +371,49 @@ TEST(PlausibilityMeasured, SuspectsNoLogThatIsAsItShouldBe) {
   expect_nothing(cases_of(true));
 }
 
+/// The robot of a folder as `identify` finds it in logs.
+model::Robot fitted(const std::string& folder, const std::vector<std::string>& logs) {
+  const std::string path = fmt::format("{}/{}", data_folder(), folder);
+  const model::Robot prior = urdf::load_urdf(path + "/robot.urdf");
+  data::LogFiles files;
+  for (const std::string& log : logs) files.train.push_back(fmt::format("{}/{}.csv", path, log));
+  files.split = 0.0;
+  return model::make_robot(identify::identify(prior, data::open_logs(prior.joint_specs(), files)).model_file());
+}
+
 // Joints 4 and 5 of a UR5 rest through three quarters of these runs, and friction holds them there with whatever it stopped with. The
 // model is not the manufacturer's but a fit, whose masses are known in combinations only.
 TEST(PlausibilityMeasured, SuspectsNoJointThatRestsBesideAnIdentifiedModel) {
-  const std::string folder = data_folder() + "/ur5-kufieta";
-  HEFT_NEEDS_MEASURED_DATA(folder);
-  const model::Robot prior = urdf::load_urdf(folder + "/robot.urdf");
-  data::LogFiles files;
-  for (const char* run : {"no1", "no2", "no3-fast", "no6-slow"}) files.train.push_back(folder + "/" + run + ".csv");
-  files.split = 0.0;
-  const model::Robot fitted =
-      model::make_robot(identify::identify(prior, data::open_logs(prior.joint_specs(), files)).model_file());
+  HEFT_NEEDS_MEASURED_DATA(data_folder() + "/ur5-kufieta");
+  const model::Robot ur5 = fitted("ur5-kufieta", {"no1", "no2", "no3-fast", "no6-slow"});
   for (const char* run : {"no6-slow", "no7"}) {
     const Loaded loaded = load({"ur5-kufieta", run});
-    const TorqueCheck result = check_samples(fitted, loaded.samples, run, options_for("ur5-kufieta"));
+    const TorqueCheck result = check_samples(ur5, loaded.samples, run, options_for("ur5-kufieta"));
     EXPECT_TRUE(result.findings.empty()) << text_of(result);
+  }
+}
+
+// Fits with impossible links, and sound logs of another kind of motion than those of the fit.
+TEST(PlausibilityMeasured, SuspectsNoMotionThatAFitHasNotSeen) {
+  HEFT_NEEDS_MEASURED_DATA(data_folder());
+  struct Unseen {
+    std::string folder;
+    std::vector<std::string> seen;
+    std::string unseen;
+  };
+  for (const Unseen& u : std::vector<Unseen>{
+           {"dualarmv2", {"exc-13.5", "exc-52.2", "sweep-j2"}, "sweep-j4"},
+           {"ur10e-dynamic-calibration", {"exc-10h-20s", "exc-12h-20s", "exc-12h-30s", "exc-12h-40s", "exc-12h-50s"}, "ptp-10-points"}}) {
+    const model::Robot robot = fitted(u.folder, u.seen);
+    ASSERT_FALSE(model::has_physical_links(robot)) << u.folder;
+    const Loaded loaded = load({u.folder, u.unseen});
+    const TorqueCheck result = check_samples(robot, loaded.samples, u.unseen, options_for(u.folder));
+    EXPECT_TRUE(result.findings.empty()) << u.folder << ": " << text_of(result);
+    // The sign of a joint that moves is named all the same.
+    Samples altered = loaded.samples;
+    altered.tau.col(3) *= -1.0;
+    const TorqueCheck wrong = check_samples(robot, altered, u.unseen, options_for(u.folder));
+    EXPECT_NE(first(wrong, Contradiction::kSign), nullptr) << u.folder << ": " << text_of(wrong);
   }
 }
 
