@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <stdexcept>
 
 #include "heft/statistics/distributions.hpp"
 #include "motion_signals.hpp"
@@ -128,6 +129,10 @@ void put_map(const MotionTable& table, const VectorXd& residual, Index joint, Jo
 }  // namespace
 
 std::vector<JointCurves> curves_of(const Diagnosis& diagnosis, const MotionTable& table) {
+  bool fits = diagnosis.validate.size() + 1 == table.run_begin.size();
+  for (std::size_t r = 0; fits && r < diagnosis.validate.size(); ++r)
+    fits = diagnosis.validate[r].before.rows() == table.run_begin[r + 1] - table.run_begin[r];
+  if (!fits) throw std::invalid_argument("curves_of: the traces are of another table");
   const MatrixXd load = load_of(diagnosis.after, table);
   MatrixXd before(table.rows(), table.num_joints), after = before;
   for (std::size_t r = 0; r < diagnosis.validate.size(); ++r) {

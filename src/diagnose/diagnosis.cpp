@@ -234,7 +234,7 @@ void say_of_written(const Found& found, const WrittenModel& written, const AsAny
       }};
   host::for_each_parallel(parts.size(), [&](std::size_t k) { parts[k](); });
   name_causes(train_logs.placed(), result);
-  result.curves = curves_of(result, written.judged().table());
+  result.curves = curves_of(result, start.judged->table());
 }
 
 }  // namespace

@@ -100,6 +100,27 @@ TEST(SampleTimes, SeeThroughStampsOfFewDigits) {
   EXPECT_LT(root_mean_square(times.time - r.taken), 0.2 * root_mean_square(r.log.time - r.taken));
 }
 
+// As a user's program stamps what it receives: each sample a little late, and now and then the program was interrupted. A stamp late by
+// more than half a period counted as a lost row, and nothing took the row back again: the clock ran ahead.
+TEST(SampleTimes, SeeThroughStampsThatComeLate) {
+  std::mt19937 random(9);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  double last = -1.0;
+  const Recording r = record(kEven, [&](double even, double) {
+    double late = 0.25 * std::abs(normal(random));
+    if (uniform(random) < 1.0 / 300.0) late = 1.0 + 3.0 * uniform(random);
+    return last = std::max(even + kPeriod * late, last + 0.02 * kPeriod);
+  });
+  const SampleTimes times = sample_times(r.log);
+  EXPECT_NEAR(times.followed, 0.0, 0.03);
+  // All are late by the same: that is the clock's zero.
+  const VectorXd off = times.time - r.taken;
+  EXPECT_LT(root_mean_square(off.array() - off.mean()), 0.03 * kPeriod);
+  const Index steps = off.size() - 1;
+  EXPECT_LT(root_mean_square(off.tail(steps) - off.head(steps)), 1e-3 * kPeriod) << "the clock's rate is even, too";
+}
+
 TEST(SampleTimes, AreNotKnownOfAnArmThatRests) {
   const Recording r = record(kEven, kJitters, 0.0);
   const SampleTimes times = sample_times(r.log);

@@ -4,12 +4,14 @@
 #include <memory>
 #include <numbers>
 #include <random>
+#include <stdexcept>
 
 #include <gtest/gtest.h>
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "curves.hpp"
 #include "deflection.hpp"
 #include "evidence.hpp"
 #include "heft/data/motion_stream.hpp"
@@ -47,6 +49,16 @@ MotionTable even_table(Index rows, int joints, double rate, int blocks) {
   }
   table.sign_width = VectorXd::Constant(joints, 1e-3);
   return table;
+}
+
+// A log whose stamps scatter has other rows as the search places its samples than as it is filed.
+TEST(Curves, AreOfTheRowsThatTheTracesHave) {
+  Diagnosis diagnosis;
+  Traces& traces = diagnosis.validate.emplace_back();
+  traces.before = traces.after = MatrixXd::Zero(1010, 2);
+  EXPECT_THROW(curves_of(diagnosis, even_table(1000, 2, 100.0, 8)), std::invalid_argument);
+  traces.before = traces.after = MatrixXd::Zero(990, 2);
+  EXPECT_THROW(curves_of(diagnosis, even_table(1000, 2, 100.0, 8)), std::invalid_argument);
 }
 
 TEST(Deflections, FollowTheResonanceOfALinearOscillator) {

@@ -1,5 +1,6 @@
 #include "support/null_log.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -22,8 +23,20 @@ double between(Random& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
 
-bool jitters(MeasurementFault fault) {
-  return fault == MeasurementFault::kUnevenSamples || fault == MeasurementFault::kUnevenStamps;
+bool is_uneven(MeasurementFault fault) {
+  return fault == MeasurementFault::kUnevenSamples || fault == MeasurementFault::kUnevenStamps || fault == MeasurementFault::kLateStamps;
+}
+bool is_sampled_evenly(MeasurementFault fault) {
+  return fault == MeasurementFault::kUnevenStamps || fault == MeasurementFault::kLateStamps;
+}
+
+/// Of the stamp of a sample, in periods.
+double jitter(MeasurementFault fault, Random& random) {
+  constexpr double kMost = 0.2, kLate = 0.2, kInterrupted = 1.0 / 300.0;
+  if (!is_uneven(fault)) return 0.0;
+  if (fault != MeasurementFault::kLateStamps) return between(random, -kMost, kMost);
+  const double late = kLate * std::abs(std::normal_distribution<double>()(random));
+  return between(random, 0.0, 1.0) < kInterrupted ? between(random, 1.0, 4.0) : late;
 }
 
 /// When samples are taken, and what their stamps say.
@@ -32,15 +45,16 @@ struct Clock {
 };
 
 Clock clock_of(const NullSpec& spec, double end, Random& random) {
-  constexpr double kMost = 0.2;  // of a period
+  constexpr double kLeastStep = 0.02;  // of a period: what waited is stamped together
   const double period = 1.0 / spec.rate;
   const auto rows = static_cast<Index>((end - 3.0 * period) * spec.rate);
   Clock clock{VectorXd(rows), VectorXd(rows)};
   for (Index i = 0; i < rows; ++i) {
     const double even = period * static_cast<double>(i + 2);
-    const double off = jitters(spec.fault) ? period * between(random, -kMost, kMost) : 0.0;
+    const double off = period * jitter(spec.fault, random);
     clock.stamps[i] = even + off;
-    clock.taken[i] = spec.fault == MeasurementFault::kUnevenStamps ? even : even + off;
+    if (i > 0) clock.stamps[i] = std::max(clock.stamps[i], clock.stamps[i - 1] + kLeastStep * period);
+    clock.taken[i] = is_sampled_evenly(spec.fault) ? even : even + off;
   }
   return clock;
 }
@@ -80,7 +94,7 @@ data::Log with_losses(const data::Log& log, Random& random) {
 
 std::string name_of(const NullSpec& spec) {
   constexpr const char* kNames[]{"white", "correlated_noise", "coarse_encoder", "uneven_samples",
-                                 "uneven_stamps"};
+                                 "uneven_stamps", "late_stamps"};
   return fmt::format("{}_{:.0f}{}", kNames[static_cast<std::size_t>(spec.fault)], spec.rate,
                      spec.velocities ? "_qd" : "");
 }
@@ -143,7 +157,7 @@ UndeclaredCase NullLogs::measured(const NullSpec& spec) const {
     }
     if (spec.velocities) log.qd = velocities_of(clock.taken, q);
     log.q = std::move(q);
-    return jitters(spec.fault) ? with_losses(log, random) : log;
+    return is_uneven(spec.fault) ? with_losses(log, random) : log;
   };
   UndeclaredCase c = arm_;
   c.name = fmt::format("{}_{}", name_of(spec), seed_);

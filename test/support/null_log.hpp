@@ -15,11 +15,12 @@ enum class MeasurementFault {
   kCorrelatedNoise,  ///< on the torque, remembered for 5 to 50 ms
   kCoarseEncoder,    ///< steps of 0.2 to 2 mrad, a fifth of that in metres
   kUnevenSamples,  ///< samples up to 20 % of a period off the even clock, as their stamps say; one in a hundred is lost
-  kUnevenStamps  ///< the same stamps of samples on the even clock
+  kUnevenStamps,   ///< the same stamps of samples on the even clock
+  kLateStamps      ///< samples on the even clock, stamped later: by 0.2 periods times a half-normal number, one in 300 by 1 to 4 periods
 };
 inline constexpr MeasurementFault kMeasurementFaults[]{
     MeasurementFault::kNone, MeasurementFault::kCorrelatedNoise, MeasurementFault::kCoarseEncoder,
-    MeasurementFault::kUnevenSamples, MeasurementFault::kUnevenStamps};
+    MeasurementFault::kUnevenSamples, MeasurementFault::kUnevenStamps, MeasurementFault::kLateStamps};
 
 struct NullSpec {
   MeasurementFault fault{MeasurementFault::kNone};
