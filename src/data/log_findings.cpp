@@ -77,6 +77,7 @@ std::vector<LogFinding> LogCheck::findings(const JointLimits& limits) const {
     s.find_held_torque(limits, found);
     s.find_torque_spikes(found);
   }
+  s.find_late_stamps(found);
   s.find_coarse_sampling(found);
   s.find_resting_joints(limits, found);
   std::stable_partition(found.begin(), found.end(),

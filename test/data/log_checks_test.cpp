@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <numbers>
 #include <random>
+#include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -287,6 +289,24 @@ TEST(LogChecks, NoteRowsThatRepeatTheRowBefore) {
     }
   }
   EXPECT_THAT(only_note(log), HasSubstr("75 % of the rows repeat the row before"));
+}
+
+TEST(LogChecks, NoteStampsThatComeLate) {
+  Log log = sound_log();
+  const double period = log.time[1] - log.time[0];
+  for (int k = 200; k + 1 < log.num_samples(); k += 500) log.time[k] += 0.7 * period;
+  EXPECT_THAT(only_note(log), AllOf(HasSubstr("run.csv: column 'time': "), HasSubstr("stamps come late by more than half a step"),
+                                    HasSubstr(fmt::format("the first at {:.6g} s", log.time[200]))));
+  // One in a hundred rows lost is no stamp that comes late.
+  const Log whole = sound_log();
+  std::vector<int> kept;
+  for (int k = 0; k < whole.num_samples(); ++k) {
+    if (k % 100 != 37) kept.push_back(k);
+  }
+  Log lossy = whole;
+  lossy.time = whole.time(kept);
+  for (Eigen::MatrixXd Log::*channel : {&Log::q, &Log::qd, &Log::qdd, &Log::tau}) lossy.*channel = (whole.*channel)(kept, Eigen::all);
+  EXPECT_THAT(messages(check_log(lossy, limits()), Severity::kNote), IsEmpty());
 }
 
 TEST(LogChecks, NoteCoarsePositions) {
