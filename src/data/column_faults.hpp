@@ -1,10 +1,11 @@
 /// @file
-/// Columns whose numbers are finite and yet no measurement: positions that jump, torques that stay at one value.
+/// Columns whose numbers are finite and yet no measurement: positions that jump, torques that stay at one value, stamps that come late.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -199,6 +200,29 @@ class TorqueSpikes {
 
   std::vector<Spike> kept_;
   double lasting_{0.0};  ///< largest torque of two rows in succession
+};
+
+/// Time stamps that come late by more than half a step and are caught up with, as those of a program that was interrupted.
+class LateStamps {
+ public:
+  /// @param step  to the next row [s]
+  /// @param time  at which it begins [s]
+  void add(double step, double time) {
+    // A row that is lost makes a long step, but no short one after it.
+    if (before_ > 0.0 && last_ >= 1.5 * before_ && step <= 0.5 * before_ && count_++ == 0) first_ = time;
+    before_ = std::exchange(last_, step);
+  }
+  /// The next step has none before it.
+  void interrupt() { last_ = before_ = 0.0; }
+
+  long count() const { return count_; }
+  /// The first of them [s].
+  double first() const { return first_; }
+
+ private:
+  double last_{0.0}, before_{0.0};  ///< steps; 0: there is none
+  long count_{0};
+  double first_{0.0};
 };
 
 }  // namespace heft::data

@@ -68,11 +68,6 @@ struct LogCheck::Impl {
   long regular_steps{0};
   std::vector<char> skip_stretch;  ///< a jump is in it
 
-  // Stamps that come late: a long step of time, and a short one after it.
-  double last_step{0.0}, step_before{0.0};  ///< of time; 0: a gap, or none yet
-  long late_stamps{0};
-  double first_late_time{0.0};
-
   // Position steps and repetition.
   Eigen::ArrayXd least_step;
   Eigen::Array<long, Eigen::Dynamic, 1> steps, rests;
@@ -90,6 +85,7 @@ struct LogCheck::Impl {
   std::vector<PositionJumps> positions;
   std::vector<HeldTorque> torques;
   std::vector<TorqueSpikes> torque_spikes;
+  LateStamps late_stamps;
 
   Impl(std::string where, int joints) : path(std::move(where)), n(joints) {
     low = Eigen::ArrayXd::Constant(n, kInfinity);
@@ -135,7 +131,6 @@ struct LogCheck::Impl {
     std::size_t second() const { return from_start ? 1 : 0; }
   };
   void find_stretches(Part& part);
-  void add_time_step(double step, double time);
   void add_joint(int joint, const Part& part, const std::vector<double>& position,
                  const std::vector<double>& speed, const std::vector<double>& rate);
   bool add_step(std::size_t joint, double from, double to, double time);

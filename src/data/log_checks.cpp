@@ -109,10 +109,10 @@ void LogCheck::Impl::find_stretches(Part& part) {
       part.gaps[k] = part.ends[k] = 1;
       stretch_time = times[k + 1];
       stretch_rows = 0;
-      last_step = step_before = 0.0;
+      late_stamps.interrupt();
       continue;
     }
-    add_time_step(step, times[k]);
+    late_stamps.add(step, times[k]);
     stepped += step;
     ++regular_steps;
     ++stretch_rows;
@@ -121,15 +121,6 @@ void LogCheck::Impl::find_stretches(Part& part) {
     stretch_time = times[k + 1];
     stretch_rows = 0;
   }
-}
-
-/// @param time  at which the step begins [s]
-void LogCheck::Impl::add_time_step(double step, double time) {
-  // Late by half a step and caught up with: a row that is lost makes a long step, but no short one.
-  if (step_before > 0.0 && last_step >= 1.5 * step_before && step <= 0.5 * step_before) {
-    if (late_stamps++ == 0) first_late_time = time;
-  }
-  step_before = std::exchange(last_step, step);
 }
 
 /// @param position, speed, rate  of the row before, then of the rows

@@ -149,14 +149,16 @@ void LogCheck::Impl::find_torque_spikes(std::vector<LogFinding>& found) const {
 
 /// Stamps of whoever wrote the log, who was interrupted.
 void LogCheck::Impl::find_late_stamps(std::vector<LogFinding>& found) const {
+  constexpr long kFewest = 3;
   constexpr double kShare = 1e-3;
-  if (late_stamps < 3 || static_cast<double>(late_stamps) < kShare * static_cast<double>(rows)) return;
+  const long late = late_stamps.count();
+  if (late < kFewest || static_cast<double>(late) < kShare * static_cast<double>(rows)) return;
   found.push_back({Severity::kNote,
                    fmt::format("{}: column 'time': {} stamps come late by more than half a step and are followed by a short one (the first at "
-                               "{:.6g} s), as those of a program that was interrupted; expected the time of the sample: velocities and "
+                               "{:.6g} s), as those of a program that was interrupted; expected the time of the sample: if it is not, velocities and "
                                "accelerations derived from positions are wrong there; log the controller's own time or the number of the "
                                "sample (heft diagnose finds the true times where positions show them)",
-                               path, late_stamps, first_late_time)});
+                               path, late, late_stamps.first())});
 }
 
 }  // namespace heft::data

@@ -124,9 +124,9 @@ void settle_losses(const Eigen::MatrixXd& q, std::vector<double>& number) {
   const auto rows = static_cast<Index>(number.size());
   for (Index k = kAround; k + kAround <= rows; ++k) {
     const auto at = static_cast<std::size_t>(k);
-    const double step = number[at] - number[at - 1];
+    if (number[at] - number[at - 1] == 1.0) continue;
     const std::vector<double> given(number.begin() + (k - kAround), number.begin() + (k + kAround));
-    if (step == 1.0 || given.back() - given.front() > 2 * kAround + kMostLost) continue;
+    if (given.back() - given.front() > 2 * kAround + kMostLost) continue;
     const Eigen::MatrixXd near = q.middleRows(k - kAround, 2 * kAround);
     const auto rough = [&](Index moved) {
       std::vector<double> tried = given;
@@ -137,7 +137,8 @@ void settle_losses(const Eigen::MatrixXd& q, std::vector<double>& number) {
     double least = rough(0) - kSure;
     Index best = 0;
     for (Index moved = -kMostMoved; moved <= kMostMoved; ++moved) {
-      const double left = moved == 0 ? least : rough(moved);
+      if (moved == 0) continue;
+      const double left = rough(moved);
       if (left < least) least = left, best = moved;
     }
     move_loss(number, k, best);

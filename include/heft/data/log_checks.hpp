@@ -49,9 +49,10 @@ struct LogFinding {
 ///
 /// Notes: smaller jumps, faster than 1.5 times the velocity limit and far more than the encoder's step and than positions
 /// elsewhere leave their way; torques that stay at one value for 0.25 s while their joint moves by 0.05 rad (m) and not at one
-/// acceleration, or are cut at an extreme; torques of a single row three times as large as any of two rows; joints that never
-/// move, time stamps late by half a step and caught up with in more than one row in a thousand, positions beyond the limits otherwise, velocities in another ratio to the derivative of q or unrelated to it, torques that look like mN·m, kN·m or per cent, rows that repeat the
-/// row before, coarse position steps, fewer than two samples a second.
+/// acceleration, or are cut at an extreme; torques of a single row three times as large as any of two rows; time stamps late by
+/// half a step and caught up with in more than one row in a thousand; joints that never move, positions beyond the limits
+/// otherwise, velocities in another ratio to the derivative of q or unrelated to it, torques that look like mN·m, kN·m or per
+/// cent, rows that repeat the row before, coarse position steps, fewer than two samples a second.
 ///
 /// qd is compared with q over stretches of at least four rows and 0.05 s: the integral of qd against the
 /// change of q, by regression over all stretches; stretches with a gap in time count nowhere. So encoder steps and noise hardly count; a ratio is

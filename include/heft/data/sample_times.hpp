@@ -25,10 +25,11 @@ struct SampleTimes {
   bool known() const;
 };
 
-/// Estimates when samples were taken. The even clock is a line through the stamps of a second (a hundred rows at least) to both sides; lost
-/// rows count as well: those that later stamps say are lost, not those before one that comes late, and where positions show it before which row. Where samples are uneven, the fourth difference of a position over the numbers of its rows is that
-/// of velocity times their distance from the clock; the slope of the one over the other is `followed`, with its standard
-/// deviation from blocks of a second. O(rows × joints).
+/// Estimates when samples were taken. The even clock is a line through the stamps of a second (a hundred rows at least) to both
+/// sides. Lost rows count as well: as many as all later stamps say are lost, and before the row that the positions show. Where
+/// samples are uneven, the fourth difference of a position over the numbers of its rows is that of velocity times their distance
+/// from the clock; the slope of the one over the other is `followed`, with its standard deviation from blocks of a second.
+/// O(rows × joints).
 SampleTimes sample_times(const Log& log);
 
 /// The log with time stamps that say when its samples were taken, where the positions show that they do not.
