@@ -64,7 +64,7 @@ void MotionStream::Impl::first_pass() {
     prepare_file(kept->file(), false);
     std::vector<std::size_t> used;
     for (const FileColumn& column : file_columns) used.push_back(column.column);
-    if (std::string note = kept->file().note(used); !note.empty()) summary.notes.push_back(std::move(note));
+    note(kept->file().note(used));
   }
   summary.temperature_logged = layout.temperature == layout.q && layout.q > 0;
   position_noise = known.noise.value();
@@ -131,9 +131,8 @@ LogGrid MotionStream::Impl::grid_of_log() const {
     }
   }
   const double length = summary.end - summary.begin;
-  const double even_period = length / static_cast<double>(summary.samples - 1);
   LogGrid grid;
-  grid.resampled = !clock.is_even(even_period);
+  grid.resampled = !clock.is_even();
   grid.rows =
       grid.resampled ? grid_rows(length, 1.0 / median.value()) : static_cast<Index>(summary.samples);
   grid.sample_rate = static_cast<double>(grid.rows - 1) / length;

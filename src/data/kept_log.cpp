@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <numeric>
 #include <string_view>
 
 #include <fmt/format.h>
@@ -35,6 +36,7 @@ KeptLog::KeptLog(const std::string& path, const LogRequirements& needs, bool com
   read_rows(compared);
   file_->check_length();
   file_->close();
+  place_samples();
 }
 
 KeptLog::Mark KeptLog::mark_of(const std::string& path) {
@@ -106,6 +108,38 @@ void KeptLog::read_rows(bool compared) {
   if (compared) facts_->fingerprint.finish();
 }
 
+/// Stamps are used as they are where there is no room for times beside them, nor for the rows.
+void KeptLog::place_samples() {
+  if (!rows_->is_usable()) return;
+  std::vector<int> positions(static_cast<std::size_t>(joints_));
+  std::iota(positions.begin(), positions.end(), 0);
+  times_.emplace(
+      facts_->clock,
+      [&](bool with_positions) {
+        return std::make_unique<StoreSource>(*rows_, with_positions ? positions : std::vector<int>());
+      },
+      joints_);
+  if (times_->scatter().placed) facts_->clock = times_->clock();
+}
+
+std::string KeptLog::note_on_times() const {
+  if (times_ && times_->has_room()) return times_->scatter().note(path_);
+  if (facts_->clock.is_even()) return "";
+  return fmt::format(
+      "{}: no space to find out when its samples were taken: the time stamps are used as they are; let TMPDIR name a "
+      "folder with more space",
+      path_);
+}
+
+void KeptLog::place(Log& log) const {
+  if (times_) times_->place(0, log.time);
+}
+
+std::unique_ptr<RowSource> KeptLog::placed(std::unique_ptr<RowSource> source) const {
+  if (!times_ || !times_->scatter().placed) return source;
+  return std::make_unique<PlacedSource>(std::move(source), *times_);
+}
+
 std::unique_ptr<RowSource> KeptLog::source(const std::vector<FileColumn>& columns) const {
   std::error_code ignored;
   if (!rows_->is_usable() && std::filesystem::exists(path_, ignored) && std::filesystem::is_other(path_, ignored)) {
@@ -121,7 +155,7 @@ std::unique_ptr<RowSource> KeptLog::source(const std::vector<FileColumn>& column
     if (place == columns_.end()) return nullptr;
     places.push_back(static_cast<int>(place - columns_.begin()));
   }
-  return std::make_unique<StoreSource>(*rows_, std::move(places));
+  return placed(std::make_unique<StoreSource>(*rows_, std::move(places)));
 }
 
 }  // namespace heft::data

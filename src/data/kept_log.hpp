@@ -12,11 +12,13 @@
 #include "log_facts.hpp"
 #include "log_file.hpp"
 #include "row_store.hpp"
+#include "row_times.hpp"
 
 namespace heft::data {
 
-/// Reads a log, checks every row and collects what a first pass does; rows of known columns are kept in a RowStore. Shared by
-/// the streams of one log: what one has found out of the motion, another need not.
+/// Reads a log, checks every row and collects what a first pass does; rows of known columns are kept in a RowStore. Samples are
+/// placed where the positions show that they were not taken when the stamps say; of the facts, the clock is theirs. Shared by the
+/// streams of one log: what one has found out of the motion, another need not.
 class KeptLog {
  public:
   /// @param compared  whether the log will be compared with others: its fingerprint is taken
@@ -34,6 +36,12 @@ class KeptLog {
   /// The rows with these columns; null where they have to be read from the file: the file has changed since, a column was
   /// not kept, or there was no place for them.
   std::unique_ptr<RowSource> source(const std::vector<FileColumn>& columns) const;
+  /// A pass over the file's rows, with the times of the samples instead of the stamps.
+  std::unique_ptr<RowSource> placed(std::unique_ptr<RowSource> source) const;
+  /// The same of a log that was read from the file.
+  void place(Log& log) const;
+  /// A line to tell about the time stamps; may be empty.
+  std::string note_on_times() const;
 
   /// Time stamps and positions decide on these alone.
   struct Motion {
@@ -64,6 +72,7 @@ class KeptLog {
   static Mark mark_of(const std::string& path);
   void choose_columns();
   void read_rows(bool compared);
+  void place_samples();
 
   std::string path_;
   LogRequirements needs_;
@@ -73,6 +82,7 @@ class KeptLog {
   Eigen::Index joints_{0}, torques_{0}, rates_{0}, accelerations_{0};  ///< of the columns, in this order
   std::optional<LogFacts> facts_;
   std::optional<RowStore> rows_;
+  std::optional<RowTimes> times_;
   mutable std::mutex guard_;
   mutable Motion motion_;
 };

@@ -65,8 +65,11 @@ class SampleClock {
   double begin() const { return begin_; }
   double end() const { return last_time_; }
   double longest_period() const { return longest_period_; }
-  /// Whether an even grid of this period fits.
-  bool is_even(double period) const { return least_period_ <= period && period <= most_period_; }
+  /// Whether an even grid from the first to the last of them fits.
+  bool is_even() const {
+    const double period = (last_time_ - begin_) / static_cast<double>(samples_ - 1);
+    return least_period_ <= period && period <= most_period_;
+  }
 
   StreamingMedian median;  ///< of the periods
 

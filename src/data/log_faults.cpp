@@ -156,8 +156,8 @@ void LogCheck::Impl::find_late_stamps(std::vector<LogFinding>& found) const {
   found.push_back({Severity::kNote,
                    fmt::format("{}: column 'time': {} stamps come late by more than half a step and are followed by a short one (the first at "
                                "{:.6g} s), as those of a program that was interrupted; expected the time of the sample: if it is not, velocities and "
-                               "accelerations derived from positions are wrong there; log the controller's own time or the number of the "
-                               "sample (heft diagnose finds the true times where positions show them)",
+                               "accelerations derived from positions are wrong there unless these show when samples were taken, which a "
+                               "further note then says; log the controller's own time or the number of the sample",
                                path, late, late_stamps.first())});
 }
 

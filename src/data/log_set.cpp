@@ -13,6 +13,7 @@
 #include "log_file.hpp"
 #include "log_fingerprint.hpp"
 #include "refuse_unsound.hpp"
+#include "sample_times.hpp"
 
 namespace heft::data {
 namespace {
@@ -39,7 +40,7 @@ void judge_rows(const LogCheck& check, LogFingerprint fingerprint, const JointLi
   source.fingerprint = std::make_shared<const LogFingerprint>(std::move(fingerprint));
 }
 
-/// Looks at every row of a log once.
+/// Checks every row of a log and finds out when its samples were taken.
 /// @throws DataError as a reader of files does
 LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::string>& notes) {
   if (source.memory) {
@@ -50,6 +51,13 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
     fingerprint.add(log.q, log.tau);
     fingerprint.finish();
     judge_rows(check, std::move(fingerprint), limits, source, notes);
+    SampleTimes times = sample_times(log);
+    source.time_note = times.note(source.path);
+    if (times.placed) {
+      Log placed = log;
+      placed.time = std::move(times.time);
+      source.memory = std::make_shared<const Log>(std::move(placed));
+    }
     return source;
   }
   const auto kept = std::make_shared<KeptLog>(source.path, source.needs, true);
@@ -57,8 +65,18 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
     if (!note.empty()) notes.push_back(std::move(note));
   }
   judge_rows(kept->facts().check, kept->take_fingerprint(), limits, source, notes);
+  source.time_note = kept->note_on_times();
   source.kept = kept;
   return source;
+}
+
+/// How the file was understood was told when it was looked at.
+Log rows_of(const LogSource& source, std::vector<std::string>* notes) {
+  if (source.memory) return *source.memory;
+  LogFile file(source.path, source.needs);
+  Log log = rows_of(file, source.path, notes);
+  if (source.kept) source.kept->place(log);
+  return log;
 }
 
 constexpr const char* kFitted = "the model is fitted to";
@@ -163,8 +181,13 @@ class LogSetBuilder {
     set_.given_.insert(set_.given_.end(), set_.judge_.begin(), set_.judge_.end());
   }
 
+  LogSource noted(LogSource source) {
+    if (!source.time_note.empty()) set_.notes_.push_back(source.time_note);
+    return source;
+  }
+
   LogSource of_file(const std::string& path) {
-    return inspect({path, needs_, nullptr, set_.cutoff_}, limits_, set_.notes_);
+    return noted(inspect({path, needs_, nullptr, set_.cutoff_}, limits_, set_.notes_));
   }
 
   void add(std::vector<Log> logs, const char* what, std::vector<LogSource>& sources) {
@@ -176,7 +199,7 @@ class LogSetBuilder {
       }
       refuse_unsound(log);
       auto memory = std::make_shared<const Log>(std::move(log));
-      sources.push_back(inspect({memory->path, needs_, memory}, limits_, set_.notes_));
+      sources.push_back(noted(inspect({memory->path, needs_, memory}, limits_, set_.notes_)));
     }
   }
 
@@ -189,7 +212,7 @@ class LogSetBuilder {
       set_.how_ = "not judged: the log is too long to be cut in two; give another with --validate";
       return;
     }
-    const Log log = whole.memory ? *whole.memory : read_log(whole.path, whole.needs);
+    const Log log = rows_of(whole, nullptr);
     const double cut = summary.moving_from + share * (summary.moving_to - summary.moving_from);
     auto first = std::make_shared<const Log>(part_of(log, summary.begin, cut));
     auto second = std::make_shared<const Log>(part_of(log, cut, summary.end + 1.0));
@@ -249,23 +272,13 @@ void refuse_seen(const LogSet& logs, const std::vector<std::string>& fitted_to,
 MotionStream stream(const LogSource& source, const StreamOptions& options) {
   StreamOptions wanted = options;
   if (wanted.motion.cutoff == 0.0) wanted.motion.cutoff = source.cutoff;
-  if (source.memory) return MotionStream(*source.memory, wanted);
+  if (source.memory) return MotionStream(*source.memory, wanted, source.time_note);
   if (source.kept) return MotionStream(source.kept, wanted);
   return MotionStream(source.path, source.needs, wanted);
 }
 
-namespace {
-
-/// How the file was understood was told when it was looked at.
-Log again(const LogSource& source, std::vector<std::string>* notes) {
-  LogFile file(source.path, source.needs);
-  return rows_of(file, source.path, notes);
-}
-
-}  // namespace
-
 Log read(const LogSource& source, std::vector<std::string>* notes) {
-  Log log = source.memory ? *source.memory : again(source, notes);
+  Log log = rows_of(source, notes);
   if (source.unusable_rate.empty()) return log;
   if (notes != nullptr)
     notes->push_back(fmt::format("{}: {}; it is not used", source.path, source.unusable_rate));

@@ -111,7 +111,7 @@ MotionStream::Impl::OpenSource MotionStream::Impl::open(Wanted wanted) const {
     numbers.push_back(column.column);
   }
   open.file->want_only(numbers);
-  open.source = std::make_unique<FileSource>(*open.file, columns);
+  open.source = kept->placed(std::make_unique<FileSource>(*open.file, columns));
   return open;
 }
 
@@ -342,12 +342,17 @@ MotionStream::MotionStream(std::shared_ptr<const KeptLog> log, const StreamOptio
     : impl_(std::make_unique<Impl>()) {
   impl_->needs = log->needs();
   impl_->options = options;
+  impl_->note(log->note_on_times());
   impl_->kept = std::move(log);
   impl_->first_pass();
 }
 
-MotionStream::MotionStream(Log log, const StreamOptions& options) : impl_(std::make_unique<Impl>()) {
+MotionStream::MotionStream(Log log, const StreamOptions& options) : MotionStream(std::move(log), options, "") {}
+
+MotionStream::MotionStream(Log log, const StreamOptions& options, std::string time_note)
+    : impl_(std::make_unique<Impl>()) {
   impl_->options = options;
+  impl_->note(std::move(time_note));
   impl_->memory = std::move(log);
   impl_->first_pass();
 }

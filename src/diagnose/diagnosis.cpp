@@ -14,7 +14,6 @@
 #include "curves.hpp"
 #include "findings.hpp"
 #include "guards.hpp"
-#include "heft/data/sample_times.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/parallel.hpp"
 #include "heft/model/couplings.hpp"
@@ -72,25 +71,14 @@ struct Scores {
   }
 };
 
-/// Logs as the search reads them, and as identify and anyone who validates a model does.
-class ReadLogs {
- public:
-  ReadLogs(const std::vector<data::LogSource>& sources, std::vector<std::string>& notes) {
-    bool differ = false;
-    for (const data::LogSource& source : sources) {
-      as_logged_.push_back(data::read(source));
-      placed_.push_back(data::with_sample_times(as_logged_.back(), notes));
-      differ = differ || placed_.back().time != as_logged_.back().time;
-    }
-    if (!differ) as_logged_.clear();
+std::vector<data::Log> read_all(const std::vector<data::LogSource>& sources, std::vector<std::string>& notes) {
+  std::vector<data::Log> logs;
+  for (const data::LogSource& source : sources) {
+    logs.push_back(data::read(source));
+    if (!source.time_note.empty()) notes.push_back(source.time_note);
   }
-  /// With time stamps that say when samples were taken.
-  const std::vector<data::Log>& placed() const { return placed_; }
-  const std::vector<data::Log>& as_logged() const { return as_logged_.empty() ? placed_ : as_logged_; }
-
- private:
-  std::vector<data::Log> placed_, as_logged_;  ///< the latter empty: no time stamp differs
-};
+  return logs;
+}
 
 /// The logs as anyone reads them, and what identify makes of them: neither waits for the search.
 struct AsAnyone {
@@ -98,20 +86,20 @@ struct AsAnyone {
   Identified identified{};  ///< but for the logs that it is judged on
 
   /// @param robot, train_logs, validation_logs  have to outlive the work
-  Beside work(const model::Robot& robot, const ReadLogs& train_logs, const ReadLogs& validation_logs,
-              bool joint_sensor) {
+  Beside work(const model::Robot& robot, const std::vector<data::Log>& train_logs,
+              const std::vector<data::Log>& validation_logs, bool joint_sensor) {
     const Reading reading{.cutoff = 0.0, .ordinary = true};
     return {[this, &train_logs, joint_sensor](const Start& begun) {
               identified.base =
                   std::make_shared<const BaseModel>(begun.own, written_structure(joint_sensor));
-              identified.beta = identified.base->identified(train_logs.as_logged());
+              identified.beta = identified.base->identified(train_logs);
               identified.robot = identified.base->robot(identified.beta);
             },
             [this, &robot, &train_logs, reading](const Start&) {
-              train.emplace(robot, train_logs.as_logged(), reading);
+              train.emplace(robot, train_logs, reading);
             },
             [this, &robot, &validation_logs, reading](const Start&) {
-              judged.emplace(robot, validation_logs.as_logged(), reading);
+              judged.emplace(robot, validation_logs, reading);
             }};
   }
 };
@@ -209,8 +197,9 @@ void fit_again(const WrittenModel& written, const BaseModel& base, const std::ve
 }
 
 /// What a diagnosis says of the model that is written: its errors, what it leaves, and whether all logs fit together.
-void say_of_written(const Found& found, const WrittenModel& written, const AsAnyone& as_anyone, const ReadLogs& train_logs,
-                    const ReadLogs& validation_logs, bool fitted_again, Diagnosis& result) {
+void say_of_written(const Found& found, const WrittenModel& written, const AsAnyone& as_anyone,
+                    const std::vector<data::Log>& train_logs, const std::vector<data::Log>& validation_logs,
+                    bool fitted_again, Diagnosis& result) {
   const Start& start = *found.start;
   Search& search = *found.search;
   const JudgedMotion& trained = written.is_ordinary() ? *as_anyone.train : *start.train_as_filed;
@@ -218,8 +207,7 @@ void say_of_written(const Found& found, const WrittenModel& written, const AsAny
   const std::array<std::function<void()>, 4> parts{
       [&] { result.ceilings = ceilings_of(result, trained, written.judged()); },
       [&] {
-        fit_again(written, *as_anyone.identified.base, train_logs.as_logged(), trained, validation_logs.as_logged(),
-                  fitted_again, result);
+        fit_again(written, *as_anyone.identified.base, train_logs, trained, validation_logs, fitted_again, result);
       },
       [&] {
         const Scores scores{result, start.band};
@@ -233,7 +221,7 @@ void say_of_written(const Found& found, const WrittenModel& written, const AsAny
         result.unexplained = unexplained_of(search, written.engine());
       }};
   host::for_each_parallel(parts.size(), [&](std::size_t k) { parts[k](); });
-  name_causes(train_logs.placed(), result);
+  name_causes(train_logs, result);
   result.curves = curves_of(result, start.judged->table());
 }
 
@@ -250,15 +238,14 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   options.progress = never_back(asked.progress);
   options.joint_sensor = asked.joint_sensor || logs.torque_at() == data::TorqueAt::kJoint;
   Diagnosis result;
-  const ReadLogs train_logs(logs.train(), result.notes), validation_logs(logs.judge(), result.notes);
-  const std::vector<data::Log>&train = train_logs.placed(), &validate = validation_logs.placed();
+  const std::vector<data::Log> train = read_all(logs.train(), result.notes), validate = read_all(logs.judge(), result.notes);
   refuse_too_little_motion(robot, train);
   refuse_nothing_to_judge(validate);
   AsAnyone as_anyone;
   const Found found = found_by(options, [&, first = true](double least_cutoff) mutable {
     return start_of(robot, train, validate, options,
                     std::exchange(first, false)
-                        ? as_anyone.work(robot, train_logs, validation_logs, options.joint_sensor)
+                        ? as_anyone.work(robot, train, validate, options.joint_sensor)
                         : Beside{},
                     as_anyone.identified.robot, least_cutoff);
   });
@@ -296,7 +283,7 @@ Diagnosis diagnose(const model::Robot& robot, const data::LogSet& logs, const Di
   result.ordinary_motion = written.is_ordinary();
   result.parameters = written.engine().parameter_record();
   search.progress(0.95);
-  say_of_written(found, written, as_anyone, train_logs, validation_logs, options.refit, result);
+  say_of_written(found, written, as_anyone, train, validate, options.refit, result);
   result.refusals = search.refusals().beside(result.findings);
   result.notes.insert(result.notes.end(), search.notes().begin(), search.notes().end());
   result.candidates = search.tried();

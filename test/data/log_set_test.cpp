@@ -225,6 +225,49 @@ TEST_F(LogSets, LeavesOutRatesThatContradictThePositions) {
   EXPECT_EQ(motion.log.qdd.cols(), 3);
 }
 
+// Samples on an even clock, stamped by whoever received them.
+TEST_F(LogSets, PlaceSamplesThatTheStampsMisplace) {
+  const auto stamped_late = [](Log log) {
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> late(0.0, 0.4 / 250.0);
+    for (double& t : log.time) t += late(random);
+    return log;
+  };
+  const Log train = stamped_late(sound_log(1)), judge = stamped_late(sound_log(2));
+  LogFiles files;
+  files.train = {file("a.csv", train)};
+  files.judge = {file("b.csv", judge)};
+  const LogSet of_files = open_logs(joints(), files), of_memory = log_set(joints(), {train}, {judge});
+  const auto scatter = [](const Eigen::VectorXd& time) {
+    const Eigen::Index steps = time.size() - 1;
+    return ((time.tail(steps) - time.head(steps)).array() * 250.0 - 1.0).abs().maxCoeff();
+  };
+  for (const LogSet* logs : {&of_files, &of_memory}) {
+    const Log placed = read(logs->train()[0]);
+    EXPECT_LT(scatter(placed.time), 0.01);
+    EXPECT_EQ(placed.q, train.q);
+    Eigen::Index rows = 0;
+    stream(logs->train()[0]).for_each([&](const MotionChunk& piece) {
+      EXPECT_EQ(piece.row_time, placed.time.segment(rows, piece.row_time.size()));
+      rows += piece.row_time.size();
+    });
+    EXPECT_EQ(rows, train.num_samples());
+    EXPECT_EQ(stream(logs->train()[0]).summary().begin, placed.time[0]);
+    ASSERT_EQ(logs->notes().size(), 2u) << "one a log";
+    EXPECT_THAT(logs->notes()[0], HasSubstr("samples are placed accordingly"));
+    EXPECT_THAT(stream(logs->train()[0]).summary().notes, ElementsAre(HasSubstr("samples are placed accordingly")));
+  }
+  EXPECT_EQ(read(of_files.judge()[0]).time, read(of_memory.judge()[0]).time);
+
+  // Cut in two, it is placed before.
+  files.judge.clear();
+  const LogSet parts = open_logs(joints(), files);
+  EXPECT_LT(scatter(read(parts.train()[0]).time), 0.01);
+  // A caller's log in memory is what the caller says.
+  EXPECT_GT(scatter(train.time), 0.1);
+  EXPECT_TRUE(MotionStream(train).summary().notes.empty());
+}
+
 TEST_F(LogSets, RefusesWhatIsNoLogOfTheRobot) {
   LogFiles files;
   files.judge = {file("a.csv", sound_log(1))};

@@ -47,6 +47,29 @@ TEST(Identify, JudgesOnTheLogsThatItDidNotSee) {
   EXPECT_TRUE(found.usable());
 }
 
+// A program stamps what it receives, and waits now and then: velocities derived from these stamps jump, the arm's do not.
+TEST(Identify, TakesSamplesForTakenWhenThePositionsShow) {
+  const model::Robot robot = test::planar_two_link();
+  const auto stamped_late = [](data::Log log, unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> uniform(0.0, 1.0);
+    const double period = log.time[1] - log.time[0];
+    double last = -period;
+    for (double& t : log.time) {
+      const double late = uniform(random) < 0.01 ? 1.0 + 3.0 * uniform(random) : 0.3 * uniform(random);
+      t = last = std::max(t + late * period, last + 0.02 * period);
+    }
+    log.qd.resize(0, 0);
+    return log;
+  };
+  const auto error = [&](bool late) {
+    const auto log = [&](unsigned seed) { return late ? stamped_late(log_of(robot, seed), seed) : log_of(robot, seed); };
+    return identify(robot, data::log_set(joints_of(robot), {log(1)}, {log(2)})).held_out[0].rmse_in_band;
+  };
+  const Eigen::VectorXd even = error(false), late = error(true);
+  EXPECT_LT((late.array() / even.array()).maxCoeff(), 1.1) << late.transpose() << " against " << even.transpose();
+}
+
 TEST(Identify, GivesAModelFileWithSpreadsRecordAndLogs) {
   const model::Robot robot = test::planar_two_link();
   const Identification found = identified(robot);

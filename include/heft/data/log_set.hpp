@@ -53,6 +53,7 @@ struct LogSource {
   std::shared_ptr<const Log> memory{};  ///< null: read from the file
   double cutoff{0.0};           ///< low-pass cut-off for derived motion [Hz]; 0: chosen from the motion
   std::string unusable_rate{};  ///< why logged velocity and acceleration are not used; empty: they are
+  std::string time_note{};      ///< what is worth telling of its time stamps; may be empty
   std::shared_ptr<const LogFingerprint>
       fingerprint{};  ///< tells whether another log holds samples of this one
   std::shared_ptr<const KeptLog> kept{};  ///< what was read of the file, so that streams need not read it again
@@ -61,7 +62,8 @@ struct LogSource {
 /// Logs to fit to and logs to judge on.
 ///
 /// Every log was checked for unit slips (LogCheck: degrees, milliseconds, rpm, flipped signs); no log to judge on
-/// holds samples of a log to fit to.
+/// holds samples of a log to fit to. Where the positions show that samples were not taken when the time stamps say, their
+/// times replace the stamps in all that is read; a note says so.
 class LogSet {
  public:
   const std::vector<LogSource>& train() const { return train_; }

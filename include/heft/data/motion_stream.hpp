@@ -95,10 +95,11 @@ struct LogSource;
 class MotionStream {
  public:
   /// From a file, which is read once, a pipe too: its rows are kept in a temporary file, in memory where they are few. When
-  /// the disk has no place for them, and when the file has changed since, later passes read it again.
+  /// the disk has no place for them, and when the file has changed since, later passes read it again. Times are those of
+  /// the samples where the positions show them, otherwise the stamps.
   /// @throws DataError as read_log does.
   MotionStream(const std::string& path, const LogRequirements& needs, const StreamOptions& options = {});
-  /// From memory; the same pieces.
+  /// From memory; the same pieces, with times as they are.
   explicit MotionStream(Log log, const StreamOptions& options = {});
   ~MotionStream();
   MotionStream(MotionStream&&) noexcept;
@@ -126,6 +127,7 @@ class MotionStream {
  private:
   friend MotionStream stream(const LogSource& source, const StreamOptions& options);
   MotionStream(std::shared_ptr<const KeptLog> log, const StreamOptions& options);
+  MotionStream(Log log, const StreamOptions& options, std::string time_note);
   void for_each_piece(const std::function<std::shared_ptr<void>(MotionChunk&)>& work,
                       const std::function<void(void*)>& use, const std::function<void(double)>& progress) const;
   struct Impl;
