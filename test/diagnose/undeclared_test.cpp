@@ -281,7 +281,8 @@ TEST_P(SeveralEffects, AreAllNamed) {
 }
 
 // Three pushes, one of them in a motion of three joints, which is too weak to be clear by itself.
-INSTANTIATE_TEST_SUITE_P(Pushes, SeveralEffects, testing::Values(std::tuple{"contact", "scara4", 612}), name_of_several);
+INSTANTIATE_TEST_SUITE_P(Pushes, SeveralEffects,
+                         testing::Values(std::tuple{"contact", "scara4", 612}, std::tuple{"contact", "polar6", 5}), name_of_several);
 
 INSTANTIATE_TEST_SUITE_P(AFew, SeveralEffects,
                          testing::Values(std::tuple{"base_tilt+ripple", "scara4", 1},

@@ -43,6 +43,8 @@ constexpr std::size_t kMostTouches = 5;
 constexpr double kAboveFreeRuns = 2.0, kUnlikely = 1e-3, kOneForceBesideFreeRuns = 0.45;
 constexpr int kMostTouchesBesideFreeRuns = 20;
 constexpr double kBin = 0.02, kShortestTouch = 0.26, kLongestTouch = 1.2, kMargin = 0.1;  // [s]
+/// How long an arm that was pushed takes to come back to where it would be [s]: what it shows there is no measure for the rest.
+constexpr double kAftermath = 0.5;
 
 /// A joint slower than that many widths of its sign may rest, as model::kRestSpeed says of one that turns.
 constexpr double kRests = 5.0;
@@ -127,9 +129,17 @@ class BinnedLog {
   std::vector<MatrixXd> jacobians_;  ///< 3 × n, one a bin
 };
 
-std::pair<Index, Index> with_margin(const Touch& touch, const ForceSums& sums) {
-  const auto margin = static_cast<Index>(kMargin / sums.seconds);
-  return {std::max<Index>(0, touch.first - margin), touch.first + touch.count + margin};
+/// @param behind  [s]
+std::pair<Index, Index> with_margin(const Touch& touch, const ForceSums& sums, double behind = kMargin) {
+  const auto bins = [&](double time) { return static_cast<Index>(time / sums.seconds); };
+  return {std::max<Index>(0, touch.first - bins(kMargin)), touch.first + touch.count + bins(behind)};
+}
+
+/// Statistic of the best stretch of the rest.
+double best_of_rest(const ForceSums& sums, const std::vector<Touch>& touches) {
+  std::vector<std::pair<Index, Index>> taken;
+  for (const Touch& touch : touches) taken.push_back(with_margin(touch, sums, kAftermath));
+  return best_touch(sums, taken).statistic;
 }
 
 /// How many joints move, in the mean.
@@ -150,8 +160,8 @@ std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
     taken.push_back(with_margin(last, sums));
   }
   while (found.size() > 1) {
-    const double next = found.back().statistic;
     found.pop_back();
+    const double next = best_of_rest(sums, found);
     const auto has = [&](const Touch& touch, const Clear& least) {
       return touch.statistic >= std::max(least.statistic, least.far_alone * next) && touch.share >= least.share &&
              joints_in(touch, sums) >= least.joints;
