@@ -15,10 +15,12 @@ using Eigen::VectorXd;
 
 namespace {
 
+/// An effect that takes away more than this of a joint's error is no matter of chance.
+constexpr double kMostOfTheError = 0.5;
+
 /// Whether an effect of the whole arm takes away most of the error of the joint where it shows most, as a wrist
 /// coupling or a tilted base does; events would only follow the error of a joint that nothing explains.
 bool explains_joints(const Candidate& c) {
-  constexpr double kMostOfTheError = 0.5;
   return !c.effect.is<Contact>() && !c.effect.is<PayloadChange>() && c.trial.joint_before.size() > 0 &&
          fall(c.trial).maxCoeff() > kMostOfTheError;
 }
@@ -36,7 +38,7 @@ std::string own_objection(const Candidate& c, const MotionTable& table, bool joi
   }
   if (c.effect.is<TorqueScale>() && std::abs(c.trial.coefficients[0]) > kLargestScale)
     return "off by so much it is another unit, sign or robot";
-  if (c.effect.is<FrictionCurve>() &&
+  if (c.effect.is<FrictionCurve>() && fall(c.trial)[c.joint] < kMostOfTheError &&
       std::accumulate(table.run_seconds.begin(), table.run_seconds.end(), 0.0) < kCurveSeconds)
     return "needs half a minute of motion";
   if (c.has_memory() && table.encoder_step.size() > 0 && c.shape < table.encoder_step[c.joint])

@@ -14,6 +14,7 @@
 #include "guards.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/parallel.hpp"
+#include "heft/host/words.hpp"
 #include "heft/model/without_effects.hpp"
 
 namespace heft::diagnose {
@@ -199,6 +200,32 @@ class Cutoffs {
   std::map<double, JudgedMotion> at_;
 };
 
+/// Largest speed of each joint in rows that count [rad/s, m/s].
+VectorXd top_speeds(const MotionTable& table) {
+  return (table.qd.cwiseAbs().array() * table.keep.array()).colwise().maxCoeff().transpose();
+}
+
+/// What the training logs cannot say of the validation logs. Empty: no joint is much faster there.
+std::string note_on_speeds(const MotionTable& train, const MotionTable& judged) {
+  constexpr double kFaster = 2.0;
+  constexpr double kLeast = 1e-2;  // [rad/s, m/s]: a joint that hardly moves in one of them is another matter
+  const VectorXd fitted = top_speeds(train), seen = top_speeds(judged);
+  std::vector<int> joints;
+  double least = std::numeric_limits<double>::infinity(), most = 0.0;
+  for (int j = 0; j < train.num_joints; ++j) {
+    if (fitted[j] < kLeast || seen[j] < kFaster * fitted[j]) continue;
+    joints.push_back(j);
+    least = std::min(least, seen[j] / fitted[j]);
+    most = std::max(most, seen[j] / fitted[j]);
+  }
+  if (joints.empty()) return "";
+  return fmt::format(
+      "{} {} {} times as fast in the validation logs as in the training logs: what friction does at such speeds these do not show, "
+      "and an effect that depends on speed may be refused for it; give a training log as fast, or exchange the two",
+      host::joints_in_words(joints), joints.size() == 1 ? "moves" : "move",
+      joints.size() == 1 ? fmt::format("{:.2g}", most) : fmt::format("{:.2g} to {:.2g}", least, most));
+}
+
 }  // namespace
 
 Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
@@ -235,6 +262,8 @@ Start start_of(const model::Robot& robot, const std::vector<data::Log>& train,
         "no joint moves in the training logs; expected a motion in which every joint moves; record one, "
         "for instance from heft excite");
   }
+  if (std::string note = note_on_speeds(start.train->table(), start.judged->table()); !note.empty())
+    start.notes.push_back(std::move(note));
   return start;
 }
 
