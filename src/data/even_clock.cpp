@@ -7,8 +7,6 @@
 
 #include <Eigen/QR>
 
-#include "heft/data/differentiate.hpp"
-
 namespace heft::data {
 namespace {
 

@@ -176,15 +176,6 @@ TEST(SampleTimes, PassOverAGapOfYears) {
   EXPECT_LT(root_mean_square(times.time.head(half) - r.taken.head(half)), 0.3 * kPeriod);
 }
 
-// Time in another unit than seconds is refused later. Until then a second of it is more rows than can be counted.
-TEST(SampleTimes, AreTheStampsWhereTimeIsNoTime) {
-  for (const double unit : {1e-9, 1e-300}) {
-    Recording r = stamped_late();
-    r.log.time *= unit;
-    EXPECT_EQ(sample_times(r.log).time, r.log.time);
-  }
-}
-
 // Row 36 of each hundred comes late, row 37 is lost: by the stamps alone it might as well be the other way round.
 TEST(SampleTimes, TakeForLostWhatThePositionsShow) {
   const Recording r = record(kEven, [](double even, double jitter) {
