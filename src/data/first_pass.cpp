@@ -64,7 +64,7 @@ void MotionStream::Impl::first_pass() {
     prepare_file(kept->file(), false);
     std::vector<std::size_t> used;
     for (const FileColumn& column : file_columns) used.push_back(column.column);
-    note(kept->file().note(used));
+    if (std::string note = kept->file().note(used); !note.empty()) summary.notes.push_back(std::move(note));
   }
   summary.temperature_logged = layout.temperature == layout.q && layout.q > 0;
   position_noise = known.noise.value();

@@ -272,7 +272,7 @@ void refuse_seen(const LogSet& logs, const std::vector<std::string>& fitted_to,
 MotionStream stream(const LogSource& source, const StreamOptions& options) {
   StreamOptions wanted = options;
   if (wanted.motion.cutoff == 0.0) wanted.motion.cutoff = source.cutoff;
-  if (source.memory) return MotionStream(*source.memory, wanted, source.time_note);
+  if (source.memory) return MotionStream(*source.memory, wanted);
   if (source.kept) return MotionStream(source.kept, wanted);
   return MotionStream(source.path, source.needs, wanted);
 }

@@ -336,23 +336,21 @@ void MotionStream::Impl::add_displacement(const Window& window, Index lo, Index 
 }
 
 MotionStream::MotionStream(const std::string& path, const LogRequirements& needs, const StreamOptions& options)
-    : MotionStream(std::make_shared<const KeptLog>(path, needs, false), options) {}
+    : MotionStream(std::make_shared<const KeptLog>(path, needs, false), options) {
+  // Who opens a set of logs is told then.
+  if (std::string note = impl_->kept->note_on_times(); !note.empty()) impl_->summary.notes.push_back(std::move(note));
+}
 
 MotionStream::MotionStream(std::shared_ptr<const KeptLog> log, const StreamOptions& options)
     : impl_(std::make_unique<Impl>()) {
   impl_->needs = log->needs();
   impl_->options = options;
-  impl_->note(log->note_on_times());
   impl_->kept = std::move(log);
   impl_->first_pass();
 }
 
-MotionStream::MotionStream(Log log, const StreamOptions& options) : MotionStream(std::move(log), options, "") {}
-
-MotionStream::MotionStream(Log log, const StreamOptions& options, std::string time_note)
-    : impl_(std::make_unique<Impl>()) {
+MotionStream::MotionStream(Log log, const StreamOptions& options) : impl_(std::make_unique<Impl>()) {
   impl_->options = options;
-  impl_->note(std::move(time_note));
   impl_->memory = std::move(log);
   impl_->first_pass();
 }

@@ -73,9 +73,6 @@ struct MotionStream::Impl {
   }
   double grid_time(Eigen::Index row) const { return grid(row, 1)[0]; }
 
-  void note(std::string line) {
-    if (!line.empty()) summary.notes.push_back(std::move(line));
-  }
   void prepare_memory(bool every_rate);
   void prepare_file(const LogFile& file, bool every_rate);
   OpenSource open(Wanted wanted) const;

@@ -127,7 +127,6 @@ class MotionStream {
  private:
   friend MotionStream stream(const LogSource& source, const StreamOptions& options);
   MotionStream(std::shared_ptr<const KeptLog> log, const StreamOptions& options);
-  MotionStream(Log log, const StreamOptions& options, std::string time_note);
   void for_each_piece(const std::function<std::shared_ptr<void>(MotionChunk&)>& work,
                       const std::function<void(void*)>& use, const std::function<void(double)>& progress) const;
   struct Impl;
