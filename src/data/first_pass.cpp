@@ -115,47 +115,29 @@ void MotionStream::Impl::fit_grid() {
 
 LogGrid MotionStream::Impl::grid_of_log() const {
   const SampleClock& clock = facts().clock;
-  StreamingMedian median = clock.median;
-  while (!median.finish_pass()) {
-    OpenSource again = open(Wanted::kTime);
-    RowBuffer times(0);
-    bool first = true;
-    double last_time = 0.0;
-    while (again.source->read(kBlockRows, times) > 0) {
-      for (Index k = times.begin; k < times.end; ++k) {
-        if (!first) median.add(times.time[k] - last_time);
-        first = false;
-        last_time = times.time[k];
-      }
-      times.clear();
-    }
-  }
+  const auto each_time = [this](const auto& use) {
+    const OpenSource pass = open(Wanted::kTime);
+    for_each_time(*pass.source, use);
+  };
+  const double median = median_of_steps(clock.median, each_time);
   const double length = summary.end - summary.begin;
   LogGrid grid;
   grid.resampled = !clock.is_even();
-  grid.rows =
-      grid.resampled ? grid_rows(length, 1.0 / median.value()) : static_cast<Index>(summary.samples);
+  grid.rows = grid.resampled ? grid_rows(length, 1.0 / median) : static_cast<Index>(summary.samples);
   grid.sample_rate = static_cast<double>(grid.rows - 1) / length;
-  grid.longest = kGapFactor * median.value();
+  grid.longest = kGapFactor * median;
   if (clock.longest_period() > grid.longest) grid.gaps = gaps_of_log(grid.longest);
   return grid;
 }
 
 std::vector<TimeGap> MotionStream::Impl::gaps_of_log(double longest_step) const {
   std::vector<TimeGap> gaps;
-  OpenSource pass = open(Wanted::kTime);
-  RowBuffer rows(0);
-  double last_time = summary.begin;
-  while (pass.source->read(kBlockRows, rows) > 0) {
-    for (Index k = rows.begin; k < rows.end; ++k) {
-      if (rows.time[k] - last_time > longest_step) {
-        if (gaps.size() == kMostGaps) return gaps;
-        gaps.push_back({last_time, rows.time[k]});
-      }
-      last_time = rows.time[k];
-    }
-    rows.clear();
-  }
+  const OpenSource pass = open(Wanted::kTime);
+  double last = summary.begin;
+  for_each_time(*pass.source, [&](double time) {
+    if (time - last > longest_step && gaps.size() < kMostGaps) gaps.push_back({last, time});
+    last = time;
+  });
   return gaps;
 }
 

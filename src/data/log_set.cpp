@@ -58,15 +58,16 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
       placed.time = std::move(times.time);
       source.memory = std::make_shared<const Log>(std::move(placed));
     }
-    return source;
+  } else {
+    const auto kept = std::make_shared<KeptLog>(source.path, source.needs, true);
+    for (std::string note : {kept->file().how_read(), kept->file().unused_torque_constants()}) {
+      if (!note.empty()) notes.push_back(std::move(note));
+    }
+    judge_rows(kept->facts().check, kept->take_fingerprint(), limits, source, notes);
+    source.time_note = kept->note_on_times();
+    source.kept = kept;
   }
-  const auto kept = std::make_shared<KeptLog>(source.path, source.needs, true);
-  for (std::string note : {kept->file().how_read(), kept->file().unused_torque_constants()}) {
-    if (!note.empty()) notes.push_back(std::move(note));
-  }
-  judge_rows(kept->facts().check, kept->take_fingerprint(), limits, source, notes);
-  source.time_note = kept->note_on_times();
-  source.kept = kept;
+  if (!source.time_note.empty()) notes.push_back(source.time_note);
   return source;
 }
 
@@ -181,13 +182,8 @@ class LogSetBuilder {
     set_.given_.insert(set_.given_.end(), set_.judge_.begin(), set_.judge_.end());
   }
 
-  LogSource noted(LogSource source) {
-    if (!source.time_note.empty()) set_.notes_.push_back(source.time_note);
-    return source;
-  }
-
   LogSource of_file(const std::string& path) {
-    return noted(inspect({path, needs_, nullptr, set_.cutoff_}, limits_, set_.notes_));
+    return inspect({path, needs_, nullptr, set_.cutoff_}, limits_, set_.notes_);
   }
 
   void add(std::vector<Log> logs, const char* what, std::vector<LogSource>& sources) {
@@ -199,7 +195,7 @@ class LogSetBuilder {
       }
       refuse_unsound(log);
       auto memory = std::make_shared<const Log>(std::move(log));
-      sources.push_back(noted(inspect({memory->path, needs_, memory}, limits_, set_.notes_)));
+      sources.push_back(inspect({memory->path, needs_, memory}, limits_, set_.notes_));
     }
   }
 

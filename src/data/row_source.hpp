@@ -42,6 +42,16 @@ class RowSource {
   virtual Eigen::Index read(Eigen::Index most, RowBuffer& rows) = 0;
 };
 
+/// Calls `use` with the time of each row that is left of a pass.
+template <typename Use>
+void for_each_time(RowSource& pass, const Use& use) {
+  RowBuffer rows(0);
+  while (pass.read(kBlockRows, rows) > 0) {
+    for (Eigen::Index k = rows.begin; k < rows.end; ++k) use(rows.time[k]);
+    rows.clear();
+  }
+}
+
 class MemorySource : public RowSource {
  public:
   MemorySource(const Eigen::VectorXd& time, std::vector<const double*> columns)

@@ -28,29 +28,6 @@ constexpr double kLeastSeconds = 3.0;
 constexpr std::array<double, 5> kFourth{1.0, -4.0, 6.0, -4.0, 1.0};
 constexpr Index kHalf = 2;
 
-/// Calls `use` with each time of a log.
-template <typename Use>
-void for_each_time(RowSource& pass, const Use& use) {
-  RowBuffer rows(0);
-  while (pass.read(kBlockRows, rows) > 0) {
-    for (Index k = rows.begin; k < rows.end; ++k) use(rows.time[k]);
-    rows.clear();
-  }
-}
-
-/// @param stamps  of all of the log, its median unfinished
-double median_period(const SampleClock& stamps, const RowTimes::Open& open) {
-  StreamingMedian median = stamps.median;
-  while (!median.finish_pass()) {
-    double last = std::numeric_limits<double>::quiet_NaN();
-    for_each_time(*open(false), [&](double time) {
-      if (!std::isnan(last)) median.add(time - last);
-      last = time;
-    });
-  }
-  return median.value();
-}
-
 /// Mean of the steps without a lost row: stamps of few digits have a median far from it.
 double mean_period(double median, const RowTimes::Open& open) {
   double sum = 0.0, last = std::numeric_limits<double>::quiet_NaN();
@@ -180,7 +157,7 @@ class Following {
 
 RowTimes::RowTimes(const SampleClock& stamps, const Open& open, Index joints) {
   if (stamps.samples() <= 4 * kHalf || stamps.is_even()) return;
-  const double median = median_period(stamps, open);
+  const double median = median_of_steps(stamps.median, [&](const auto& use) { for_each_time(*open(false), use); });
   const double period = mean_period(median, open);
   const Index margin = even_clock_margin(period), block = std::max(kBlock, 2 * margin);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 
 namespace heft::data {
 
@@ -52,6 +53,18 @@ bool StreamingMedian::finish_pass() {
     std::fill(counts_.begin(), counts_.end(), 0);
   }
   return false;
+}
+
+double median_of_steps(StreamingMedian steps,
+                       const std::function<void(const std::function<void(double)>&)>& each_value) {
+  while (!steps.finish_pass()) {
+    std::optional<double> last;
+    each_value([&](double value) {
+      if (last) steps.add(value - *last);
+      last = value;
+    });
+  }
+  return steps.value();
 }
 
 }  // namespace heft::data

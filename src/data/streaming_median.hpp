@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 namespace heft::data {
@@ -33,5 +34,11 @@ class StreamingMedian {
   bool first_pass_{true};
   double value_{0.0};
 };
+
+/// The middle one of the steps of a sequence.
+/// @param steps       to which all of them were added
+/// @param each_value  calls its argument with every value of the sequence, once more each time that it is called
+double median_of_steps(StreamingMedian steps,
+                       const std::function<void(const std::function<void(double)>&)>& each_value);
 
 }  // namespace heft::data

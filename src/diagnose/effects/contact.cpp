@@ -151,16 +151,15 @@ double joints_in(const Touch& touch, const ForceSums& sums) {
 /// Touches of a log by itself: as many of the clearest stretches as stand out from the rest.
 /// @param first  its best_touch()
 std::vector<Touch> touches_of(const ForceSums& sums, const Touch& first) {
-  std::vector<Touch> found;  // and the one after them
+  std::vector<Touch> found;
   std::vector<std::pair<Index, Index>> taken;
-  while (found.size() <= kMostTouches) {
-    found.push_back(taken.empty() ? first : best_touch(sums, taken));
-    const Touch& last = found.back();
-    if (last.count == 0 || last.statistic < kFaintest || last.share < kOneForce) break;
-    taken.push_back(with_margin(last, sums));
+  while (found.size() < kMostTouches) {
+    const Touch next = taken.empty() ? first : best_touch(sums, taken);
+    if (next.count == 0 || next.statistic < kFaintest || next.share < kOneForce) break;
+    taken.push_back(with_margin(next, sums));
+    found.push_back(next);
   }
-  while (found.size() > 1) {
-    found.pop_back();
+  for (; !found.empty(); found.pop_back()) {
     const double next = best_of_rest(sums, found);
     const auto has = [&](const Touch& touch, const Clear& least) {
       return touch.statistic >= std::max(least.statistic, least.far_alone * next) && touch.share >= least.share &&
