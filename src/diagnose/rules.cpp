@@ -71,6 +71,13 @@ bool is_steady(const Trial& trial) {
   return trial.cv_t > kSteadyGain || (trial.cv_t > kSteadyGainOfFew && trial.lost < kNextToNothing);
 }
 
+bool runs_agree(const Trial& trial) {
+  const auto& runs = trial.run_gain;
+  return runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
+}
+
+double relevant_gain(const Trial& trial) { return runs_agree(trial) ? kRelevantGainInRuns : kRelevantGain; }
+
 int parameters_of(const Candidate& c) {
   // Of an event begin and length are chosen as well as its force.
   return static_cast<int>(c.trial.coefficients.size() + 2 * static_cast<Index>(c.events.size())) +
@@ -138,13 +145,13 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   if (!c.in_time() && c.trial.drift > kHolds) return "comes and goes: it is not the same all the time";
   if (!is_steady(c.trial)) return "does not help on stretches that it was not fitted to";
   // Several runs that agree say what one run leaves open.
-  const auto& runs = c.trial.run_gain;
-  const bool agreed = runs.size() >= kRunsThatAgree && *std::min_element(runs.begin(), runs.end()) > 0.0;
+  const bool agreed = runs_agree(c.trial);
   if (c.beside && !agreed) return "a second memory length needs three runs that agree on it";
   Index main = 0;
   const double size = fall(c.trial).maxCoeff(&main);
-  if (!(size > (agreed ? kRelevantGainInRuns : kRelevantGain))) return "too small to matter";
-  if (c.effect.is<Delay>() && (fall(c.trial).array() > 0.5 * kRelevantGain).count() < 2)
+  const bool certain = c.trial.p_value * round.tried < kCertain;
+  if (!(size > (certain ? kCertainGain : relevant_gain(c.trial)))) return kTooSmall;
+  if (c.effect.is<Delay>() && (fall(c.trial).array() > std::min(0.5 * kRelevantGain, 0.25 * size)).count() < 2)
     return "shows in one joint only: a late channel is late for all";
   const double rows = engine->problem().counted()[main];
   const double floor = rows * round.noise_floor[main] * round.noise_floor[main];

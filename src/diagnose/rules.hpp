@@ -23,6 +23,10 @@ inline constexpr double kSteadyGainOfFew = 2.0, kNextToNothing = 0.05;
 inline constexpr double kRelevantGain = 0.02;
 /// The same when three or more runs all gain from it.
 inline constexpr double kRelevantGainInRuns = 0.01;
+/// The same of what no chance explains, at the second level: slow training motion shows little of a delay. On the validation logs it
+/// must matter as much as others do on the training logs.
+inline constexpr double kCertainGain = 0.005, kCertain = 1e-6;
+inline constexpr const char* kTooSmall = "too small to matter";
 /// Least part of the residual above noise that it must explain there: what explains less is not its cause.
 inline constexpr double kNamingShare = 0.2;
 /// The same when three or more runs all gain from it.
@@ -74,6 +78,10 @@ Eigen::Index main_joint_of(const Trial& trial);
 inline double squared(double fall) { return 1.0 - (1.0 - fall) * (1.0 - fall); }
 /// Whether it gains on blocks that it was not fitted to by more than a few of them say by chance.
 bool is_steady(const Trial& trial);
+/// Whether there are enough runs to agree and all of them gain.
+bool runs_agree(const Trial& trial);
+/// Least fall() in the joint where it shows most, unless no chance explains it.
+double relevant_gain(const Trial& trial);
 /// What a candidate has to choose: coefficients, its shape, begin and length of events.
 int parameters_of(const Candidate& c);
 /// Robust chi-square of the coefficients against what they cost.

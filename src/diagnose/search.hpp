@@ -81,6 +81,9 @@ class Search {
   bool traces() const { return static_cast<bool>(options_.trace); }
 
  private:
+  /// Parts of the time that have gone when effects were taken, and when each was looked at without the others.
+  static constexpr double kForward = 0.6, kBackward = 0.7;
+
   /// To be changed.
   Engine& model() {
     present_.reset();
@@ -91,7 +94,7 @@ class Search {
   std::vector<bool> looked_at(const std::vector<int>& of) const;
   bool add_spring_pairs(const Engine& engine, const std::vector<int>& of, std::vector<Candidate>& pool) const;
   void add_scales_of_others(int joint, const Engine& rest, std::vector<Candidate>& found) const;
-  std::vector<Candidate> in_place_of(std::size_t effect, const Engine& rest) const;
+  std::vector<Candidate> in_place_of(std::size_t effect, const Candidate& own, const Engine& rest) const;
   std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
                                  const std::function<void(double)>& done = {}, double least = 0.0) const;
   void find_again(int again, std::vector<std::shared_ptr<const Present>>& found_by, std::vector<Candidate>& pool,

@@ -160,6 +160,8 @@ class Veto {
       squares_after += after.each[r][main] * after.each[r][main];
       squares_before += before.each[r][main] * before.each[r][main];
     }
+    const bool small = !(fall(own.trial)[main] > relevant_gain(own.trial));
+    if (small && !(std::sqrt(squares_after / squares_before) < 1.0 - kRelevantGain)) return kTooSmall;
     if (hurts.empty() && squares_after < squares_before) return {};
     return helps.empty() || hurts.empty() ? "raises the error on the validation logs"
                                           : fmt::format("helps on {} and hurts on {}", helps, hurts);

@@ -54,12 +54,14 @@ std::vector<Candidate> propose_delay(const Workbench& bench, const std::vector<b
     return {std::move(c)};
   }
   // The coefficient of a shift that is right is 1; a smaller shift than tried shows as a smaller coefficient.
-  for (int pass = 0; pass < 4 && best != 0.0; ++pass) {
+  constexpr int kPasses = 8;
+  constexpr double kMostTimes = 3.0;  // slow motion shows a delay's size by the coefficient alone: the shift may begin far below
+  for (int pass = 0; pass < kPasses && best != 0.0; ++pass) {
     c.columns = delay_columns(bench, predicted, best);
     c.trial = judge(bench, c);
     if (!c.trial.valid) break;
     c.shape = best;
-    const double next = best * std::clamp(c.trial.coefficients[0], -1.5, 1.5);
+    const double next = best * std::clamp(c.trial.coefficients[0], -kMostTimes, kMostTimes);
     if (std::abs(next - best) < 2e-5 || std::abs(next) < 1e-4) break;
     best = next;
   }
