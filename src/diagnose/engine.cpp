@@ -419,7 +419,7 @@ std::vector<std::string> Engine::undetermined(double cutoff) const {
   return names;
 }
 
-VectorXd Engine::noise_floor() const { return white_noise(table_, keep_, problem_->residual()); }
+VectorXd Engine::noise_floor() const { return noise_with_hum(table_, keep_, problem_->residual()); }
 
 SeenWithin<double> Engine::seen(int joint) const {
   const auto interval = [&](const MatrixXd& of) {

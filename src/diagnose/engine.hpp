@@ -122,7 +122,7 @@ class Engine {
   bool shares_memory(std::size_t index) const { return first_memory(index) >= 0 || second_memory(index) >= 0; }
   /// Mean of ln(squared error) over the rows of all joints.
   double mean_log_error() const;
-  /// White noise of each joint's residual, n; see white_noise().
+  /// Of each joint's residual, n; see noise_with_hum().
   Eigen::VectorXd noise_floor() const;
   /// Where a joint's rows that count lie; without limits where none counts.
   SeenWithin<double> seen(int joint) const;

@@ -170,7 +170,7 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
 std::vector<Unexplained> unexplained_of(const Search& search, const Engine& engine) {
   const MotionTable& table = engine.table();
   const MatrixXd residual = engine.problem().residual();
-  const VectorXd noise = engine.noise_floor();
+  const VectorXd noise = white_noise(engine.table(), engine.keep(), engine.problem().residual());
   std::vector<Unexplained> all;
   for (int j = 0; j < table.num_joints; ++j) {
     const double rows = engine.problem().counted()[j];

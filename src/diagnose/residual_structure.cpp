@@ -49,29 +49,28 @@ double binned_share(const MotionTable& table, const VectorXd& keep, const Vector
   return before > 0.0 ? 1.0 - after / before : 0.0;
 }
 
-/// The strongest line: share of power within a window around the peak, against the level next to it.
-Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
-  // Hann-windowed pieces of about 4 s, half overlapping.
-  Structure line;
+/// Hann-windowed pieces of about 4 s, half overlapping, of the rows that are scored; nothing of fewer than three.
+VectorXd power_of(const MotionTable& table, const Eigen::Ref<const VectorXd>& signal) {
   Index length = 1;
   while (static_cast<double>(length) < 4.0 * table.sample_rate) length *= 2;
   statistics::Spectrum spectrum(length);
   for (std::size_t r = 0; r + 1 < table.run_begin.size(); ++r) {
     for (Index i = table.run_begin[r]; i < table.run_begin[r + 1]; ++i) {
       if (table.scored[i] > 0.0) {
-        spectrum.add(residual[i]);
+        spectrum.add(signal[i]);
       } else {
         spectrum.interrupt();
       }
     }
     spectrum.interrupt();
   }
-  if (spectrum.segments() < 3) return line;
-  const VectorXd power = spectrum.power().head(length / 2);
-  Index peak = 1;
-  for (Index k = 2; k + 3 < power.size(); ++k) {
-    if (power[k] > power[peak]) peak = k;
-  }
+  if (spectrum.segments() < 3) return {};
+  return spectrum.power().head(length / 2);
+}
+
+/// Power within a window around a peak that stands out from the level next to it; 0: it does not.
+double line_at(const VectorXd& power, Index peak) {
+  constexpr double kStandsOut = 5.0;
   const Index half = 2;
   const Index from = std::max<Index>(1, peak - half), to = std::min(power.size() - 1, peak + half);
   double inside = 0.0, beside = 0.0;
@@ -83,9 +82,25 @@ Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
   const double level = beside_count > 0
                            ? beside / static_cast<double>(beside_count) * static_cast<double>(to - from + 1)
                            : 0.0;
-  line.frequency = static_cast<double>(peak) * table.sample_rate / static_cast<double>(length);
-  line.share = std::max(0.0, inside - level) / power.tail(power.size() - 1).sum();
-  if (inside < 5.0 * level) line.share = 0.0;
+  return inside < kStandsOut * level ? 0.0 : inside - level;
+}
+
+Index highest(const VectorXd& power) {
+  Index peak = 1;
+  for (Index k = 2; k + 3 < power.size(); ++k) {
+    if (power[k] > power[peak]) peak = k;
+  }
+  return peak;
+}
+
+/// The strongest line, with its share of the power.
+Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
+  Structure line;
+  const VectorXd power = power_of(table, residual);
+  if (power.size() == 0) return line;
+  const Index peak = highest(power);
+  line.frequency = static_cast<double>(peak) * table.sample_rate / static_cast<double>(2 * power.size());
+  line.share = std::max(0.0, line_at(power, peak)) / power.tail(power.size() - 1).sum();
   constexpr double kSlowestVibration = 1.0;  // [Hz]; slower, it is a swing
   line.what = line.frequency < kSlowestVibration ? fmt::format("swings at {:.2f} Hz", line.frequency)
                                                  : fmt::format("vibrates at {:.1f} Hz", line.frequency);
@@ -142,6 +157,35 @@ VectorXd white_noise(const MotionTable& table, const MatrixXd& keep, const Matri
     for (const double s : squares) sum += s;
     noise[j] = std::sqrt(sum / static_cast<double>(squares.size()));
   });
+  return noise;
+}
+
+VectorXd noise_with_hum(const MotionTable& table, const MatrixXd& keep, const MatrixXd& residual) {
+  constexpr double kQuick = 3.0;  // [Hz]; what goes with the motion has lines below
+  VectorXd noise = white_noise(table, keep, residual);
+  struct Line {
+    Index peak{0};
+    double share{0.0};
+  };
+  const auto joints = static_cast<std::size_t>(residual.cols());
+  std::vector<Line> lines(joints);
+  host::for_each_parallel(joints, [&](std::size_t j) {
+    const VectorXd power = power_of(table, residual.col(static_cast<Index>(j)));
+    if (power.size() == 0) return;
+    const Index peak = highest(power);
+    if (static_cast<double>(peak) * table.sample_rate > kQuick * static_cast<double>(2 * power.size()))
+      lines[j] = {peak, std::max(0.0, line_at(power, peak)) / power.tail(power.size() - 1).sum()};
+  });
+  if (std::none_of(lines.begin(), lines.end(), [](const Line& line) { return line.share > 0.0; })) return noise;
+  std::vector<VectorXd> motion(joints);
+  host::for_each_parallel(joints, [&](std::size_t j) { motion[j] = power_of(table, table.qdd.col(static_cast<Index>(j))); });
+  for (std::size_t j = 0; j < joints; ++j) {
+    const auto shakes = [&](const VectorXd& power) { return line_at(power, lines[j].peak) > 0.0; };
+    if (!(lines[j].share > 0.0) || std::any_of(motion.begin(), motion.end(), shakes)) continue;
+    const auto column = static_cast<Index>(j);
+    const double square = residual.col(column).squaredNorm() / std::max(1.0, keep.col(column).sum());
+    noise[column] = std::sqrt(noise[column] * noise[column] + lines[j].share * square);
+  }
   return noise;
 }
 

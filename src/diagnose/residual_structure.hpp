@@ -17,6 +17,10 @@ namespace heft::diagnose {
 Eigen::VectorXd white_noise(const MotionTable& table, const Eigen::MatrixXd& keep,
                             const Eigen::MatrixXd& residual);
 
+/// The same with the strongest line of the spectrum, if it is quicker than motion and no joint's acceleration has it: of a hum an effect
+/// explains nothing. What shakes the arm as well, an effect of the motion may seem to explain.
+Eigen::VectorXd noise_with_hum(const MotionTable& table, const Eigen::MatrixXd& keep, const Eigen::MatrixXd& residual);
+
 /// Something that a residual goes with.
 struct Structure {
   std::string what;       ///< in words

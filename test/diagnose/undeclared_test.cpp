@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <set>
 #include <string>
@@ -407,6 +408,31 @@ TEST_P(LostRows, ChangeNoName) {
 INSTANTIATE_TEST_SUITE_P(OtherSizes, LostRows,
                          testing::Values(std::tuple{"none", "gantry5", 3}, std::tuple{"elasticity", "heavy6", 3},
                                          std::tuple{"contact", "heavy6", 3}, std::tuple{"elasticity", "polar6", 3}),
+                         name_of_several);
+
+// A hum of twice the noise in all torques. It is left as what it is, and no measure for what an effect has to explain.
+class Hum : public testing::TestWithParam<std::tuple<std::string, std::string, std::uint64_t>> {};
+
+TEST_P(Hum, ChangesNoName) {
+  const auto& [kind, arm, seed] = GetParam();
+  UndeclaredCase c = test::make_undeclared_case(kind, arm, seed);
+  for (data::Log* log : {&c.train, &c.validate}) {
+    for (Eigen::Index j = 0; j < log->tau.cols(); ++j) {
+      const auto phase = 2.0 * std::numbers::pi * 17.0 * log->time.array() + static_cast<double>(j);
+      log->tau.col(j).array() += 3.0 * c.noise_floor[j] * phase.sin();
+    }
+  }
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), c.effects.size()) << said(d);
+  for (const UndeclaredEffect& effect : c.effects) EXPECT_NE(found_in(d, effect), d.findings.end()) << said(d);
+  EXPECT_TRUE(std::any_of(d.unexplained.begin(), d.unexplained.end(), [](const Unexplained& u) {
+    return u.what.find("vibrates at 17.") != std::string::npos;
+  }));
+}
+
+INSTANTIATE_TEST_SUITE_P(Of17Hz, Hum,
+                         testing::Values(std::tuple{"none", "gantry5", 3}, std::tuple{"torque_scale", "desk6", 3},
+                                         std::tuple{"viscous_nonlinear", "heavy6", 3}, std::tuple{"delay", "heavy6", 3}),
                          name_of_several);
 
 // From pose to pose with rests, where friction holds any torque and no low-pass says when a joint stopped.

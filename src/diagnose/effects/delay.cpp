@@ -53,9 +53,10 @@ std::vector<Candidate> propose_delay(const Workbench& bench, const std::vector<b
     c.refused = kOfNoUse;
     return {std::move(c)};
   }
-  // The coefficient of a shift that is right is 1; a smaller shift than tried shows as a smaller coefficient.
+  // The coefficient of a shift that is right is 1; a smaller shift than tried shows as a smaller coefficient. In slow motion any shift
+  // explains the same by its coefficient, so that the first one may be far below.
   constexpr int kPasses = 8;
-  constexpr double kMostTimes = 3.0;  // slow motion shows a delay's size by the coefficient alone: the shift may begin far below
+  constexpr double kMostTimes = 3.0;
   for (int pass = 0; pass < kPasses && best != 0.0; ++pass) {
     c.columns = delay_columns(bench, predicted, best);
     c.trial = judge(bench, c);
