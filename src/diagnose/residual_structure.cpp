@@ -49,7 +49,7 @@ double binned_share(const MotionTable& table, const VectorXd& keep, const Vector
   return before > 0.0 ? 1.0 - after / before : 0.0;
 }
 
-/// Hann-windowed pieces of about 4 s, half overlapping, of the rows that are scored; nothing of fewer than three.
+/// Power spectrum of Hann-windowed pieces of about 4 s, half overlapping, of the rows that are scored; no rows where these make fewer than three.
 VectorXd power_of(const MotionTable& table, const Eigen::Ref<const VectorXd>& signal) {
   Index length = 1;
   while (static_cast<double>(length) < 4.0 * table.sample_rate) length *= 2;
@@ -85,26 +85,33 @@ double line_at(const VectorXd& power, Index peak) {
   return inside < kStandsOut * level ? 0.0 : inside - level;
 }
 
-Index highest(const VectorXd& power) {
-  Index peak = 1;
+struct Line {
+  Index peak{0};
+  double frequency{0.0};  ///< [Hz]
+  double share{0.0};      ///< of the power; 0: nothing stands out
+};
+
+/// The strongest line of a signal.
+Line strongest_line(const MotionTable& table, const Eigen::Ref<const VectorXd>& signal) {
+  const VectorXd power = power_of(table, signal);
+  if (power.size() == 0) return {};
+  Line line{1};
   for (Index k = 2; k + 3 < power.size(); ++k) {
-    if (power[k] > power[peak]) peak = k;
+    if (power[k] > power[line.peak]) line.peak = k;
   }
-  return peak;
+  line.frequency = static_cast<double>(line.peak) * table.sample_rate / static_cast<double>(2 * power.size());
+  line.share = line_at(power, line.peak) / power.tail(power.size() - 1).sum();
+  return line;
 }
 
-/// The strongest line, with its share of the power.
+/// The same in words.
 Structure spectral_line(const MotionTable& table, const VectorXd& residual) {
-  Structure line;
-  const VectorXd power = power_of(table, residual);
-  if (power.size() == 0) return line;
-  const Index peak = highest(power);
-  line.frequency = static_cast<double>(peak) * table.sample_rate / static_cast<double>(2 * power.size());
-  line.share = std::max(0.0, line_at(power, peak)) / power.tail(power.size() - 1).sum();
   constexpr double kSlowestVibration = 1.0;  // [Hz]; slower, it is a swing
-  line.what = line.frequency < kSlowestVibration ? fmt::format("swings at {:.2f} Hz", line.frequency)
-                                                 : fmt::format("vibrates at {:.1f} Hz", line.frequency);
-  return line;
+  const Line line = strongest_line(table, residual);
+  if (line.peak == 0) return {};
+  return {line.frequency < kSlowestVibration ? fmt::format("swings at {:.2f} Hz", line.frequency)
+                                             : fmt::format("vibrates at {:.1f} Hz", line.frequency),
+          line.share, line.frequency};
 }
 
 /// How well the residual is predicted by what it was a moment earlier, means of 0.1 s; share 0 where it is not.
@@ -163,18 +170,11 @@ VectorXd white_noise(const MotionTable& table, const MatrixXd& keep, const Matri
 VectorXd noise_with_hum(const MotionTable& table, const MatrixXd& keep, const MatrixXd& residual) {
   constexpr double kQuick = 3.0;  // [Hz]; what goes with the motion has lines below
   VectorXd noise = white_noise(table, keep, residual);
-  struct Line {
-    Index peak{0};
-    double share{0.0};
-  };
   const auto joints = static_cast<std::size_t>(residual.cols());
   std::vector<Line> lines(joints);
   host::for_each_parallel(joints, [&](std::size_t j) {
-    const VectorXd power = power_of(table, residual.col(static_cast<Index>(j)));
-    if (power.size() == 0) return;
-    const Index peak = highest(power);
-    if (static_cast<double>(peak) * table.sample_rate > kQuick * static_cast<double>(2 * power.size()))
-      lines[j] = {peak, std::max(0.0, line_at(power, peak)) / power.tail(power.size() - 1).sum()};
+    const Line line = strongest_line(table, residual.col(static_cast<Index>(j)));
+    if (line.frequency > kQuick) lines[j] = line;
   });
   if (std::none_of(lines.begin(), lines.end(), [](const Line& line) { return line.share > 0.0; })) return noise;
   std::vector<VectorXd> motion(joints);

@@ -144,7 +144,7 @@ class Veto {
     return true;
   }
 
-  /// What an effect does to its own joint, and to all together; empty: no harm.
+  /// What speaks against an effect by what it does to its own joint, and to all together; empty: nothing.
   std::string harm(const Candidate& own, const Errors& after, const Errors& before) const {
     if (own.effect.is<Contact>()) return {};
     const Index main = main_joint_of(own.trial);

@@ -459,7 +459,7 @@ INSTANTIATE_TEST_SUITE_P(OtherArms, DailyWork,
                                          std::tuple{"elasticity", "arm7", 1}, std::tuple{"hysteresis", "arm6", 1},
                                          std::tuple{"stribeck", "heavy6", 1}, std::tuple{"friction_drift", "desk6", 1}),
                          name_of_several);
-// The joint warms up more slowly than it seemed before its neighbour's spring was in place.
+// The joint warms up more quickly than it seemed before its neighbour's spring was in place.
 INSTANTIATE_TEST_SUITE_P(ShapesFoundAgain, DailyWork,
                          testing::Values(std::tuple{"elasticity+friction_drift", "arm7", 905}), name_of_several);
 // Rests of a quarter of a second are no pushes, and pushes are found beside them.
