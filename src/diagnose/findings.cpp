@@ -139,11 +139,17 @@ std::vector<Finding> findings_of(Search& search, const WrittenModel& written) {
     f.main_joint = static_cast<int>(main);
     f.validate_before = (written.has(e) ? other : as_written)[main];
     f.validate_after = (written.has(e) ? as_written : other)[main];
-    if (!written.has(e) && f.validate_after > kFarWorse * f.validate_before) {
+    const double times = f.validate_after / f.validate_before;
+    if (!written.has(e) && times > kFarWorse) {
       // It lowers what the search's low-pass leaves of the motion, and nothing that the motion as anyone derives it shows.
       search.refusals().not_taken(
           own, fmt::format("raises the error of joint {} on the validation logs by {:.0f} % next to the identified model",
-                           main + 1, 100.0 * (f.validate_after / f.validate_before - 1.0)));
+                           main + 1, 100.0 * (times - 1.0)));
+      continue;
+    }
+    if (!written.has(e) && own.is_elastic() && times > 1.0 - kRelevantGain) {
+      // A spring swings with whatever comes near its frequency, a base that vibrates for one.
+      search.refusals().not_taken(own, kShownTooLittle);
       continue;
     }
     f.left_out = written.why_not(e);

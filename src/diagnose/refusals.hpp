@@ -10,6 +10,9 @@
 
 namespace heft::diagnose {
 
+/// Why an effect goes with which the validation logs are predicted hardly better.
+inline constexpr const char* kShownTooLittle = "the validation logs show too little of it next to the identified model";
+
 /// Effects that were looked at, or in place, and are no findings.
 class Refusals {
  public:

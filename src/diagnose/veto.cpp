@@ -313,7 +313,7 @@ void reject_needless(Search& search, const Identified& identified) {
     if (least == found.end()) return;
     const int joint = accepted[(*least)->effect].joint;
     search.take_out((*least)->effect, (*least)->t > kSteadyGain
-                                          ? "the validation logs show too little of it next to the identified model"
+                                          ? kShownTooLittle
                                           : "rotor inertia and offsets, which the identified model has anyway, explain it as well");
     if (joint >= 0) search.take_rotor_and_offset(joint, identified);
   }
