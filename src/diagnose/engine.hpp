@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "candidates.hpp"
+#include "deflection.hpp"
 #include "heft/model/model_file.hpp"
 
 namespace heft::diagnose {
@@ -155,14 +156,14 @@ class Engine {
   struct Nearby;
   /// What makes elastic joints deflect: see deflections().
   struct LinkLoad {
-    std::vector<int> joints;     ///< k
-    Eigen::VectorXd masses;      ///< b: see masses_of()
-    Eigen::MatrixXd load, mass;  ///< m × k; m × n k: of each its column of the mass matrix
-    /// Entry of the mass matrix along the motion, of the a-th and b-th joint.
-    auto inertia(Eigen::Index a, Eigen::Index b) const {
-      return mass.col(mass.cols() / load.cols() * b + joints[static_cast<std::size_t>(a)]);
-    }
+    Eigen::VectorXd masses;  ///< b: see masses_of()
+    LinkTorque links;        ///< along the links' motion
+    Eigen::MatrixXd load;    ///< m × k: τ + G e, the links' torque where they would be with stiff joints
+
+    const std::vector<int>& joints() const { return links.joints; }
+    auto inertia(Eigen::Index a, Eigen::Index b) const { return links.inertia(joints()[static_cast<std::size_t>(a)], b); }
     Eigen::MatrixXd inertias() const;  ///< m × k²
+    Eigen::MatrixXd slopes() const;    ///< m × k²
     bool is_possible() const;
   };
   /// Torque around a deflection: see linearised().

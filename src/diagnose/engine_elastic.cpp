@@ -6,7 +6,6 @@
 #include "deflection.hpp"
 #include "engine.hpp"
 #include "heft/host/parallel.hpp"
-#include "heft/model/batch_dynamics.hpp"
 
 namespace heft::diagnose {
 
@@ -53,23 +52,18 @@ void Engine::deflect_links() {
 
 /// @param joints  k, of which no two are the same
 Engine::LinkLoad Engine::link_load(const model::Robot& robot, const std::vector<int>& joints) const {
+  LinkLoad by{masses_of(base_.parameters(robot)),
+              link_torque(robot, motion_.link_q, motion_.link_qd, motion_.qdd, joints), {}};
   const auto k = static_cast<Index>(joints.size());
-  const Index n = table_.num_joints;
-  const model::BatchDynamics dynamics(robot);
-  LinkLoad by{joints, masses_of(base_.parameters(robot)), MatrixXd(table_.rows(), k), MatrixXd(table_.rows(), n * k)};
-  constexpr Index kPiece = 256;  // rows of a job
-  host::for_each_parallel(static_cast<std::size_t>((table_.rows() + kPiece - 1) / kPiece), [&](std::size_t piece) {
-    const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, table_.rows() - from);
-    const auto q = motion_.link_q.middleRows(from, count), qd = motion_.link_qd.middleRows(from, count);
-    const MatrixXd torque = dynamics.inverse_dynamics(q, qd, motion_.qdd.middleRows(from, count));
-    MatrixXd mass(count, n * n);
-    dynamics.mass_matrix(q, mass);
+  by.load.resize(table_.rows(), k);
+  for (Index a = 0; a < k; ++a) {
+    const int joint = joints[static_cast<std::size_t>(a)];
+    by.load.col(a) = by.links.torque.col(joint);
     for (Index b = 0; b < k; ++b) {
-      const Index joint = joints[static_cast<std::size_t>(b)];
-      by.load.col(b).segment(from, count) = torque.col(joint);
-      by.mass.block(from, n * b, count, n) = mass.middleCols(n * joint, n);
+      const int other = joints[static_cast<std::size_t>(b)];
+      by.load.col(a) += by.links.stiffness(joint, b).cwiseProduct(motion_.q.col(other) - motion_.link_q.col(other));
     }
-  });
+  }
   return by;
 }
 
@@ -81,14 +75,8 @@ VectorXd Engine::masses_of(VectorXd beta) const {
   return beta;
 }
 
-MatrixXd Engine::LinkLoad::inertias() const {
-  const Index k = load.cols();
-  MatrixXd all(load.rows(), k * k);
-  for (Index a = 0; a < k; ++a) {
-    for (Index b = 0; b < k; ++b) all.col(a * k + b) = inertia(a, b);
-  }
-  return all;
-}
+MatrixXd Engine::LinkLoad::inertias() const { return links.shared([&](int i, Index b) { return links.inertia(i, b); }); }
+MatrixXd Engine::LinkLoad::slopes() const { return links.shared([&](int i, Index b) { return links.stiffness(i, b); }); }
 
 /// Whether the kinetic energy is positive, of each joint alone and of any two.
 bool Engine::LinkLoad::is_possible() const {
@@ -107,10 +95,13 @@ bool Engine::LinkLoad::is_possible() const {
 /// the way to them or less, from those that deflected last or, where there are none, from the given ones.
 Engine::LinkLoad Engine::possible_near(LinkLoad wanted) const {
   const LinkLoad from =
-      link_load_.joints == wanted.joints ? link_load_ : link_load(base_.robot(base_.prior()), wanted.joints);
+      link_load_.joints() == wanted.joints() ? link_load_ : link_load(base_.robot(base_.prior()), wanted.joints());
   for (const double part : {0.5, 0.25, 0.125}) {
-    LinkLoad there{from.joints, from.masses + part * (wanted.masses - from.masses),
-                   from.load + part * (wanted.load - from.load), from.mass + part * (wanted.mass - from.mass)};
+    const auto between = [&](const auto& a, const auto& b) { return (a + part * (b - a)).eval(); };
+    LinkLoad there{between(from.masses, wanted.masses),
+                   {wanted.joints(), between(from.links.torque, wanted.links.torque), between(from.links.mass, wanted.links.mass),
+                    between(from.links.slope, wanted.links.slope)},
+                   between(from.load, wanted.load)};
     if (there.is_possible()) return there;
   }
   return from;
@@ -126,11 +117,11 @@ VectorXd Engine::of_springs(double Candidate::*number) const {
 }
 
 void Engine::put_deflections(const LinkLoad& by) {
-  const auto k = static_cast<Index>(by.joints.size());
+  const auto k = static_cast<Index>(by.joints().size());
   const VectorXd stiffness = of_springs(&Candidate::shape), damping = of_springs(&Candidate::second);
-  const Deflections all = deflections(table_, by.load, by.inertias(), stiffness, damping);
+  const Deflections all = deflections(table_, by.load, by.inertias(), stiffness, damping, by.slopes());
   for (Index a = 0; a < k; ++a) {
-    const int joint = by.joints[static_cast<std::size_t>(a)];
+    const int joint = by.joints()[static_cast<std::size_t>(a)];
     const VectorXd own = by.inertia(a, a);
     if (!(own.minCoeff() > 0.0)) continue;
     const auto put = [&](const auto& value, const auto& rate, const auto& acceleration) {
@@ -141,32 +132,33 @@ void Engine::put_deflections(const LinkLoad& by) {
     if (all.value.rows() > 0) {
       put(all.value.col(a), all.rate.col(a), all.acceleration.col(a));
     } else {  // the fitted masses are physically impossible together
-      const Deflections one = deflections(table_, by.load.col(a), own, stiffness.segment(a, 1), damping.segment(a, 1));
-      put(one.value, one.rate, one.acceleration);
+      const Deflections one = deflections(table_, by.load.col(a), own, stiffness.segment(a, 1), damping.segment(a, 1),
+                                          by.links.stiffness(joint, a));
+      if (one.value.rows() > 0) put(one.value, one.rate, one.acceleration);
     }
   }
 }
 
 /// The torque around the present deflection, linear in masses, stiffness and damping. Whatever moves a deflection by x = ∂e/∂p
-/// moves the torque of joint i by -Σ_b M_ib ẍ_b, and
-///   M ẍ + D ẋ + K x = Y   for a mass, Y its column in the rows of the elastic joints,
-///                   = -K e and -D ė   for the logarithms of stiffness and damping of a joint, in its own row.
-/// What the small change of the links' positions does to Y and M is left out.
+/// moves the torque of joint i by -Σ_b (M_ib ẍ_b + G_ib x_b), and
+///   M ẍ + D ẋ + (K + G) x = Y   for a mass, Y its column in the rows of the elastic joints,
+///                         = -K e and -D ė   for the logarithms of stiffness and damping of a joint, in its own row.
+/// What the small change of the links' positions does to Y, M and G is left out.
 Engine::Linear Engine::linearised() const {
   const LinkLoad& by = link_load_;
-  const auto k = static_cast<Index>(by.joints.size());
+  const auto k = static_cast<Index>(by.joints().size());
   const Index m = table_.rows();
   const int n = table_.num_joints;
   // Every mass that moves one of the joints.
   std::vector<int> masses;
-  for (const int c : base_.places()[static_cast<std::size_t>(*std::min_element(by.joints.begin(), by.joints.end()))]) {
+  for (const int c : base_.places()[static_cast<std::size_t>(*std::min_element(by.joints().begin(), by.joints().end()))]) {
     if (base_.is_link(c)) masses.push_back(c);
   }
   const auto of_masses = static_cast<Index>(masses.size());
   const VectorXd stiffness = of_springs(&Candidate::shape), damping = of_springs(&Candidate::second);
   std::vector<MatrixXd> loads;
   for (Index b = 0; b < k; ++b) {
-    const auto joint = static_cast<std::size_t>(by.joints[static_cast<std::size_t>(b)]);
+    const auto joint = static_cast<std::size_t>(by.joints()[static_cast<std::size_t>(b)]);
     const std::vector<int>& places = base_.places()[joint];
     MatrixXd load = MatrixXd::Zero(m, of_masses + 2 * k);
     for (Index c = 0; c < of_masses; ++c) {
@@ -178,7 +170,7 @@ Engine::Linear Engine::linearised() const {
     load.col(of_masses + 2 * b + 1) = -damping[b] * (motion_.qd.col(j) - motion_.link_qd.col(j));
     loads.push_back(std::move(load));
   }
-  const std::vector<MatrixXd> moved = deflection_accelerations(table_, loads, by.inertias(), stiffness, damping);
+  const std::vector<ManyDeflections> moved = deflections_by_loads(table_, loads, by.inertias(), stiffness, damping, by.slopes());
   loads.clear();
   Linear linear{rows_, base_.places(), MatrixXd::Zero(m, n), {}};
   if (moved.empty()) return linear;
@@ -187,10 +179,11 @@ Engine::Linear Engine::linearised() const {
   for (int i = 0; i < n; ++i) {
     VectorXd deflecting = VectorXd::Zero(m);
     for (Index b = 0; b < k; ++b) {
-      const int joint = by.joints[static_cast<std::size_t>(b)];
-      deflecting += by.mass.col(n * b + i).cwiseProduct(motion_.qdd.col(joint) - motion_.link_qdd.col(joint));
+      const int joint = by.joints()[static_cast<std::size_t>(b)];
+      deflecting += by.links.inertia(i, b).cwiseProduct(motion_.qdd.col(joint) - motion_.link_qdd.col(joint)) +
+                    by.links.stiffness(i, b).cwiseProduct(motion_.q.col(joint) - motion_.link_q.col(joint));
     }
-    const bool elastic = std::find(by.joints.begin(), by.joints.end(), i) != by.joints.end();
+    const bool elastic = std::find(by.joints().begin(), by.joints().end(), i) != by.joints().end();
     if (elastic || deflecting.norm() > kDrowns * base_noise_[i] * std::sqrt(static_cast<double>(m))) linear.springs.joints.push_back(i);
   }
   linear.springs.values.assign(linear.springs.joints.size(), MatrixXd(m, 2 * k));
@@ -209,8 +202,11 @@ Engine::Linear Engine::linearised() const {
     VectorXd change(m);
     for (Index c = 0; c < of_masses + 2 * k; ++c) {
       change.setZero();
-      for (Index b = 0; b < k; ++b)
-        change -= moved[static_cast<std::size_t>(b)].col(c).cwiseProduct(by.mass.col(n * b + joint));
+      for (Index b = 0; b < k; ++b) {
+        const ManyDeflections& by_one = moved[static_cast<std::size_t>(b)];
+        change -= by_one.acceleration.col(c).cwiseProduct(by.links.inertia(joint, b)) +
+                  by_one.value.col(c).cwiseProduct(by.links.stiffness(joint, b));
+      }
       if (c >= of_masses) {
         linear.springs.values[s].col(c - of_masses) = change;
         continue;

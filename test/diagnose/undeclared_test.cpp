@@ -555,6 +555,23 @@ TEST(SpringInFewBlocks, IsNamedWhereNoOtherBlockLosesByIt) {
   }
 }
 
+/// Joint 1 carries the weight of the arm on a wall, and a soft spring sags under it: by 0.1 rad and more, which turns the weight.
+class SoftSpringOnAWall : public testing::TestWithParam<std::uint64_t> {};
+
+TEST_P(SoftSpringOnAWall, IsNamedWithItsStiffness) {
+  const UndeclaredCase c =
+      test::make_undeclared_case("elasticity", "desk6", GetParam(), test::CaseMotion::kExciting, {9.81, 0.0, 0.0});
+  const Diagnosis d = diagnosed(c);
+  ASSERT_EQ(d.findings.size(), 1U) << said(d);
+  const Finding& found = d.findings.front();
+  EXPECT_TRUE(names(found, c.effects.front())) << said(d);
+  ASSERT_EQ(found.parameters[0].first, "stiffness");
+  EXPECT_NEAR(found.parameters[0].second, c.effects.front().parameters.at("stiffness"), found.half_widths.at(0));
+  EXPECT_LT(found.half_widths.at(0), 0.03 * found.parameters[0].second);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, SoftSpringOnAWall, testing::Values(5, 12, 13));
+
 TEST(MotorOfASpring, IsToldFromItsLinkOnceTheSpringIsInPlace) {
   // Joint 1: without a spring its rotor is in the inertia of the link.
   const UndeclaredCase c = test::make_undeclared_case("elasticity", "scara4", 15);

@@ -1,5 +1,6 @@
 /// @file
 /// Writes simulated cases with undeclared effects into folders, to be looked at and to be diagnosed by hand.
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -97,11 +98,13 @@ int main(int argc, char** argv) {
   std::string out, kind, arm;
   std::vector<std::uint64_t> seeds;
   bool work = false;
+  std::array<double, 3> gravity{0.0, 0.0, -9.81};
   app.add_option("OUT", out, "Folder for the cases")->required();
   app.add_option("--kind", kind, "One kind, or several with a plus between; all without it");
   app.add_option("--arm", arm, "scara4, arm6, arm7, heavy6, desk6, gantry5 or polar6; the first three without it");
   app.add_option("--seeds", seeds, "First and last seed")->expected(2)->required();
   app.add_flag("--work", work, "The arm goes from pose to pose with rests, in place of exciting motion");
+  app.add_option("--gravity", gravity, "In the frame of the base [m/s²]: 9.81 0 0 for a wall, 0 0 9.81 for a ceiling");
   CLI11_PARSE(app, argc, argv);
   std::vector<std::string> kinds{kind};
   if (kind.empty()) {
@@ -118,7 +121,7 @@ int main(int argc, char** argv) {
           if (k.find("wrist_coupling") != std::string::npos && (a == "scara4" || a == "gantry5")) continue;
           const auto start = std::chrono::steady_clock::now();
           const UndeclaredCase c = heft::test::make_undeclared_case(
-              k, a, seed, work ? heft::test::CaseMotion::kWork : heft::test::CaseMotion::kExciting);
+              k, a, seed, work ? heft::test::CaseMotion::kWork : heft::test::CaseMotion::kExciting, gravity);
           const std::filesystem::path folder = std::filesystem::path(out) / c.name;
           std::filesystem::create_directories(folder);
           heft::host::write_file_atomically((folder / "robot.urdf").string(), c.urdf);

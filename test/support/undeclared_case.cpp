@@ -441,7 +441,8 @@ struct Plan {
 /// Everything about a case before it is simulated.
 class CaseMaker {
  public:
-  CaseMaker(const std::string& kinds, const std::string& arm, std::uint64_t seed, CaseMotion motion) {
+  CaseMaker(const std::string& kinds, const std::string& arm, std::uint64_t seed, CaseMotion motion,
+            const std::array<double, 3>& gravity) {
     std::uint64_t hash = seed * 1000003ULL + 17;
     for (char c : kinds + "/" + arm) hash = hash * 131 + static_cast<unsigned char>(c);
     random_.seed(hash);
@@ -457,6 +458,7 @@ class CaseMaker {
     case_.urdf = urdf_text(arm, nominal);
     case_.robot = urdf::load_urdf_string(case_.urdf, arm);
     case_.truth = urdf::load_urdf_string(urdf_text(arm, real), arm);
+    case_.robot.gravity = case_.truth.gravity = gravity;
     n_ = case_.truth.num_joints();
     case_.noise.resize(n_);
     const double share = uniform(random_, 0.0035, 0.0085);
@@ -1261,8 +1263,11 @@ const std::vector<std::string>& undeclared_arms() {
 }
 
 UndeclaredCase make_undeclared_case(const std::string& kind, const std::string& arm, std::uint64_t seed,
-                                    CaseMotion motion) {
-  return CaseMaker(kind, arm, seed, motion).make();
+                                    CaseMotion motion, const std::array<double, 3>& gravity) {
+  const bool base_moves = kind.find("base") != std::string::npos;
+  if (base_moves && gravity != model::Robot{}.gravity)
+    throw std::invalid_argument(fmt::format("\"{}\": expected an arm on the floor, whose gravity is (0, 0, -9.81)", kind));
+  return CaseMaker(kind, arm, seed, motion, gravity).make();
 }
 
 }  // namespace heft::test

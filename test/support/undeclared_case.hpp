@@ -2,6 +2,7 @@
 /// Simulated cases of a robot with an effect that its model does not declare: what diagnosis has to find.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -71,8 +72,10 @@ enum class CaseMotion {
 /// @param kind  an id, "none", an outside kind, or several ids with a plus between ("stribeck+spring")
 /// @param arm   scara4 (joint 3 prismatic), arm6 or arm7
 /// @throws std::invalid_argument for a name that does not exist, for wrist_coupling on scara4, and where other effects have
-/// left no joint.
+/// left no joint, and for a base that moves where the arm is not on the floor.
+/// @param gravity  in the frame of the base: how the arm is mounted [m/s²]
 UndeclaredCase make_undeclared_case(const std::string& kind, const std::string& arm, std::uint64_t seed,
-                                    CaseMotion motion = CaseMotion::kExciting);
+                                    CaseMotion motion = CaseMotion::kExciting,
+                                    const std::array<double, 3>& gravity = {0.0, 0.0, -9.81});
 
 }  // namespace heft::test
