@@ -47,7 +47,11 @@ struct Arm {
     }
   }
   Deflections deflected(const MotionTable& table) const { return deflections(table, load, inertia, stiffness, damping, slope); }
-  MatrixXd stiffness_in(Index i) const { return stiffness.asDiagonal().toDenseMatrix() + slope.row(i).reshaped(stiffness.size(), stiffness.size()).transpose(); }
+  /// K + G
+  MatrixXd stiffness_in(Index i) const {
+    const Index k = stiffness.size();
+    return stiffness.asDiagonal().toDenseMatrix() + slope.row(i).reshaped(k, k).transpose();
+  }
   MatrixXd load, inertia, slope;
   VectorXd stiffness, damping;
 };
