@@ -64,8 +64,7 @@ bool deflect(const MotionTable& table, const MatrixXd& inertia, const VectorXd& 
              const MatrixXd& slope, const Load& load, const Put& put) {
   using State = Loads<kJoints, kLoads>;
   const Index k = stiffness.size();
-  const bool sloped = slope.cols() > 0;
-  for (Index a = 0; sloped && a < k; ++a) {
+  for (Index a = 0; a < k; ++a) {
     if (!(stiffness[a] + slope.col(a * k + a).mean() > 0.0)) return false;
   }
   const double h = 1.0 / table.sample_rate;
@@ -77,23 +76,20 @@ bool deflect(const MotionTable& table, const MatrixXd& inertia, const VectorXd& 
   for (Index i = 0; i < table.rows(); ++i) {
     for (Index r = 0; r < k; ++r) {
       for (Index c = 0; c <= r; ++c) M(r, c) = inertia(i, r * k + c);
-      for (Index c = 0; sloped && c < k; ++c) G(r, c) = slope(i, r * k + c);
+      for (Index c = 0; c < k; ++c) G(r, c) = slope(i, r * k + c);
     }
     if (!is_positive_definite<kJoints>(M)) return false;
     State f = load(i);
     if (section < table.section_begin.size() && table.section_begin[section] == i) {
       ++section;
-      e = f / K;
-      if (sloped) {
-        G.diagonal() += stiffness;
-        e = G.partialPivLu().solve(f.matrix()).array();
-      }
+      G.diagonal() += stiffness;
+      e = G.partialPivLu().solve(f.matrix()).array();
       v.setZero();
       a.setZero();
     } else {
       M.diagonal() += ahead;
       const State late = v + 0.5 * h * a, far = e + h * v + 0.25 * h * h * a;
-      if (sloped) f -= (G.lazyProduct(far.matrix())).array();
+      f -= G.lazyProduct(far.matrix()).array();
       a = solution<kJoints, kLoads>(M, f - D * late - K * far);
       v = late + 0.5 * h * a;
       e = far + 0.25 * h * h * a;
@@ -163,22 +159,37 @@ auto for_joints(Index count, const F& f) {
 
 }  // namespace
 
+Index LinkTorque::column(int i, int j) const {
+  const auto k = static_cast<Index>(joints.size());
+  return mass.cols() / k * (std::find(joints.begin(), joints.end(), j) - joints.begin()) + i;
+}
+
+MatrixXd LinkTorque::among(std::span<const int> some, const MatrixXd& of) const {
+  const auto count = static_cast<Index>(some.size());
+  MatrixXd all(of.rows(), count * count);
+  for (Index a = 0; a < count; ++a) {
+    for (Index b = 0; b < count; ++b)
+      all.col(a * count + b) = of.col(column(some[static_cast<std::size_t>(a)], some[static_cast<std::size_t>(b)]));
+  }
+  return all;
+}
+
 LinkTorque link_torque(const model::Robot& robot, const MatrixXd& q, const MatrixXd& qd, const MatrixXd& qdd,
                        const std::vector<int>& joints) {
   constexpr double kStep = 1e-5;  // [rad, m]; errors of a difference to one side: 1e-5 of it by curvature, 1e-10 by rounding
   constexpr Index kPiece = 256;   // rows of a job
   const Index m = q.rows(), n = q.cols(), k = static_cast<Index>(joints.size());
   const model::BatchDynamics dynamics(robot);
-  LinkTorque by{joints, MatrixXd(m, n), MatrixXd(m, n * k), MatrixXd(m, n * k)};
+  LinkTorque by{joints, MatrixXd(m, k), MatrixXd(m, n * k), MatrixXd(m, n * k)};
   host::for_each_parallel(static_cast<std::size_t>((m + kPiece - 1) / kPiece), [&](std::size_t piece) {
     const Index from = static_cast<Index>(piece) * kPiece, count = std::min(kPiece, m - from);
     MatrixXd place = q.middleRows(from, count), mass(count, n * n);
     const auto rates = qd.middleRows(from, count), accelerations = qdd.middleRows(from, count);
     const MatrixXd torque = dynamics.inverse_dynamics(place, rates, accelerations);
-    by.torque.middleRows(from, count) = torque;
     dynamics.mass_matrix(place, mass);
     for (Index b = 0; b < k; ++b) {
       const Index joint = joints[static_cast<std::size_t>(b)];
+      by.torque.col(b).segment(from, count) = torque.col(joint);
       by.mass.block(from, n * b, count, n) = mass.middleCols(n * joint, n);
       place.col(joint).array() += kStep;
       by.slope.block(from, n * b, count, n) = (dynamics.inverse_dynamics(place, rates, accelerations) - torque) / kStep;

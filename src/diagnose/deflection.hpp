@@ -2,6 +2,7 @@
 /// How far elastic joints give along a motion.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,27 +17,23 @@ struct Deflections {
   Eigen::MatrixXd value, rate, acceleration;
 };
 
-/// Rigid-body torque along a motion, and what it changes by when the links of k joints move: δτ = Σ_b M_b δẍ_b + G_b δx_b.
+/// Rigid-body torque along a motion, and what it changes by when the links of k joints move: δτ_i = Σ_j M_ij δẍ_j + G_ij δx_j.
 struct LinkTorque {
   std::vector<int> joints;  ///< k
-  Eigen::MatrixXd torque;   ///< m × n [N·m]
+  Eigen::MatrixXd torque;   ///< of these joints, m × k [N·m]
   Eigen::MatrixXd mass;     ///< m × n k: of each joint its column of the mass matrix
   Eigen::MatrixXd slope;    ///< the same of G = ∂τ/∂q, of which gravity is most [N·m/rad]
 
-  Eigen::Index num_joints() const { return torque.cols(); }
-  /// Entries of M and of G along the motion: what the b-th of the k joints does to the torque of joint i.
-  auto inertia(int i, Eigen::Index b) const { return mass.col(num_joints() * b + i); }
-  auto stiffness(int i, Eigen::Index b) const { return slope.col(num_joints() * b + i); }
-  /// What the k joints do to each other, m × k²: f(joint, b) of the a-th and b-th in column a k + b.
-  template <typename F>
-  Eigen::MatrixXd shared(const F& f) const {
-    const auto k = static_cast<Eigen::Index>(joints.size());
-    Eigen::MatrixXd all(torque.rows(), k * k);
-    for (Eigen::Index a = 0; a < k; ++a) {
-      for (Eigen::Index b = 0; b < k; ++b) all.col(a * k + b) = f(joints[static_cast<std::size_t>(a)], b);
-    }
-    return all;
-  }
+  /// Entries of M and G along the motion: what joint j, one of the k, does to the torque of any joint i.
+  auto inertia(int i, int j) const { return mass.col(column(i, j)); }
+  auto stiffness(int i, int j) const { return slope.col(column(i, j)); }
+  /// The same of some of the k joints among themselves: entry (a, b) in column a count + b.
+  Eigen::MatrixXd inertias(std::span<const int> some) const { return among(some, mass); }
+  Eigen::MatrixXd slopes(std::span<const int> some) const { return among(some, slope); }
+
+ private:
+  Eigen::Index column(int i, int j) const;
+  Eigen::MatrixXd among(std::span<const int> some, const Eigen::MatrixXd& of) const;
 };
 
 /// Cost: the inverse dynamics of every row once and once for each of the k joints, and its mass matrix; on all cores.
@@ -50,10 +47,10 @@ LinkTorque link_torque(const model::Robot& robot, const Eigen::MatrixXd& q, cons
 /// @param load       rigid-body torque of each at the motors' motion, m × k [N·m]
 /// @param inertia    M along the motion by its lower part, m × k²: entry (a, b) in column a k + b
 /// @param stiffness, damping  k [N·m/rad, N·m·s/rad]
-/// @param slope      G along the motion as the inertia, all of it; no columns: 0
+/// @param slope      G along the motion as the inertia, all of it
 /// @return no rows where M is not positive definite in each row, or K + G of a joint not positive on average
 Deflections deflections(const MotionTable& table, const Eigen::MatrixXd& load, const Eigen::MatrixXd& inertia,
-                        const Eigen::VectorXd& stiffness, const Eigen::VectorXd& damping, const Eigen::MatrixXd& slope = {});
+                        const Eigen::VectorXd& stiffness, const Eigen::VectorXd& damping, const Eigen::MatrixXd& slope);
 
 /// What several loads of the same joint do: e and ë, m × c each.
 struct ManyDeflections {
@@ -65,6 +62,6 @@ struct ManyDeflections {
 /// @return of each joint; nothing where there are no deflections
 std::vector<ManyDeflections> deflections_by_loads(const MotionTable& table, const std::vector<Eigen::MatrixXd>& loads,
                                                   const Eigen::MatrixXd& inertia, const Eigen::VectorXd& stiffness,
-                                                  const Eigen::VectorXd& damping, const Eigen::MatrixXd& slope = {});
+                                                  const Eigen::VectorXd& damping, const Eigen::MatrixXd& slope);
 
 }  // namespace heft::diagnose

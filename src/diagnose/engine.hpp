@@ -157,13 +157,10 @@ class Engine {
   /// What makes elastic joints deflect: see deflections().
   struct LinkLoad {
     Eigen::VectorXd masses;  ///< b: see masses_of()
-    LinkTorque links;        ///< along the links' motion
+    LinkTorque links;        ///< along the links' motion; no torque
     Eigen::MatrixXd load;    ///< m × k: τ + G e, the links' torque where they would be with stiff joints
 
     const std::vector<int>& joints() const { return links.joints; }
-    auto inertia(Eigen::Index a, Eigen::Index b) const { return links.inertia(joints()[static_cast<std::size_t>(a)], b); }
-    Eigen::MatrixXd inertias() const;  ///< m × k²
-    Eigen::MatrixXd slopes() const;    ///< m × k²
     bool is_possible() const;
   };
   /// Torque around a deflection: see linearised().

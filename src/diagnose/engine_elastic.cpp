@@ -43,7 +43,7 @@ void Engine::deflect_links() {
   LinkLoad now = link_load(rigid_, joints);
   if (!now.is_possible()) now = possible_near(std::move(now));
   for (std::size_t a = 0; a < elastic.size(); ++a) {
-    const double mean = now.inertia(static_cast<Index>(a), static_cast<Index>(a)).mean();
+    const double mean = now.links.inertia(joints[a], joints[a]).mean();
     if (mean > 0.0) elastic[a]->inertia = mean;
   }
   put_deflections(now);
@@ -54,14 +54,11 @@ void Engine::deflect_links() {
 Engine::LinkLoad Engine::link_load(const model::Robot& robot, const std::vector<int>& joints) const {
   LinkLoad by{masses_of(base_.parameters(robot)),
               link_torque(robot, motion_.link_q, motion_.link_qd, motion_.qdd, joints), {}};
-  const auto k = static_cast<Index>(joints.size());
-  by.load.resize(table_.rows(), k);
-  for (Index a = 0; a < k; ++a) {
-    const int joint = joints[static_cast<std::size_t>(a)];
-    by.load.col(a) = by.links.torque.col(joint);
-    for (Index b = 0; b < k; ++b) {
-      const int other = joints[static_cast<std::size_t>(b)];
-      by.load.col(a) += by.links.stiffness(joint, b).cwiseProduct(motion_.q.col(other) - motion_.link_q.col(other));
+  by.load = std::move(by.links.torque);
+  for (std::size_t a = 0; a < joints.size(); ++a) {
+    for (const int other : joints) {
+      by.load.col(static_cast<Index>(a)) +=
+          by.links.stiffness(joints[a], other).cwiseProduct(motion_.q.col(other) - motion_.link_q.col(other));
     }
   }
   return by;
@@ -75,17 +72,14 @@ VectorXd Engine::masses_of(VectorXd beta) const {
   return beta;
 }
 
-MatrixXd Engine::LinkLoad::inertias() const { return links.shared([&](int i, Index b) { return links.inertia(i, b); }); }
-MatrixXd Engine::LinkLoad::slopes() const { return links.shared([&](int i, Index b) { return links.stiffness(i, b); }); }
-
 /// Whether the kinetic energy is positive, of each joint alone and of any two.
 bool Engine::LinkLoad::is_possible() const {
-  const Index k = load.cols();
-  for (Index a = 0; a < k; ++a) {
-    const auto own = inertia(a, a).array();
+  for (const int a : joints()) {
+    const auto own = links.inertia(a, a).array();
     if (!(own.minCoeff() > 0.0)) return false;
-    for (Index b = 0; b < a; ++b) {
-      if (!((own * inertia(b, b).array() - inertia(a, b).array().square()).minCoeff() > 0.0)) return false;
+    for (const int b : joints()) {
+      if (b == a) break;
+      if (!((own * links.inertia(b, b).array() - links.inertia(a, b).array().square()).minCoeff() > 0.0)) return false;
     }
   }
   return true;
@@ -99,8 +93,7 @@ Engine::LinkLoad Engine::possible_near(LinkLoad wanted) const {
   for (const double part : {0.5, 0.25, 0.125}) {
     const auto between = [&](const auto& a, const auto& b) { return (a + part * (b - a)).eval(); };
     LinkLoad there{between(from.masses, wanted.masses),
-                   {wanted.joints(), between(from.links.torque, wanted.links.torque), between(from.links.mass, wanted.links.mass),
-                    between(from.links.slope, wanted.links.slope)},
+                   {wanted.joints(), {}, between(from.links.mass, wanted.links.mass), between(from.links.slope, wanted.links.slope)},
                    between(from.load, wanted.load)};
     if (there.is_possible()) return there;
   }
@@ -119,10 +112,10 @@ VectorXd Engine::of_springs(double Candidate::*number) const {
 void Engine::put_deflections(const LinkLoad& by) {
   const auto k = static_cast<Index>(by.joints().size());
   const VectorXd stiffness = of_springs(&Candidate::shape), damping = of_springs(&Candidate::second);
-  const Deflections all = deflections(table_, by.load, by.inertias(), stiffness, damping, by.slopes());
+  const Deflections all = deflections(table_, by.load, by.links.inertias(by.joints()), stiffness, damping, by.links.slopes(by.joints()));
   for (Index a = 0; a < k; ++a) {
     const int joint = by.joints()[static_cast<std::size_t>(a)];
-    const VectorXd own = by.inertia(a, a);
+    const VectorXd own = by.links.inertia(joint, joint);
     if (!(own.minCoeff() > 0.0)) continue;
     const auto put = [&](const auto& value, const auto& rate, const auto& acceleration) {
       motion_.link_q.col(joint) = motion_.q.col(joint) - value;
@@ -133,7 +126,7 @@ void Engine::put_deflections(const LinkLoad& by) {
       put(all.value.col(a), all.rate.col(a), all.acceleration.col(a));
     } else {  // the fitted masses are physically impossible together
       const Deflections one = deflections(table_, by.load.col(a), own, stiffness.segment(a, 1), damping.segment(a, 1),
-                                          by.links.stiffness(joint, a));
+                                          by.links.stiffness(joint, joint));
       if (one.value.rows() > 0) put(one.value, one.rate, one.acceleration);
     }
   }
@@ -170,7 +163,7 @@ Engine::Linear Engine::linearised() const {
     load.col(of_masses + 2 * b + 1) = -damping[b] * (motion_.qd.col(j) - motion_.link_qd.col(j));
     loads.push_back(std::move(load));
   }
-  const std::vector<ManyDeflections> moved = deflections_by_loads(table_, loads, by.inertias(), stiffness, damping, by.slopes());
+  const std::vector<ManyDeflections> moved = deflections_by_loads(table_, loads, by.links.inertias(by.joints()), stiffness, damping, by.links.slopes(by.joints()));
   loads.clear();
   Linear linear{rows_, base_.places(), MatrixXd::Zero(m, n), {}};
   if (moved.empty()) return linear;
@@ -180,8 +173,8 @@ Engine::Linear Engine::linearised() const {
     VectorXd deflecting = VectorXd::Zero(m);
     for (Index b = 0; b < k; ++b) {
       const int joint = by.joints()[static_cast<std::size_t>(b)];
-      deflecting += by.links.inertia(i, b).cwiseProduct(motion_.qdd.col(joint) - motion_.link_qdd.col(joint)) +
-                    by.links.stiffness(i, b).cwiseProduct(motion_.q.col(joint) - motion_.link_q.col(joint));
+      deflecting += by.links.inertia(i, joint).cwiseProduct(motion_.qdd.col(joint) - motion_.link_qdd.col(joint)) +
+                    by.links.stiffness(i, joint).cwiseProduct(motion_.q.col(joint) - motion_.link_q.col(joint));
     }
     const bool elastic = std::find(by.joints().begin(), by.joints().end(), i) != by.joints().end();
     if (elastic || deflecting.norm() > kDrowns * base_noise_[i] * std::sqrt(static_cast<double>(m))) linear.springs.joints.push_back(i);
@@ -204,8 +197,9 @@ Engine::Linear Engine::linearised() const {
       change.setZero();
       for (Index b = 0; b < k; ++b) {
         const ManyDeflections& by_one = moved[static_cast<std::size_t>(b)];
-        change -= by_one.acceleration.col(c).cwiseProduct(by.links.inertia(joint, b)) +
-                  by_one.value.col(c).cwiseProduct(by.links.stiffness(joint, b));
+        const int elastic = by.joints()[static_cast<std::size_t>(b)];
+        change -= by_one.acceleration.col(c).cwiseProduct(by.links.inertia(joint, elastic)) +
+                  by_one.value.col(c).cwiseProduct(by.links.stiffness(joint, elastic));
       }
       if (c >= of_masses) {
         linear.springs.values[s].col(c - of_masses) = change;

@@ -68,7 +68,8 @@ TEST(Deflections, FollowTheResonanceOfALinearOscillator) {
   VectorXd load(table.rows());
   for (Index i = 0; i < table.rows(); ++i) load[i] = std::sin(w * table.time[i]);
   const Deflections e =
-      deflections(table, load, VectorXd::Constant(table.rows(), M), VectorXd::Constant(1, K), VectorXd::Constant(1, D));
+      deflections(table, load, VectorXd::Constant(table.rows(), M), VectorXd::Constant(1, K), VectorXd::Constant(1, D),
+                  VectorXd::Zero(table.rows()));
   const double amplitude = 1.0 / std::hypot(K - M * w * w, D * w);
   EXPECT_NEAR(e.value.bottomRows(4000).maxCoeff(), amplitude, 2e-3 * amplitude);
   EXPECT_NEAR(e.acceleration.bottomRows(4000).maxCoeff(), w * w * amplitude, 4e-3 * w * w * amplitude);
@@ -94,7 +95,8 @@ TEST(Deflections, OfTwoJointsThatShareInertiaAreThoseOfTheirModes) {
   const Eigen::Vector2d A = (stiffness - w * w * M).inverse() * f;
   const Eigen::Vector2d part = modes.eigenvectors().transpose() * M * (f.cwiseQuotient(K) - A);
   const VectorXd drive = (w * table.time).array().cos();
-  const Deflections e = deflections(table, drive * f.transpose(), even_inertia(table, M), K, VectorXd::Zero(2));
+  const Deflections e = deflections(table, drive * f.transpose(), even_inertia(table, M), K, VectorXd::Zero(2),
+                                    MatrixXd::Zero(table.rows(), 4));
   double largest = 0.0, worst = 0.0;
   for (Index i = 0; i < table.rows(); ++i) {
     const double t = table.time[i];
@@ -111,9 +113,10 @@ TEST(Deflections, WithoutSharedInertiaAreThoseOfEachJoint) {
   const Eigen::Vector2d M(2.0, 0.5), K(9000.0, 4000.0), D(30.0, 5.0);
   MatrixXd load(table.rows(), 2);
   for (Index i = 0; i < table.rows(); ++i) load.row(i) << std::sin(20.0 * table.time[i]), std::cos(50.0 * table.time[i]);
-  const Deflections both = deflections(table, load, even_inertia(table, M.asDiagonal()), K, D);
+  const Deflections both = deflections(table, load, even_inertia(table, M.asDiagonal()), K, D, MatrixXd::Zero(table.rows(), 4));
   for (Index j = 0; j < 2; ++j) {
-    const Deflections one = deflections(table, load.col(j), VectorXd::Constant(table.rows(), M[j]), K.segment(j, 1), D.segment(j, 1));
+    const Deflections one = deflections(table, load.col(j), VectorXd::Constant(table.rows(), M[j]), K.segment(j, 1), D.segment(j, 1),
+                                        VectorXd::Zero(table.rows()));
     EXPECT_TRUE(both.value.col(j).isApprox(one.value, 1e-12)) << "joint " << j + 1;
     EXPECT_TRUE(both.rate.col(j).isApprox(one.rate, 1e-12)) << "joint " << j + 1;
     EXPECT_TRUE(both.acceleration.col(j).isApprox(one.acceleration, 1e-12)) << "joint " << j + 1;
@@ -125,7 +128,7 @@ TEST(Deflections, OfAnInertiaThatIsPhysicallyImpossibleThereAreNone) {
   Eigen::Matrix2d M;
   M << 1.0, 1.1, 1.1, 1.0;
   const Deflections none = deflections(table, MatrixXd::Ones(table.rows(), 2), even_inertia(table, M),
-                                       Eigen::Vector2d(9000.0, 4000.0), Eigen::Vector2d(1.0, 1.0));
+                                       Eigen::Vector2d(9000.0, 4000.0), Eigen::Vector2d(1.0, 1.0), MatrixXd::Zero(table.rows(), 4));
   EXPECT_EQ(none.value.rows(), 0);
 }
 

@@ -555,7 +555,7 @@ TEST(SpringInFewBlocks, IsNamedWhereNoOtherBlockLosesByIt) {
   }
 }
 
-/// Joint 1 carries the weight of the arm on a wall, and a soft spring sags under it: by 0.1 rad and more, which turns the weight.
+/// Joints 1 and 2 carry the weight of an arm on a wall. Their springs sag under it, by 0.06 to 0.15 rad at most, which turns the weight.
 class SoftSpringOnAWall : public testing::TestWithParam<std::uint64_t> {};
 
 TEST_P(SoftSpringOnAWall, IsNamedWithItsStiffness) {

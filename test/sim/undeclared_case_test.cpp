@@ -60,6 +60,7 @@ TEST(UndeclaredCase, RefusesNamesThatDoNotExist) {
   EXPECT_THROW(make_undeclared_case("stiction", "scara4", 1), std::invalid_argument);
   EXPECT_THROW(make_undeclared_case("none", "arm9", 1), std::invalid_argument);
   EXPECT_THROW(make_undeclared_case("wrist_coupling", "scara4", 1), std::invalid_argument);
+  EXPECT_THROW(make_undeclared_case("base_tilt", "scara4", 1, CaseMotion::kExciting, {9.81, 0.0, 0.0}), std::invalid_argument);
 }
 
 }  // namespace

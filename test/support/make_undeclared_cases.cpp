@@ -62,6 +62,7 @@ Json truth_json(const UndeclaredCase& c) {
   json["joints"] = n;
   json["rate_hz"] = c.rate;
   json["has_qd"] = c.has_qd;
+  json["gravity"] = c.robot.gravity;
   json["train_seconds"] = static_cast<double>(c.train.time.size()) / c.rate;
   json["validate_seconds"] = static_cast<double>(c.validate.time.size()) / c.rate;
   json["kind"] = c.kind;

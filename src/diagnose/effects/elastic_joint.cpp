@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "../arm_search.hpp"
@@ -137,31 +138,22 @@ class SpringSearch {
 
   /// What deflects the joints, and what those in place do without the others.
   void set_up_motion() {
-    const Index rows = bench_.table->rows();
-    load_.resize(rows, count());
-    inertia_.resize(rows, count() * count());
-    slope_.resize(rows, count() * count());
     const Motion& motion = *bench_.motion;
+    load_.resize(bench_.table->rows(), count());
+    inertia_ = links_.inertias(elastic_);
+    slope_ = links_.slopes(elastic_);
+    const auto placed = std::span<const int>(elastic_).first(static_cast<std::size_t>(placed_));
     for (Index a = 0; a < count(); ++a) {
       load_.col(a) = bench_.load->col(elastic(a));
-      for (Index b = 0; b < count(); ++b) {
-        inertia_.col(a * count() + b) = links_.inertia(elastic(a), elastic(b));
-        slope_.col(a * count() + b) = links_.stiffness(elastic(a), elastic(b));
-      }
       // The load is that of the links; motors whose springs are in place are elsewhere: τ(θ..) = τ(x..) + M ë + G e.
-      for (Index b = 0; b < placed_; ++b) {
-        const int j = elastic(b);
-        load_.col(a) += inertia_.col(a * count() + b).cwiseProduct(motion.qdd.col(j) - motion.link_qdd.col(j)) +
-                        slope_.col(a * count() + b).cwiseProduct(motion.q.col(j) - motion.link_q.col(j));
+      for (const int j : placed) {
+        load_.col(a) += links_.inertia(elastic(a), j).cwiseProduct(motion.qdd.col(j) - motion.link_qdd.col(j)) +
+                        links_.stiffness(elastic(a), j).cwiseProduct(motion.q.col(j) - motion.link_q.col(j));
       }
     }
-    if (placed_ == 0) return;
-    MatrixXd inertia(rows, placed_ * placed_), slope(rows, placed_ * placed_);
-    for (Index a = 0; a < placed_; ++a) {
-      inertia.middleCols(a * placed_, placed_) = inertia_.middleCols(a * count(), placed_);
-      slope.middleCols(a * placed_, placed_) = slope_.middleCols(a * count(), placed_);
-    }
-    before_ = deflections(*bench_.table, load_.leftCols(placed_), inertia, stiffness_.head(placed_), damping_.head(placed_), slope);
+    if (placed.empty()) return;
+    before_ = deflections(*bench_.table, load_.leftCols(placed_), links_.inertias(placed), stiffness_.head(placed_),
+                          damping_.head(placed_), links_.slopes(placed));
   }
 
   /// Takes from a column what deflections of the b-th joint take from the torque of another one: M ë + G e.
