@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <cstring>
 
+#include "signal_lanes.hpp"
 #include "low_pass_sections.hpp"
 
 namespace heft::data {
@@ -13,63 +13,13 @@ using Eigen::Index;
 
 namespace {
 
-/// DecimatedLowPass::kSums
-constexpr Index kLowPassSums = 9;
-
 /// Both sections as one: states s1, s2 of the first, then of the second.
-void step_states(const LowPass<1>& filter, Eigen::Vector4d& x, double input, double& output) {
+void step_states(const LowPass& filter, Eigen::Vector4d& x, double input, double& output) {
   LowPassSection::State first, second;
   first.s1.setConstant(x[0]), first.s2.setConstant(x[1]);
   second.s1.setConstant(x[2]), second.s2.setConstant(x[3]);
   output = filter.second().step(second, filter.first().step(first, LowPassSection::Pair::Constant(input)))[0];
   x << first.s1[0], first.s2[0], second.s1[0], second.s2[0];
-}
-
-/// Adds rows times their factors to sums, `kLowPassSums` rows of `signals` numbers.
-using SumsOfProducts = void (*)(double* sums, const double* rows, const double* factors, Index signals, Index count);
-
-/// Signals side by side, as many as a vector of the compiler has.
-template <typename Vector>
-[[gnu::always_inline]] inline void add_products(double* sums, const double* rows, const double* factors, Index signals,
-                                                Index count, Index first, Index last) {
-  constexpr Index kLanes = sizeof(Vector) / sizeof(double);
-  for (Index signal = first; signal + kLanes <= last; signal += kLanes) {
-    Vector sum[kLowPassSums];
-    for (Index s = 0; s < kLowPassSums; ++s) std::memcpy(&sum[s], sums + s * signals + signal, sizeof(Vector));
-    const double* row = rows + signal;
-    const double* factor = factors;
-    for (Index k = 0; k < count; ++k, row += signals, factor += kLowPassSums) {
-      Vector value;
-      std::memcpy(&value, row, sizeof(Vector));
-#pragma GCC unroll 9
-      for (Index s = 0; s < kLowPassSums; ++s) sum[s] += factor[s] * value;
-    }
-    for (Index s = 0; s < kLowPassSums; ++s) std::memcpy(sums + s * signals + signal, &sum[s], sizeof(Vector));
-  }
-}
-
-using Vector2 = double __attribute__((vector_size(16)));
-
-void add_in_pairs(double* sums, const double* rows, const double* factors, Index signals, Index count) {
-  add_products<Vector2>(sums, rows, factors, signals, count, 0, signals);
-}
-
-#ifdef __x86_64__
-using Vector4 = double __attribute__((vector_size(32)));
-
-/// AVX2 without fused products: the same bits.
-[[gnu::target("avx2")]] void add_in_fours(double* sums, const double* rows, const double* factors, Index signals,
-                                          Index count) {
-  add_products<Vector4>(sums, rows, factors, signals, count, 0, signals);
-  add_products<Vector2>(sums, rows, factors, signals, count, signals / 4 * 4, signals);
-}
-#endif
-
-SumsOfProducts sums_of_products() {
-#ifdef __x86_64__
-  if (__builtin_cpu_supports("avx2")) return add_in_fours;
-#endif
-  return add_in_pairs;
 }
 
 Index number_kept(Index rows, Index first, Index step) { return rows > first ? (rows - first - 1) / step + 1 : 0; }
@@ -95,12 +45,12 @@ DecimatedLowPass::DecimatedLowPass(double sample_rate, double cutoff, Index sign
   sums_ = Kept::Zero(kSums, signals);
   forward_ = Kept::Zero(kStates, signals);
   output_.resize(kept_, signals);
-  behind_.resize(static_cast<std::size_t>(kept_));
+  behind_.resize(kStates * kept_, signals);
 }
 
 void DecimatedLowPass::make_tables() {
-  static_assert(kSums == kLowPassSums);
-  const LowPass<1> filter(sample_rate_, cutoff_);
+  static_assert(kSums == SignalLanes::kSums && kStates == StretchFilter::kStates);
+  const LowPass filter(sample_rate_, cutoff_);
   for (int s = 0; s < kStates; ++s) {
     Eigen::Vector4d x = Eigen::Vector4d::Unit(s);
     step_states(filter, x, 0.0, C_[s]);
@@ -164,24 +114,25 @@ void DecimatedLowPass::add(const double* rows, Index count) {
 /// Rows of the present stretch; none of them behind its end. Rows behind the last kept one are left to the end.
 void DecimatedLowPass::accumulate(const double* rows, Index count) {
   if (stretch_ >= kept_) return;
-  static const auto add = sums_of_products();
-  add(sums_.data(), rows, table_.data() + in_stretch_ * kSums, signals_, count);
+  signal_lanes().add(sums_.data(), rows, table_.data() + in_stretch_ * kSums, signals_, count);
   in_stretch_ += count;
   if (in_stretch_ == step_) end_stretch();
 }
 
+StretchFilter DecimatedLowPass::over_stretch() const {
+  return {A_step_.data(), H_.data(), e_.data(), C_.data(), D_};
+}
+
 void DecimatedLowPass::end_stretch() {
-  output_.row(stretch_) = sums_.row(2 * kStates) + e_ * forward_;
-  behind_[static_cast<std::size_t>(stretch_)] = sums_.middleRows(kStates, kStates) + H_ * forward_;
-  forward_ = (A_step_ * forward_ + sums_.topRows(kStates)).eval();
-  sums_.setZero();
+  signal_lanes().end(over_stretch(), sums_.data(), forward_.data(), output_.row(stretch_).data(),
+                         behind_.row(kStates * stretch_).data(), signals_);
   in_stretch_ = 0;
   ++stretch_;
 }
 
 /// The forward run from the rows that continue the log in front of it, to the first kept row.
 void DecimatedLowPass::begin_at_head() {
-  const LowPass<1> filter(sample_rate_, cutoff_);
+  const LowPass filter(sample_rate_, cutoff_);
   const Index size = padding_ + first_kept_ + 1;
   Kept pair(size, 2);
   for (Index signal = 0; signal < signals_; signal += 2) {
@@ -209,7 +160,7 @@ void DecimatedLowPass::begin_at_head() {
 
 /// The backward run from behind the rows that continue the log at its end, to behind the last kept row: kStates × signals.
 Eigen::MatrixXd DecimatedLowPass::backward_state_behind_last() const {
-  const LowPass<1> filter(sample_rate_, cutoff_);
+  const LowPass filter(sample_rate_, cutoff_);
   const Index last = first_kept_ + (kept_ - 1) * step_;
   const Index left = rows_ - 1 - last;
   Eigen::MatrixXd result(kStates, signals_);
@@ -245,8 +196,8 @@ DecimatedLowPass::Kept DecimatedLowPass::finish() {
   if (kept_ == 0) return Kept(0, signals_);
   Kept backward = backward_state_behind_last();
   for (Index k = kept_ - 1; k >= 0; --k) {
-    output_.row(k) = C_ * backward + D_ * output_.row(k);
-    if (k > 0) backward = (A_step_ * backward + behind_[static_cast<std::size_t>(k)]).eval();
+    signal_lanes().back(over_stretch(), output_.row(k).data(), k > 0 ? behind_.row(kStates * k).data() : nullptr,
+                            backward.data(), signals_);
   }
   return std::move(output_);
 }

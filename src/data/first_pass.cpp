@@ -196,7 +196,7 @@ void MotionStream::Impl::derive_speeds(std::vector<MovingSpan>& spans) const {
     Eigen::Array<bool, Eigen::Dynamic, 1> clear;  ///< of gaps
   };
   walk<Speeds>(
-      Wanted::kPosition, std::max(kBlockRows * 4, 2 * margin), margin,
+      Wanted::kPosition, std::max(options.chunk_samples, 2 * margin), margin,
       [&](const Window& window) {
         const Index first = window.first - window.lo, count = window.count;
         return Speeds{window.grid.segment(first, count), motion(window).qd.middleRows(first, count).cwiseAbs(),

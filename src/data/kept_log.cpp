@@ -105,7 +105,6 @@ void KeptLog::read_rows(bool compared) {
     }
   });
   if (filled > 0) hand_over();
-  if (compared) facts_->fingerprint.finish();
 }
 
 /// Stamps are used as they are where there is no room for times beside them, nor for the rows.

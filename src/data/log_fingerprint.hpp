@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <vector>
 
 #include <Eigen/Core>
@@ -20,13 +22,11 @@ class LogFingerprint {
 
   /// The next rows; tau may have no columns.
   void add(const Eigen::Ref<const Eigen::MatrixXd>& q, const Eigen::Ref<const Eigen::MatrixXd>& tau);
-  /// Called once after the last row.
-  void finish();
-
   long rows() const { return rows_; }
 
   /// Relation of this log to another.
   enum class Relation { kNone, kSame, kPart, kWhole, kOverlap };
+  /// Once all rows of both are added; from several threads at once, too.
   Relation relation_to(const LogFingerprint& other) const;
 
  private:
@@ -38,11 +38,18 @@ class LogFingerprint {
   };
   void keep(const Run& run);
   void thin_out();
+  /// Kept runs in ascending order, each once. Sorted when first asked for: a log by itself is compared with none.
+  const std::vector<Run>& sorted_runs() const;
+  static void sort(std::vector<Run>& runs);
 
-  std::vector<Run> runs_;
+  mutable std::vector<Run> runs_;
+  std::unique_ptr<std::once_flag> sorted_{std::make_unique<std::once_flag>()};
   std::uint64_t mask_{0};  ///< kept are hashes without these bits
-  std::array<std::uint64_t, kRun> recent_{};
-  std::array<bool, kRun> changed_{};
+  std::vector<std::uint64_t> factors_;         ///< of the numbers in a row
+  std::array<std::uint64_t, kRun> recent_{};   ///< hashes of the last rows
+  std::array<bool, kRun> changed_{};           ///< whether q changed in them
+  std::uint64_t run_{0};                       ///< of the last rows together
+  int changes_{0};                             ///< of them in which q changed
   std::vector<double> last_q_;
   long rows_{0};
 };

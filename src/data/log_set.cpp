@@ -49,7 +49,6 @@ LogSource inspect(LogSource source, const JointLimits& limits, std::vector<std::
     check.add(log.time, log.q, log.qd, log.qdd, log.tau);
     LogFingerprint fingerprint;
     fingerprint.add(log.q, log.tau);
-    fingerprint.finish();
     judge_rows(check, std::move(fingerprint), limits, source, notes);
     SampleTimes times = sample_times(log);
     source.time_note = times.note(source.path);

@@ -6,25 +6,24 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
 #include "low_pass_sections.hpp"
+#include "signal_lanes.hpp"
 
 namespace heft::data {
 namespace {
 
 using Eigen::Index;
 
-/// Forward and back over columns first .. first + count of `signal`, count at most 2 · Pairs.
+/// Forward and back over columns first .. first + count of `signal`: as many as the lanes take at once.
 /// @param work  of any size; kept by the caller from one group of columns to the next
-template <int Pairs>
-void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, double sample_rate, double cutoff,
+void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, const LowPass& filter, Index pad,
                     std::vector<double>& work, Eigen::MatrixXd& result) {
-  constexpr Index kLanes = 2 * Pairs;
-  const Index n = signal.rows();
-  const Index pad = low_pass_padding(n, sample_rate, cutoff);
-  const Index size = n + 2 * pad;
-  work.resize(static_cast<std::size_t>(size * kLanes));
+  const SignalLanes& lanes = signal_lanes();
+  const Index width = (count + lanes.width - 1) / lanes.width * lanes.width;
+  const Index n = signal.rows(), size = n + 2 * pad;
+  work.resize(static_cast<std::size_t>(size * width));
   // One row a sample.
-  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, kLanes, Eigen::RowMajor>> padded(work.data(), size, kLanes);
-  for (Index lane = 0; lane < kLanes; ++lane) {
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> padded(work.data(), size, width);
+  for (Index lane = 0; lane < width; ++lane) {
     const auto x = signal.col(first + std::min(lane, count - 1));
     auto to = padded.col(lane);
     for (Index k = 0; k < pad; ++k) {
@@ -33,9 +32,10 @@ void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, dou
     }
     to.segment(pad, n) = x;
   }
-  const LowPass<Pairs> filter(sample_rate, cutoff);
-  filter.run(work.data(), size, kLanes);
-  filter.run(work.data() + (size - 1) * kLanes, size - pad, -kLanes);
+  const LowPassSection &a = filter.first(), &b = filter.second();
+  const SignalLanes::Sections sections{a.a1, a.a2, a.a3, b.a1, b.a2, b.a3};
+  lanes.filter(sections, work.data(), size, width, width);
+  lanes.filter(sections, work.data() + (size - 1) * width, size - pad, -width, width);
   for (Index lane = 0; lane < count; ++lane) result.col(first + lane) = padded.col(lane).segment(pad, n);
 }
 
@@ -51,16 +51,10 @@ Eigen::MatrixXd low_pass_zero_phase(const Eigen::MatrixXd& signal, double sample
   if (signal.rows() < 2) return signal;
   Eigen::MatrixXd result(signal.rows(), signal.cols());
   std::vector<double> work;
-  for (Index first = 0; first < signal.cols(); first += 6) {
-    const Index count = std::min<Index>(signal.cols() - first, 6);
-    if (count > 4) {
-      filter_columns<3>(signal, first, count, sample_rate, cutoff, work, result);
-    } else if (count > 2) {
-      filter_columns<2>(signal, first, count, sample_rate, cutoff, work, result);
-    } else {
-      filter_columns<1>(signal, first, count, sample_rate, cutoff, work, result);
-    }
-  }
+  const LowPass filter(sample_rate, cutoff);
+  const Index pad = low_pass_padding(signal.rows(), sample_rate, cutoff), most = signal_lanes().most;
+  for (Index first = 0; first < signal.cols(); first += most)
+    filter_columns(signal, first, std::min(signal.cols() - first, most), filter, pad, work, result);
   return result;
 }
 

@@ -250,20 +250,46 @@ int reference_in(const data::MotionChunk& chunk, const InstrumentOptions& option
   return there ? options.reference : -1;
 }
 
-/// RK4 step [s]: stable up to 2.8 over the fastest rate.
-double step_for(const InstrumentOptions& options, double omega, const Eigen::VectorXd& viscous) {
+/// RK4 step [s] at most: stable up to 2.8 over the fastest rate.
+double longest_step(const InstrumentOptions& options, double omega, const Eigen::VectorXd& viscous) {
   if (options.step > 0.0) return options.step;
   return std::clamp(std::min(0.5 / omega, 1.0 / std::max(1e-9, viscous.maxCoeff())), 5e-4, 5e-3);
 }
 
-/// Positions to follow on a grid of half steps.
-Motion on_half_steps(const Eigen::VectorXd& time, const Eigen::MatrixXd& followed, double step) {
-  const double begin = time[0];
-  const double span = time[time.size() - 1] - begin;
-  const auto steps = static_cast<Eigen::Index>(std::ceil(span / step));
+/// How the steps of a simulation go with the rows of a piece: one over `stride` rows, or several from one row to the next.
+struct Steps {
+  Index first{0};   ///< row of the piece where they begin
+  Index stride{1};  ///< rows a step; 1 where there are several a row
+  Index a_row{1};   ///< steps a row; 1 where there are several rows a step
+};
+
+/// The longest steps that end on every kept row, two of them at least from one to the next: the low-pass that follows works
+/// at their rate.
+Steps steps_on(const regression::KeptRows& kept, double period, double longest) {
+  Steps steps;
+  if (period > longest) {
+    steps.a_row = static_cast<Index>(std::ceil(period / longest));
+  } else {
+    for (Index stride = 2; 2 * stride <= kept.step && static_cast<double>(stride) * period <= longest; ++stride) {
+      if (kept.step % stride == 0) steps.stride = stride;
+    }
+  }
+  steps.first = kept.first % steps.stride;
+  return steps;
+}
+
+/// Positions to follow on a grid of half steps. @param period  between rows of the piece [s]
+Motion on_half_steps(const Eigen::VectorXd& time, const Eigen::MatrixXd& followed, double period, const Steps& steps) {
+  const Index rows = (time.size() - 1 - steps.first) / steps.stride;  // behind the first
+  const Index halves = 2 * steps.a_row * rows;
+  const double begin = time[steps.first], span = static_cast<double>(rows * steps.stride) * period;
   Motion reference;
-  reference.time = Eigen::VectorXd::LinSpaced(2 * steps + 1, begin, begin + span);
-  reference.q = data::resample(time, followed, reference.time);
+  reference.time = Eigen::VectorXd::LinSpaced(halves + 1, begin, begin + span);
+  if (steps.stride % 2 == 0) {
+    reference.q = followed(Eigen::seqN(steps.first, halves + 1, steps.stride / 2), Eigen::all);
+  } else {
+    reference.q = data::resample(time, followed, reference.time);
+  }
   reference.qd = data::differentiate(reference.time, reference.q);
   reference.qdd = data::differentiate(reference.time, reference.qd);
   return reference;
@@ -272,24 +298,37 @@ Motion on_half_steps(const Eigen::VectorXd& time, const Eigen::MatrixXd& followe
 /// Samples that a piece must have to be simulated; a shorter one is its own instrument.
 constexpr Eigen::Index kLeastSamples = 8;
 
-/// The arm along `followed`, on the half steps of its integration. @return whether it could be simulated
-bool simulate_along(SimulatedArm& arm, const Eigen::VectorXd& time, const Eigen::MatrixXd& followed,
-                    const Eigen::MatrixXd& velocity, double smoothing, const InstrumentOptions& options,
-                    Motion& out) {
-  if (time.size() < kLeastSamples) return false;
+/// The arm along `followed`. @return whether it could be simulated
+bool simulate_along(SimulatedArm& arm, const data::MotionChunk& chunk, const regression::KeptRows& kept,
+                    const Eigen::MatrixXd& followed, double smoothing, const InstrumentOptions& options,
+                    regression::ThinnedMotion& motion) {
+  if (chunk.time.size() < kLeastSamples + kept.step) return false;
   const double omega = 2.0 * std::numbers::pi * (options.control > 0.0 ? options.control : 4.0 * smoothing);
   Eigen::VectorXd viscous, coulomb;
   if (!friction_rates(arm, followed, viscous, coulomb)) return false;
-  const double step = step_for(options, omega, viscous);
+  const double period = 1.0 / chunk.sample_rate;
+  const Steps steps = steps_on(kept, period, longest_step(options, omega, viscous));
+  const Motion reference = on_half_steps(chunk.time, followed, period, steps);
   // Coulomb friction is smooth over a velocity that it takes up in one step, so that the step is stable for it too; at
   // least 1 % of the top speed.
-  const Eigen::VectorXd top_speed = velocity.cwiseAbs().colwise().maxCoeff().transpose();
+  const double step = reference.time[2] - reference.time[0];
+  const Eigen::VectorXd top_speed = reference.qd.cwiseAbs().colwise().maxCoeff().transpose();
   arm.set_width((coulomb * step).cwiseMax(0.01 * top_speed).cwiseMax(1e-6));
+  Motion found;
   try {
-    return follow(arm, on_half_steps(time, followed, step), omega, out);
+    if (!follow(arm, reference, omega, found)) return false;
   } catch (const ModelError&) {
     return false;  // the inertia is not positive definite somewhere along the motion
   }
+  motion.first = steps.first;
+  motion.stride = steps.stride;
+  if (steps.a_row == 1) {
+    motion.q = std::move(found.q), motion.qd = std::move(found.qd), motion.qdd = std::move(found.qdd);
+  } else {
+    const auto rows = Eigen::seqN(0, (found.q.rows() - 1) / steps.a_row + 1, steps.a_row);
+    motion.q = found.q(rows, Eigen::all), motion.qd = found.qd(rows, Eigen::all), motion.qdd = found.qdd(rows, Eigen::all);
+  }
+  return true;
 }
 
 }  // namespace
@@ -302,7 +341,7 @@ regression::InstrumentMotion simulated_motion(const regression::RegressionColumn
   const auto robot = std::make_shared<const model::Robot>(robot_with(columns, base, beta));
   std::vector<data::StreamSummary> summaries;
   for (const data::MotionStream* log : logs) summaries.push_back(log->summary());
-  return [robot, summaries, options, report](int log, data::MotionChunk& chunk) {
+  return [robot, summaries, options, report](int log, const data::MotionChunk& chunk, const regression::KeptRows& kept) {
     SimulatedArm arm(*robot);  // pieces are simulated side by side
     const data::StreamSummary& summary = summaries[static_cast<std::size_t>(log)];
     if (report) ++report->pieces;
@@ -311,21 +350,17 @@ regression::InstrumentMotion simulated_motion(const regression::RegressionColumn
     // A reference has no measurement noise; its low-pass only has to make it differentiable.
     const double cutoff = reference >= 0 ? summary.cutoff : smoothing;
     const Eigen::MatrixXd& raw = reference >= 0 ? chunk.extra[static_cast<std::size_t>(reference)] : chunk.q;
-    const Eigen::MatrixXd followed = cutoff > 0.0 && cutoff < 0.45 * chunk.sample_rate
-                                         ? data::low_pass_zero_phase(raw, chunk.sample_rate, cutoff)
-                                         : raw;
-    const Eigen::MatrixXd velocity = data::differentiate(chunk.time, followed);
-    Motion motion;
-    if (simulate_along(arm, chunk.time, followed, velocity, smoothing, options, motion)) {
-      chunk.q = data::resample(motion.time, motion.q, chunk.time);
-      chunk.qd = data::resample(motion.time, motion.qd, chunk.time);
-      chunk.qdd = data::resample(motion.time, motion.qdd, chunk.time);
-    } else {
+    Eigen::MatrixXd followed = cutoff > 0.0 && cutoff < 0.45 * chunk.sample_rate
+                                   ? data::low_pass_zero_phase(raw, chunk.sample_rate, cutoff)
+                                   : raw;
+    regression::ThinnedMotion motion;
+    if (!simulate_along(arm, chunk, kept, followed, smoothing, options, motion)) {
       if (report) ++report->failed;
-      chunk.q = followed;
-      chunk.qd = velocity;
-      chunk.qdd = data::differentiate(chunk.time, velocity);
+      motion.qd = data::differentiate(chunk.time, followed);
+      motion.qdd = data::differentiate(chunk.time, motion.qd);
+      motion.q = std::move(followed);
     }
+    return motion;
   };
 }
 
@@ -339,7 +374,7 @@ regression::InstrumentMotion delayed_motion(const Logs& logs,
       cutoff = observation.cutoff;
     cutoffs.push_back(cutoff);
   }
-  return [cutoffs, options](int log, data::MotionChunk& chunk) {
+  return [cutoffs, options](int log, const data::MotionChunk& chunk, const regression::KeptRows&) {
     const double cutoff = cutoffs[static_cast<std::size_t>(log)];
     // Without a filter the differences over five samples are what correlates noise.
     const double delay = options.delay > 0.0 ? options.delay
@@ -348,12 +383,13 @@ regression::InstrumentMotion delayed_motion(const Logs& logs,
     const Eigen::Index size = chunk.time.size();
     const Eigen::Index shift = std::clamp<Eigen::Index>(
         static_cast<Eigen::Index>(std::lround(delay * chunk.sample_rate)), 1, size - 1);
-    for (Eigen::MatrixXd* signal : {&chunk.q, &chunk.qd, &chunk.qdd}) {
-      Eigen::MatrixXd moved(size, signal->cols());
-      moved.bottomRows(size - shift) = signal->topRows(size - shift);
-      moved.topRows(shift) = signal->row(0).replicate(shift, 1);
-      *signal = std::move(moved);
-    }
+    const auto delayed = [&](const Eigen::MatrixXd& signal) {
+      Eigen::MatrixXd moved(size, signal.cols());
+      moved.bottomRows(size - shift) = signal.topRows(size - shift);
+      moved.topRows(shift) = signal.row(0).replicate(shift, 1);
+      return moved;
+    };
+    return regression::ThinnedMotion{0, 1, delayed(chunk.q), delayed(chunk.qd), delayed(chunk.qdd)};
   };
 }
 

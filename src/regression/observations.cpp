@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "heft/data/decimate.hpp"
 #include "heft/host/error.hpp"
 #include "heft/regression/recorded_rows.hpp"
@@ -43,6 +45,11 @@ std::vector<std::vector<int>> places_by_joint(const RegressionColumns& columns,
   return places;
 }
 
+/// q, q̇, q̈, m × n each.
+struct Motion {
+  const Eigen::MatrixXd &q, &qd, &qdd;
+};
+
 /// Signals of a piece that pass the low-pass, side by side: torques, then the entries of the regressor that can be other
 /// than zero, joint by joint.
 class Signals {
@@ -69,25 +76,21 @@ class Signals {
     return Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(chunk.time.size(), false);
   }
 
-  /// The first row of a piece that is kept; every step-th row of the log is.
-  static Eigen::Index first_kept(const data::MotionChunk& chunk, Eigen::Index step) {
-    const Eigen::Index number = chunk.first - chunk.begin;  // of the piece's first row, from the start of the log
-    return (step - number % step) % step;
-  }
   /// Kept rows of the regressor behind the low-pass.
   struct Filtered {
     data::DecimatedLowPass::Kept tau, entries;
   };
-  /// @param with_torque  false: of the entries alone
-  Filtered filtered(const data::MotionChunk& chunk, double cutoff, Eigen::Index step, bool with_torque) const {
-    const Eigen::Index torques = with_torque ? chunk.tau.cols() : 0, rows = chunk.time.size();
+  /// @param motion  m × n
+  /// @param tau     m × n, or no columns
+  /// @param rate    of its rows [Hz]
+  Filtered filtered(const Motion& motion, const Eigen::MatrixXd& tau, double rate, double cutoff, const KeptRows& kept) const {
+    const Eigen::Index torques = tau.cols(), rows = motion.q.rows();
     const Eigen::Index signals = (torques + entries_ + 1) / 2 * 2;
-    const Eigen::Index first = first_kept(chunk, step);
     Filtered out;
     std::optional<data::DecimatedLowPass> low_pass;
     data::DecimatedLowPass::Kept all;
     if (cutoff > 0.0) {
-      low_pass.emplace(chunk.sample_rate, cutoff, signals, rows, first, step);
+      low_pass.emplace(rate, cutoff, signals, rows, kept.first, kept.step);
     } else {
       all.resize(rows, signals);  // every row is kept
     }
@@ -97,9 +100,9 @@ class Signals {
       const Eigen::Index count = std::min(kRowsAtOnce, rows - row);
       double* const to = low_pass ? some.data() : all.data() + row * signals;
       for (Eigen::Index k = 0; k < count; ++k) {
-        for (Eigen::Index j = 0; j < torques; ++j) to[k * signals + j] = chunk.tau(row + k, j);
+        for (Eigen::Index j = 0; j < torques; ++j) to[k * signals + j] = tau(row + k, j);
       }
-      columns_.fill(chunk.q, chunk.qd, chunk.qdd, row, count, lists_, joints);
+      columns_.fill(motion.q, motion.qd, motion.qdd, row, count, lists_, joints);
       put_side_by_side(joints, to + torques, signals);
       if (low_pass) low_pass->add(to, count);
     }
@@ -168,16 +171,36 @@ Behind behind(const data::StreamSummary& log, const ObservationOptions& options)
   return {log, chosen, std::max<Eigen::Index>(1, static_cast<Eigen::Index>(rows))};
 }
 
+/// Rows of a piece that are kept: every step-th of the log's grid.
+KeptRows kept_rows(const data::MotionChunk& chunk, Eigen::Index step) {
+  const Eigen::Index number = chunk.first - chunk.begin;  // of the piece's first row, from the start of the log
+  return {(step - number % step) % step, step};
+}
+
+/// The kept rows by their number among those of another motion.
+KeptRows kept_of(const ThinnedMotion& motion, const KeptRows& kept) {
+  if (motion.stride < 1 || kept.step % motion.stride != 0 || motion.first > kept.first ||
+      (kept.first - motion.first) % motion.stride != 0) {
+    throw DataError(fmt::format("instruments on rows {}, {}, ...; expected rows {}, {}, ... among them", motion.first,
+                                motion.first + motion.stride, kept.first, kept.first + kept.step));
+  }
+  return {(kept.first - motion.first) / motion.stride, kept.step / motion.stride};
+}
+
 /// Rows of every joint from one piece of a log; none of joints that have no row to use.
 /// @param own          whether torque and regressor of the motion itself are wanted
 /// @param instruments  another motion, or null
 std::vector<ObservationRows> rows_of(const Signals& signals, Eigen::Index selected, const data::MotionChunk& chunk,
-                                     bool own, const data::MotionChunk* instruments, const Behind& log,
-                                     const ObservationOptions& options) {
+                                     const KeptRows& kept_of_piece, bool own, const ThinnedMotion* instruments,
+                                     const Behind& log, const ObservationOptions& options) {
   Signals::Filtered measured, other;
-  if (own) measured = signals.filtered(chunk, log.cutoff, log.step, true);
-  if (instruments != nullptr) other = signals.filtered(*instruments, log.cutoff, log.step, false);
-  const Eigen::Index first = Signals::first_kept(chunk, log.step);
+  if (own)
+    measured = signals.filtered({chunk.q, chunk.qd, chunk.qdd}, chunk.tau, chunk.sample_rate, log.cutoff, kept_of_piece);
+  if (instruments != nullptr) {
+    other = signals.filtered({instruments->q, instruments->qd, instruments->qdd}, Eigen::MatrixXd(),
+                             chunk.sample_rate / static_cast<double>(instruments->stride), log.cutoff,
+                             kept_of(*instruments, kept_of_piece));
+  }
   std::vector<ObservationRows> rows;
   Eigen::Index first_entry = 0;
   for (Eigen::Index j = 0; j < chunk.q.cols(); ++j) {
@@ -186,7 +209,7 @@ std::vector<ObservationRows> rows_of(const Signals& signals, Eigen::Index select
     first_entry += static_cast<Eigen::Index>(list.size());
     const std::vector<bool> use = rows_in_use(chunk, j, options.standstill_speed, signals.rests(chunk, log.log, j), log.cutoff);
     std::vector<Eigen::Index> picked, kept;  // rows of the piece, and of what was kept of them
-    for (Eigen::Index k = 0, i = first; i < chunk.begin + chunk.count; ++k, i += log.step) {
+    for (Eigen::Index k = 0, i = kept_of_piece.first; i < chunk.begin + chunk.count; ++k, i += kept_of_piece.step) {
       if (i < chunk.begin || !use[static_cast<std::size_t>(i)]) continue;
       picked.push_back(i);
       kept.push_back(k);
@@ -207,18 +230,6 @@ std::vector<ObservationRows> rows_of(const Signals& signals, Eigen::Index select
     rows.push_back(std::move(out));
   }
   return rows;
-}
-
-/// What an instrument takes of a piece: no torque, no rows of the log's own.
-data::MotionChunk grid_of(const data::MotionChunk& chunk) {
-  data::MotionChunk grid;
-  grid.sample_rate = chunk.sample_rate;
-  grid.first = chunk.first, grid.begin = chunk.begin, grid.count = chunk.count;
-  grid.time = chunk.time;
-  grid.q = chunk.q, grid.qd = chunk.qd, grid.qdd = chunk.qdd;
-  grid.usable = chunk.usable;
-  grid.extra = chunk.extra;
-  return grid;
 }
 
 /// Completes rows that have only instruments.
@@ -253,10 +264,10 @@ void for_each_observation(const RegressionColumns& columns, const std::vector<in
     const Behind how = behind(logs[log]->summary(), options);
     logs[log]->for_each<std::vector<ObservationRows>>(
         [&](const data::MotionChunk& chunk) {
-          if (!instruments) return rows_of(signals, p, chunk, true, nullptr, how, options);
-          data::MotionChunk other = grid_of(chunk);
-          instruments(static_cast<int>(log), other);
-          return rows_of(signals, p, chunk, recorded == nullptr, &other, how, options);
+          const KeptRows kept = kept_rows(chunk, how.step);
+          if (!instruments) return rows_of(signals, p, chunk, kept, true, nullptr, how, options);
+          const ThinnedMotion other = instruments(static_cast<int>(log), chunk, kept);
+          return rows_of(signals, p, chunk, kept, recorded == nullptr, &other, how, options);
         },
         [&](std::vector<ObservationRows>& piece) {
           for (ObservationRows& of_joint : piece) {

@@ -1,11 +1,13 @@
 #include "heft/data/decimate.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "heft/data/differentiate.hpp"
+#include "signal_lanes.hpp"
 
 namespace heft::data {
 namespace {
@@ -23,21 +25,22 @@ TEST(DecimatedLowPass, KeepsTheRowsThatTheWholeFilterGives) {
                                 {40, 125.0, 10.0, 2, 3},    {1, 100.0, 10.0, 0, 2},      {2, 100.0, 10.0, 1, 2},
                                 {3, 100.0, 10.0, 1, 7},     {999, 100.0, 44.0, 0, 1},    {1000, 100.0, 25.0, 0, 2},
                                 {4000, 1000.0, 0.5, 3, 500}};
+  constexpr Index kSignals = 14;  // lanes of any width, and some that they leave
   for (const Case& c : cases) {
     SCOPED_TRACE(c.rows);
-    DecimatedLowPass::Kept x = DecimatedLowPass::Kept::Random(c.rows, 4);
+    DecimatedLowPass::Kept x = DecimatedLowPass::Kept::Random(c.rows, kSignals);
     x.col(1).array() += 1000.0;  // a large constant passes too
     const Eigen::MatrixXd whole = low_pass_zero_phase(x, c.rate, c.cutoff);
-    DecimatedLowPass filter(c.rate, c.cutoff, 4, c.rows, c.first, c.step);
+    DecimatedLowPass filter(c.rate, c.cutoff, kSignals, c.rows, c.first, c.step);
     for (Index row = 0; row < c.rows;) {
       const Index count = std::min<Index>(c.rows - row, 1 + row % 37);
-      filter.add(x.data() + row * 4, count);
+      filter.add(x.data() + row * kSignals, count);
       row += count;
     }
     const DecimatedLowPass::Kept kept = filter.finish();
     ASSERT_EQ(kept.rows(), (c.rows - c.first - 1) / c.step + 1);
     for (Index k = 0; k < kept.rows(); ++k) {
-      for (Index signal = 0; signal < 4; ++signal) {
+      for (Index signal = 0; signal < kSignals; ++signal) {
         // Rounding of a thousand and of sums over all rows between two kept ones.
         EXPECT_NEAR(kept(k, signal), whole(c.first + k * c.step, signal), signal == 1 ? 1e-10 : 1e-11);
       }
@@ -50,6 +53,61 @@ TEST(DecimatedLowPass, KeepsNothingOfRowsBeforeTheFirstKeptOne) {
   const std::vector<double> rows(6, 1.0);
   filter.add(rows.data(), 3);
   EXPECT_EQ(filter.finish().rows(), 0);
+}
+
+// What a log gives must not depend on the processor.
+TEST(SignalLanes, AllHaveTheSameBits) {
+  constexpr Index kNumRows = 50, kSignals = 22, kFiltered = 24, kStates = StretchFilter::kStates, kSums = SignalLanes::kSums;
+  std::srand(3);
+  const DecimatedLowPass::Kept rows = DecimatedLowPass::Kept::Random(kNumRows, kFiltered);
+  const Eigen::VectorXd numbers = Eigen::VectorXd::Random(kSums * kNumRows);
+  const Eigen::VectorXd behind = Eigen::VectorXd::Random(kStates * kSignals);
+  const StretchFilter over{numbers.data(), numbers.data() + 16, numbers.data() + 32, numbers.data() + 36, numbers[40]};
+  const SignalLanes::Sections sections{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
+  struct Found {
+    DecimatedLowPass::Kept filtered;
+    Eigen::VectorXd sums, forward, output, behind, back, backward;
+  };
+  const auto with = [&](const SignalLanes& lanes) {
+    const auto some = [&](Index count) { return Eigen::VectorXd(numbers.head(count * kSignals)); };
+    Found f{rows, some(kSums), some(kStates), some(1), some(kStates), some(1), some(kStates)};
+    for (Index first = 0; first < kFiltered; first += lanes.width)
+      lanes.filter(sections, f.filtered.data() + first, kNumRows, kFiltered, lanes.width);
+    const DecimatedLowPass::Kept narrow = rows.leftCols(kSignals);
+    lanes.add(f.sums.data(), narrow.data(), numbers.data(), kSignals, kNumRows);
+    const Eigen::VectorXd sums = f.sums;
+    lanes.end(over, f.sums.data(), f.forward.data(), f.output.data(), f.behind.data(), kSignals);
+    EXPECT_TRUE((f.sums.array() == 0.0).all());
+    f.sums = sums;
+    lanes.back(over, f.back.data(), behind.data(), f.backward.data(), kSignals);
+    return f;
+  };
+  const Found twos = with(*available_signal_lanes().front());
+  for (const SignalLanes* lanes : available_signal_lanes()) {
+    const Found f = with(*lanes);
+    EXPECT_EQ(f.filtered, twos.filtered) << lanes->width;
+    EXPECT_EQ(f.sums, twos.sums) << lanes->width;
+    EXPECT_EQ(f.forward, twos.forward) << lanes->width;
+    EXPECT_EQ(f.output, twos.output) << lanes->width;
+    EXPECT_EQ(f.behind, twos.behind) << lanes->width;
+    EXPECT_EQ(f.back, twos.back) << lanes->width;
+    EXPECT_EQ(f.backward, twos.backward) << lanes->width;
+  }
+}
+
+// Several lanes side by side, and as many as there are at most.
+TEST(SignalLanes, FilterAsManyAsTheyTakeAtOnce) {
+  const SignalLanes::Sections sections{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
+  for (const SignalLanes* lanes : available_signal_lanes()) {
+    const DecimatedLowPass::Kept rows = DecimatedLowPass::Kept::Random(40, lanes->most);
+    for (Index signals = lanes->width; signals <= lanes->most; signals += lanes->width) {
+      DecimatedLowPass::Kept together = rows, alone = rows;
+      lanes->filter(sections, together.data(), 40, lanes->most, signals);
+      for (Index first = 0; first < signals; first += lanes->width)
+        lanes->filter(sections, alone.data() + first, 40, lanes->most, lanes->width);
+      EXPECT_EQ(together, alone) << lanes->width;
+    }
+  }
 }
 
 }  // namespace

@@ -108,6 +108,13 @@ TEST_F(LogSets, RefusesACopyWhateverItsClockShows) {
   EXPECT_THAT(refusal(sound_log(1), after(sound_log(1), 1234.5)), HasSubstr("the same samples as"));
 }
 
+// Two changes that are one bit each, the highest, do not cancel.
+TEST_F(LogSets, TakesALogThatDiffersInTheSignsOfTwoTorques) {
+  Log other = sound_log(1);
+  other.tau.leftCols(2) *= -1.0;
+  EXPECT_THAT(refusal(sound_log(1), other), IsEmpty());
+}
+
 TEST_F(LogSets, RefusesAPartOfATrainingLogAndTheWholeOfAPart) {
   const Log whole = sound_log(1), part = after(rows_of(whole, 1500, 900), -6.0);
   EXPECT_THAT(refusal(whole, part), HasSubstr("a part of"));

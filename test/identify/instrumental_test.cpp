@@ -335,13 +335,16 @@ TEST(BiasTest, FindsNoneInLogsWithoutPositionNoise) {
   EXPECT_GE(unbiased, 38);
 }
 
-/// All pieces of a log with their motion replaced.
-std::vector<data::MotionChunk> replaced(const data::MotionStream& stream,
-                                        const regression::InstrumentMotion& motion) {
+/// All pieces of a log with their motion replaced, on those rows that the instruments take of them.
+std::vector<data::MotionChunk> replaced(const data::MotionStream& stream, const regression::InstrumentMotion& motion,
+                                        const regression::KeptRows& kept = {}) {
   std::vector<data::MotionChunk> pieces;
   stream.for_each([&](const data::MotionChunk& chunk) {
-    pieces.push_back(chunk);
-    motion(0, pieces.back());
+    regression::ThinnedMotion other = motion(0, chunk, kept);
+    data::MotionChunk& piece = pieces.emplace_back();
+    piece.sample_rate = chunk.sample_rate / static_cast<double>(other.stride);
+    piece.time = chunk.time(Eigen::seqN(other.first, other.q.rows(), other.stride));
+    piece.q = std::move(other.q), piece.qd = std::move(other.qd), piece.qdd = std::move(other.qdd);
   });
   return pieces;
 }
@@ -419,13 +422,83 @@ TEST(SimulatedMotion, IsOfFourthOrder) {
     options.control = 1.5;
     options.step = step;
     const auto motion = simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options);
-    return Eigen::MatrixXd(replaced(stream, motion).front().q);
+    const data::MotionChunk piece = replaced(stream, motion, {0, 20}).front();
+    EXPECT_NEAR(piece.sample_rate, 1.0 / step, 1e-6);
+    // At the instants that all of them have, 0.02 s apart.
+    const auto stride = static_cast<Eigen::Index>(std::lround(0.02 / step));
+    return Eigen::MatrixXd(piece.q(Eigen::seq(0, piece.q.rows() - 1, stride), Eigen::all));
   };
   const Eigen::MatrixXd fine = position(0.002);
   const double coarse_error = (position(0.02) - fine).cwiseAbs().maxCoeff();
   const double error = (position(0.01) - fine).cwiseAbs().maxCoeff();
   EXPECT_LT(error, 1e-4);
   EXPECT_GT(coarse_error / error, 10.0);
+}
+
+// Steps end on the rows that are kept, whatever row that begins with, and two at least lie between two of them.
+TEST(SimulatedMotion, HasTheRowsThatAreKept) {
+  const Experiment experiment;
+  Eigen::VectorXd beta = experiment.truth;
+  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;  // smooth motion
+  const data::Log log = fast_log();
+  const data::MotionStream stream = stream_of(log);
+  InstrumentOptions options;
+  options.control = 1.5;
+  const auto motion_at = [&](double longest, const regression::KeptRows& kept) {
+    options.step = longest;
+    const auto motion = simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options);
+    return replaced(stream, motion, kept).front();
+  };
+  const data::MotionChunk all = motion_at(0.002, {0, 1});
+  ASSERT_EQ(all.q.rows(), log.q.rows());
+  struct Steps {
+    double longest;
+    regression::KeptRows kept;
+    Eigen::Index first, stride;
+  };
+  for (const Steps& c : {Steps{0.011, {7, 12}, 3, 4}, Steps{0.007, {7, 12}, 1, 3}, Steps{0.0051, {5, 6}, 1, 2},
+                        Steps{0.1, {2, 5}, 2, 1}, Steps{0.0007, {1, 4}, 0, 1}}) {
+    const data::MotionChunk some = motion_at(c.longest, c.kept);
+    const Eigen::Index first = c.stride == 1 ? 0 : c.first, rows = (all.q.rows() - 1 - first) / c.stride + 1;
+    ASSERT_EQ(some.q.rows(), rows) << c.longest;
+    EXPECT_NEAR(some.sample_rate, 500.0 / static_cast<double>(c.stride), 1e-6) << c.longest;
+    const auto same = Eigen::seqN(first, rows, c.stride);
+    EXPECT_EQ(some.time, Eigen::VectorXd(all.time(same))) << c.longest;
+    EXPECT_LT((some.q - all.q(same, Eigen::all)).cwiseAbs().maxCoeff(), 1e-4) << c.longest;
+    EXPECT_LT((some.qd - all.qd(same, Eigen::all)).cwiseAbs().maxCoeff(), 5e-3) << c.longest;
+  }
+}
+
+// Instruments on every sixth row pass the low-pass at a sixth of the rate, and come out as those on every row.
+TEST(SimulatedMotion, GivesTheSameInstrumentsOnFewerRows) {
+  const Experiment experiment;
+  Eigen::VectorXd beta = experiment.truth;
+  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;  // whose smooth sign follows the step
+  const data::MotionStream stream = stream_of(fast_log());
+  const auto instruments = [&](double step) {
+    InstrumentOptions options;
+    options.control = 1.5;
+    options.step = step;
+    const auto motion = simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options);
+    std::vector<Eigen::MatrixXd> Z;
+    regression::ObservationOptions observation;
+    observation.cutoff = 10.0;  // every twelfth row is kept
+    regression::for_each_observation(
+        experiment.columns, experiment.base.kept, {&stream}, observation,
+        [&](const regression::ObservationRows& rows) { Z.push_back(rows.Z); }, motion);
+    return Z;
+  };
+  const std::vector<Eigen::MatrixXd> every = instruments(0.002), sixth = instruments(0.012);
+  ASSERT_EQ(every.size(), 2U);
+  ASSERT_EQ(sixth.size(), 2U);
+  for (std::size_t joint = 0; joint < 2; ++joint) {
+    ASSERT_EQ(sixth[joint].rows(), every[joint].rows());
+    for (Eigen::Index c = 0; c < every[joint].cols(); ++c) {
+      // A sharp sign changes on a row: up to 12 ms late.
+      const bool is_sign = experiment.columns[experiment.base.kept[static_cast<std::size_t>(c)]].kind == regression::ColumnKind::kCoulomb;
+      EXPECT_LE((sixth[joint].col(c) - every[joint].col(c)).norm(), (is_sign ? 0.06 : 0.01) * every[joint].col(c).norm()) << c;
+    }
+  }
 }
 
 // It is simulated in stretches that begin one after the other, each with a wrong start before it.

@@ -92,9 +92,10 @@ void hold_standard_streams() {
 /// page costs a fault and a clearing when it comes again: a fifth of the time of identify. Threads that come and go would leave
 /// it in a heap each; they share as many as there are processors.
 void keep_freed_memory() {
-  constexpr int kLargest = 16 << 20;
-  ::mallopt(M_MMAP_THRESHOLD, kLargest);
-  ::mallopt(M_TRIM_THRESHOLD, kLargest);
+  constexpr int kMegabyte = 1 << 20;
+  ::mallopt(M_MMAP_THRESHOLD, 16 * kMegabyte);
+  ::mallopt(M_TRIM_THRESHOLD, 256 * kMegabyte);
+  ::mallopt(M_TOP_PAD, 4 * kMegabyte);
   ::mallopt(M_ARENA_MAX, static_cast<int>(std::max(1U, std::thread::hardware_concurrency())));
 }
 

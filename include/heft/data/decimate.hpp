@@ -8,6 +8,8 @@
 
 namespace heft::data {
 
+struct StretchFilter;
+
 /// Rows of `low_pass_zero_phase` of many signals, every `step`-th of them: the same values up to rounding, at half of
 /// its operations, in products of small matrices instead of recursions, and in memory for the kept rows only.
 /// Derivation: src/data/decimate.md
@@ -40,6 +42,7 @@ class DecimatedLowPass {
 
   void make_tables();
   void accumulate(const double* rows, Eigen::Index count);
+  StretchFilter over_stretch() const;
   void end_stretch();
   void begin_at_head();
   Eigen::MatrixXd backward_state_behind_last() const;
@@ -52,7 +55,8 @@ class DecimatedLowPass {
   Eigen::Index head_rows_, tail_first_;
   std::vector<double> table_;  ///< step × kSums: what a row adds
   // One filter: x⁺ = A x + B u, y = C x + D u.
-  Eigen::Matrix4d A_, A_step_, H_;
+  using Matrix = Eigen::Matrix<double, kStates, kStates, Eigen::RowMajor>;
+  Matrix A_, A_step_, H_;
   Eigen::Vector4d B_;
   Eigen::RowVector4d C_, e_;
   double D_{0.0};
@@ -60,7 +64,7 @@ class DecimatedLowPass {
   Kept sums_;                ///< kSums × signals, of the present stretch
   Kept forward_;             ///< kStates × signals: the forward run behind the last stretch that ended
   Kept output_;              ///< kept × signals: its output in the kept rows
-  std::vector<Kept> behind_;  ///< a kept row each: what the stretch that ends there adds to the backward run
+  Kept behind_;              ///< kStates × signals a kept row: what the stretch that ends there adds to the backward run
 };
 
 }  // namespace heft::data

@@ -34,9 +34,20 @@ struct ObservationRows {
 
 class RecordedRows;
 
-/// Another motion on the grid of a piece of log, for instruments: takes the piece, changes its q, q̇, q̈. Called for several
-/// pieces at once, on several threads.
-using InstrumentMotion = std::function<void(int log, data::MotionChunk& chunk)>;
+/// Rows of a piece's grid that become rows of the regression: first, first + step, ...
+struct KeptRows {
+  Eigen::Index first{0}, step{1};
+};
+
+/// A motion on rows first, first + stride, ... of a piece's grid.
+struct ThinnedMotion {
+  Eigen::Index first{0}, stride{1};
+  Eigen::MatrixXd q, qd, qdd;  ///< m × n each
+};
+
+/// Makes another motion along a piece of log, for instruments. The kept rows must be among its own: its stride divides their
+/// step. Its regressor passes the same low-pass at its own rate. Called for several pieces at once, on several threads.
+using InstrumentMotion = std::function<ThinnedMotion(int log, const data::MotionChunk& chunk, const KeptRows& kept)>;
 
 /// Calls `rows` for every piece of every log and every joint, in time order, one call at a time. Pieces are worked on by all
 /// threads; what comes out does not depend on their number.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <vector>
 
 #include <Eigen/Core>
@@ -24,18 +25,10 @@ class ResidualMoments {
     Series& s = joints_[static_cast<std::size_t>(joint)];
     for (Eigen::Index i = 0; i < residual.size(); ++i) {
       if (i + 1 < time.size()) s.period = std::min(s.period, time[i + 1] - time[i]);
-      if (log != s.log || time[i] - s.last > 1.5 * s.period) s.recent.clear();
+      if (log != s.log || time[i] - s.last > 1.5 * s.period) s.before = 0;
       s.log = log;
       s.last = time[i];
-      const double e = residual[i];
-      s.products[0] += e * e;
-      ++s.rows;
-      for (std::size_t lag = 1; lag <= s.recent.size(); ++lag) {
-        s.products[lag] += e * s.recent[s.recent.size() - lag];
-        ++s.pairs[lag];
-      }
-      s.recent.push_back(e);
-      if (s.recent.size() > kLags) s.recent.erase(s.recent.begin());
+      s.add(residual[i]);
     }
   }
 
@@ -44,12 +37,13 @@ class ResidualMoments {
     Eigen::VectorXd out(static_cast<Eigen::Index>(joints_.size()));
     for (std::size_t j = 0; j < joints_.size(); ++j) {
       const Series& s = joints_[j];
-      const double variance = s.rows > 0 ? s.products[0] / static_cast<double>(s.rows) : 0.0;
+      const std::vector<long> pairs = s.pairs();
+      const double variance = pairs[0] > 0 ? s.products[kLags] / static_cast<double>(pairs[0]) : 0.0;
       const double sum = correlated_samples(
           [&](Eigen::Index k) {
             const auto lag = static_cast<std::size_t>(k);
-            if (s.pairs[lag] <= 10 || !(variance > 0.0)) return 0.0;
-            return s.products[lag] / static_cast<double>(s.pairs[lag]) / variance;
+            if (pairs[lag] <= 10 || !(variance > 0.0)) return 0.0;
+            return s.products[kLags - lag] / static_cast<double>(pairs[lag]) / variance;
           },
           kLags + 1);
       out[static_cast<Eigen::Index>(j)] = s.period < 1e9 ? s.period * sum : 0.0;
@@ -62,10 +56,33 @@ class ResidualMoments {
     int log{-1};
     double last{0.0};
     double period{1e9};
-    long rows{0};
+    std::size_t before{0};  ///< residuals known before the next one, kLags at most
+    /// The last residuals, `before` of them in front of `end`; twice the room, so that they rarely have to be moved.
+    std::vector<double> recent = std::vector<double>(2 * kLags, 0.0);
+    std::size_t end{0};
+    /// Of lag l at kLags - l: as the residuals lie.
     std::vector<double> products = std::vector<double>(kLags + 1, 0.0);
-    std::vector<long> pairs = std::vector<long>(kLags + 1, 0);
-    std::vector<double> recent;
+    std::vector<long> with_before = std::vector<long>(kLags + 1, 0);  ///< residuals by how many were known before
+
+    void add(double residual) {
+      if (end == recent.size()) {
+        std::copy_n(recent.end() - static_cast<std::ptrdiff_t>(before), before, recent.begin());
+        end = before;
+      }
+      const double* const known = recent.data() + (end - before);
+      double* const sums = products.data() + (kLags - before);
+      for (std::size_t i = 0; i < before; ++i) sums[i] += residual * known[i];
+      products[kLags] += residual * residual;
+      ++with_before[before];
+      recent[end++] = residual;
+      before = std::min<std::size_t>(before + 1, kLags);
+    }
+    /// Pairs of residuals by lag.
+    std::vector<long> pairs() const {
+      std::vector<long> sums = with_before;
+      for (std::size_t lag = kLags; lag > 0; --lag) sums[lag - 1] += sums[lag];
+      return sums;
+    }
   };
   std::vector<Series> joints_;
 };

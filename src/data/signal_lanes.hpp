@@ -1,0 +1,57 @@
+/// @file
+/// What filters do to every signal alike, in the widest lanes that the processor has. Signals are side by side in a row, their
+/// number even. Products and sums stay apart: the same bits on every processor.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace heft::data {
+
+/// Over a stretch of rows between two kept ones; 4 × 4 matrices row by row. Derivation: src/data/decimate.md
+struct StretchFilter {
+  static constexpr int kStates = 4;
+  const double* A;  ///< 4 × 4: of states from one end to the other
+  const double* H;  ///< 4 × 4: of the forward states in front of it, in the backward ones
+  const double* e;  ///< 4: of the same, in the forward output in its last row
+  const double* C;  ///< 4: of the states, in an output
+  double D;         ///< of the input, in an output
+};
+
+struct SignalLanes {
+  /// Of both sections of LowPass, one behind the other: a1, a2, a3 each.
+  using Sections = std::array<double, 6>;
+
+  Eigen::Index width;  ///< signals in a lane
+  Eigen::Index most;   ///< signals that `filter` takes at once: what the registers hold
+  /// One direction of the low-pass in place, beginning at rest on the first value.
+  /// @param row      the first of `rows`, each `step` numbers behind the last
+  /// @param signals  a multiple of `width`, at most `most`
+  void (*filter)(const Sections& sections, double* row, Eigen::Index rows, Eigen::Index step, Eigen::Index signals);
+
+  /// What a stretch adds up to: forward states, backward states, forward output.
+  static constexpr int kSums = 2 * StretchFilter::kStates + 1;
+
+  /// Adds rows times their factors, kSums a row, to `sums`, kSums rows of `signals` numbers.
+  void (*add)(double* sums, const double* rows, const double* factors, Eigen::Index signals, Eigen::Index count);
+  /// The end of a stretch: its sums become zero.
+  /// @param forward  kStates rows: forward states in front of the stretch, then behind it
+  /// @param output   one row: the forward output
+  /// @param behind   kStates rows: what the stretch adds to the backward states
+  void (*end)(const StretchFilter& filter, double* sums, double* forward, double* output, double* behind,
+              Eigen::Index signals);
+  /// One kept row of the backward run.
+  /// @param output    one row: the forward output, then that of both
+  /// @param behind    kStates rows of the stretch in front of it; null: there is none
+  /// @param backward  kStates rows: states behind the row, then behind the kept row before
+  void (*back)(const StretchFilter& filter, double* output, const double* behind, double* backward, Eigen::Index signals);
+};
+
+/// Those that this processor has, narrowest first.
+std::vector<const SignalLanes*> available_signal_lanes();
+/// The widest of them.
+const SignalLanes& signal_lanes();
+
+}  // namespace heft::data
