@@ -1,8 +1,6 @@
 #include "heft/data/decimate.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cstddef>
 
 #include "signal_lanes.hpp"
 #include "low_pass_sections.hpp"
@@ -15,11 +13,7 @@ namespace {
 
 /// Both sections as one: states s1, s2 of the first, then of the second.
 void step_states(const LowPass& filter, Eigen::Vector4d& x, double input, double& output) {
-  LowPassSection::State first, second;
-  first.s1.setConstant(x[0]), first.s2.setConstant(x[1]);
-  second.s1.setConstant(x[2]), second.s2.setConstant(x[3]);
-  output = filter.second().step(second, filter.first().step(first, LowPassSection::Pair::Constant(input)))[0];
-  x << first.s1[0], first.s2[0], second.s1[0], second.s2[0];
+  output = filter.second().step(x[2], x[3], filter.first().step(x[0], x[1], input));
 }
 
 Index number_kept(Index rows, Index first, Index step) { return rows > first ? (rows - first - 1) / step + 1 : 0; }
@@ -111,6 +105,12 @@ void DecimatedLowPass::add(const double* rows, Index count) {
   }
 }
 
+void DecimatedLowPass::add_columns(const double* const* columns, Index count) {
+  rows_of_columns_.resize(static_cast<std::size_t>(count * signals_));
+  signal_lanes().side_by_side(columns, rows_of_columns_.data(), signals_, count);
+  add(rows_of_columns_.data(), count);
+}
+
 /// Rows of the present stretch; none of them behind its end. Rows behind the last kept one are left to the end.
 void DecimatedLowPass::accumulate(const double* rows, Index count) {
   if (stretch_ >= kept_) return;
@@ -130,26 +130,42 @@ void DecimatedLowPass::end_stretch() {
   ++stretch_;
 }
 
+/// Columns for all lanes: those of the signals, then zeros.
+Eigen::MatrixXd DecimatedLowPass::columns_in_lanes(Index rows) const {
+  const Index width = signal_lanes().width, columns = (signals_ + width - 1) / width * width;
+  Eigen::MatrixXd x(rows, columns);
+  x.rightCols(columns - signals_).setZero();
+  return x;
+}
+
+/// Runs all columns through the filter from `states` on.
+/// @param states  kStates × columns: becomes those behind the last row
+void DecimatedLowPass::run(Eigen::MatrixXd& x, Kept& states, bool backward) const {
+  const SignalLanes& lanes = signal_lanes();
+  const SignalLanes::Sections sections = LowPass(sample_rate_, cutoff_).sections();
+  for (Index first = 0; first < x.cols(); first += lanes.most) {
+    lanes.filter(sections, x.col(first).data(), x.rows(), x.rows(), std::min(lanes.most, x.cols() - first), backward,
+                 states.data() + first, x.cols());
+  }
+}
+
+/// States of signals at rest on their values in a row.
+DecimatedLowPass::Kept DecimatedLowPass::at_rest(const Eigen::RowVectorXd& values) {
+  Kept states = Kept::Zero(kStates, values.size());
+  states.row(1) = states.row(3) = values;
+  return states;
+}
+
 /// The forward run from the rows that continue the log in front of it, to the first kept row.
 void DecimatedLowPass::begin_at_head() {
-  const LowPass filter(sample_rate_, cutoff_);
   const Index size = padding_ + first_kept_ + 1;
-  Kept pair(size, 2);
-  for (Index signal = 0; signal < signals_; signal += 2) {
-    const auto x = head_.middleCols<2>(signal);
-    for (Index k = 0; k < padding_; ++k) pair.row(k) = 2.0 * x.row(0) - x.row(padding_ - k);
-    pair.bottomRows(first_kept_ + 1) = x.topRows(first_kept_ + 1);
-    std::array<LowPassSection::State, 2> states;
-    states[0].s2 = states[1].s2 = pair.row(0).transpose();
-    LowPassSection::Pair y = LowPassSection::Pair::Zero();
-    for (Index k = 0; k < size; ++k)
-      y = filter.second().step(states[1], filter.first().step(states[0], pair.row(k).transpose()));
-    output_.block<1, 2>(0, signal) = y.transpose();
-    forward_.block<1, 2>(0, signal) = states[0].s1.transpose();
-    forward_.block<1, 2>(1, signal) = states[0].s2.transpose();
-    forward_.block<1, 2>(2, signal) = states[1].s1.transpose();
-    forward_.block<1, 2>(3, signal) = states[1].s2.transpose();
-  }
+  Eigen::MatrixXd x = columns_in_lanes(size);
+  for (Index k = 0; k < padding_; ++k) x.row(k).head(signals_) = 2.0 * head_.row(0) - head_.row(padding_ - k);
+  x.block(padding_, 0, first_kept_ + 1, signals_) = head_.topRows(first_kept_ + 1);
+  Kept states = at_rest(x.row(0));
+  run(x, states, false);
+  output_.row(0) = x.row(size - 1).head(signals_);
+  forward_ = states.leftCols(signals_);
   stretch_ = 1;
   for (Index row = first_kept_ + 1; row < head_rows_;) {
     const Index some = std::min(head_rows_ - row, step_ - in_stretch_);
@@ -159,37 +175,19 @@ void DecimatedLowPass::begin_at_head() {
 }
 
 /// The backward run from behind the rows that continue the log at its end, to behind the last kept row: kStates × signals.
-Eigen::MatrixXd DecimatedLowPass::backward_state_behind_last() const {
-  const LowPass filter(sample_rate_, cutoff_);
+DecimatedLowPass::Kept DecimatedLowPass::backward_state_behind_last() const {
   const Index last = first_kept_ + (kept_ - 1) * step_;
-  const Index left = rows_ - 1 - last;
-  Eigen::MatrixXd result(kStates, signals_);
-  Kept pair(left + padding_, 2);
-  for (Index signal = 0; signal < signals_; signal += 2) {
-    const auto x = tail_.middleCols<2>(signal);
-    const Index end = tail_.rows() - 1;
-    pair.topRows(left) = x.bottomRows(left);
-    for (Index k = 0; k < padding_; ++k) pair.row(left + k) = 2.0 * x.row(end) - x.row(end - 1 - k);
-    std::array<LowPassSection::State, 2> states;
-    const auto state = [&](int s) { return forward_.block<1, 2>(s, signal).transpose().array(); };
-    states[0].s1 = state(0), states[0].s2 = state(1), states[1].s1 = state(2), states[1].s2 = state(3);
-    const auto step = [&](Index k) -> LowPassSection::Pair {
-      return filter.second().step(states[1], filter.first().step(states[0], pair.row(k).transpose()));
-    };
-    LowPassSection::Pair y = output_.block<1, 2>(kept_ - 1, signal).transpose();
-    for (Index k = 0; k < pair.rows(); ++k) {
-      y = step(k);
-      pair.row(k) = y.transpose();
-    }
-    states[0].s1.setZero(), states[1].s1.setZero();
-    states[0].s2 = states[1].s2 = y;
-    for (Index k = pair.rows() - 1; k >= 0; --k) step(k);
-    result.block<1, 2>(0, signal) = states[0].s1.transpose();
-    result.block<1, 2>(1, signal) = states[0].s2.transpose();
-    result.block<1, 2>(2, signal) = states[1].s1.transpose();
-    result.block<1, 2>(3, signal) = states[1].s2.transpose();
-  }
-  return result;
+  const Index left = rows_ - 1 - last, end = tail_.rows() - 1;
+  Eigen::MatrixXd x = columns_in_lanes(left + padding_);
+  x.topLeftCorner(left, signals_) = tail_.bottomRows(left);
+  for (Index k = 0; k < padding_; ++k) x.row(left + k).head(signals_) = 2.0 * tail_.row(end) - tail_.row(end - 1 - k);
+  if (x.rows() == 0) return at_rest(output_.row(kept_ - 1));
+  Kept states = Kept::Zero(kStates, x.cols());
+  states.leftCols(signals_) = forward_;
+  run(x, states, false);
+  states = at_rest(x.row(x.rows() - 1));
+  run(x, states, true);
+  return states.leftCols(signals_);
 }
 
 DecimatedLowPass::Kept DecimatedLowPass::finish() {

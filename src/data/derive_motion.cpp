@@ -119,21 +119,45 @@ void refuse_short_log(const std::string& path, long samples) {
       samples, kLeastSamples));
 }
 
+namespace {
+
+bool by_savitzky_golay(const MotionOptions& options, double cutoff) {
+  return options.method == DerivativeMethod::kSavitzkyGolay && cutoff > 0.0;
+}
+
+/// A derivative by a polynomial of `order`, which goes with the cut-off.
+Eigen::MatrixXd polynomial_derivative(const Eigen::MatrixXd& q, double sample_rate, double cutoff, int order, int derivative) {
+  return savitzky_golay(q, sample_rate, savitzky_golay_window(cutoff, sample_rate, order), order, derivative);
+}
+
+Eigen::MatrixXd smoothed(const Eigen::MatrixXd& q, double sample_rate, double cutoff) {
+  return cutoff > 0.0 ? low_pass_zero_phase(q, sample_rate, cutoff) : q;
+}
+
+}  // namespace
+
 DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate,
                              double cutoff, const MotionOptions& options) {
   DerivedMotion motion;
-  if (options.method == DerivativeMethod::kSavitzkyGolay && cutoff > 0.0) {
+  if (by_savitzky_golay(options, cutoff)) {
     check_order(options.polynomial_order, 2);
-    const int window = savitzky_golay_window(cutoff, sample_rate, options.polynomial_order);
-    motion.q = savitzky_golay(q, sample_rate, window, options.polynomial_order, 0);
-    motion.qd = savitzky_golay(q, sample_rate, window, options.polynomial_order, 1);
-    motion.qdd = savitzky_golay(q, sample_rate, window, options.polynomial_order, 2);
+    for (int derivative = 0; Eigen::MatrixXd* signal : {&motion.q, &motion.qd, &motion.qdd})
+      *signal = polynomial_derivative(q, sample_rate, cutoff, options.polynomial_order, derivative++);
     return motion;
   }
-  motion.q = cutoff > 0.0 ? low_pass_zero_phase(q, sample_rate, cutoff) : q;
+  motion.q = smoothed(q, sample_rate, cutoff);
   motion.qd = differentiate(grid, motion.q, options.stencil);
   motion.qdd = differentiate(grid, motion.qd, options.stencil);
   return motion;
+}
+
+Eigen::MatrixXd velocity_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate, double cutoff,
+                                 const MotionOptions& options) {
+  if (by_savitzky_golay(options, cutoff)) {
+    check_order(options.polynomial_order, 1);
+    return polynomial_derivative(q, sample_rate, cutoff, options.polynomial_order, 1);
+  }
+  return differentiate(grid, smoothed(q, sample_rate, cutoff), options.stencil);
 }
 
 Index settling_rows(double sample_rate, double cutoff, const MotionOptions& options) {

@@ -22,6 +22,9 @@ struct DerivedMotion {
 };
 DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate,
                              double cutoff, const MotionOptions& options);
+/// Its velocity alone.
+Eigen::MatrixXd velocity_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate, double cutoff,
+                                 const MotionOptions& options);
 
 /// Rows at the edge of a piece that differ from those of the whole log by more than 1e-12.
 Eigen::Index settling_rows(double sample_rate, double cutoff, const MotionOptions& options);

@@ -190,25 +190,24 @@ void MotionStream::Impl::find_speeds(std::vector<MovingSpan>& spans) const {
 
 void MotionStream::Impl::derive_speeds(std::vector<MovingSpan>& spans) const {
   const Index margin = settling_rows(summary.sample_rate, summary.cutoff, options.motion);
-  struct Speeds {
-    Eigen::VectorXd time;
-    Eigen::MatrixXd speed;
-    Eigen::Array<bool, Eigen::Dynamic, 1> clear;  ///< of gaps
-  };
-  walk<Speeds>(
+  using Spans = std::vector<MovingSpan>;
+  walk<Spans>(
       Wanted::kPosition, std::max(options.chunk_samples, 2 * margin), margin,
       [&](const Window& window) {
-        const Index first = window.first - window.lo, count = window.count;
-        return Speeds{window.grid.segment(first, count), motion(window).qd.middleRows(first, count).cwiseAbs(),
-                      outside_gaps(window).segment(first, count)};
-      },
-      [&](const Speeds& piece) {
+        const Eigen::MatrixXd qd =
+            velocity_on_grid(window.grid, on_grid(window, 0, layout.q), summary.sample_rate, summary.cutoff, options.motion);
+        const Eigen::Array<bool, Eigen::Dynamic, 1> clear = outside_gaps(window);
+        Spans piece(spans.size());
         for (Index joint = 0; joint < layout.q; ++joint) {
-          MovingSpan& span = spans[static_cast<std::size_t>(joint)];
-          for (Index k = 0; k < piece.time.size(); ++k) {
-            if (piece.clear[k]) span.add(piece.time[k], piece.speed(k, joint));
+          MovingSpan& span = piece[static_cast<std::size_t>(joint)];
+          for (Index k = window.first - window.lo; k < window.first - window.lo + window.count; ++k) {
+            if (clear[k]) span.add(window.grid[k], std::abs(qd(k, joint)));
           }
         }
+        return piece;
+      },
+      [&](const Spans& piece) {
+        for (std::size_t joint = 0; joint < spans.size(); ++joint) spans[joint].add(piece[joint]);
       });
 }
 

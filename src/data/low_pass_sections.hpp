@@ -1,5 +1,6 @@
 /// @file
-/// The fourth-order Butterworth low-pass, one direction of it: two second-order sections, each two trapezoidal integrators.
+/// The fourth-order Butterworth low-pass, one direction of it: two second-order sections, each two trapezoidal integrators;
+/// SignalLanes runs them.
 #pragma once
 
 #include <cmath>
@@ -7,29 +8,25 @@
 
 #include <Eigen/Core>
 
+#include "signal_lanes.hpp"
+
 namespace heft::data {
 
-/// One second-order section of signals in pairs.
+/// One second-order section.
 /// H(s) = 1 / (s² + s/Q + 1) with s = (1/g) (z-1)/(z+1), g = tan(π f_c / f_s).
 struct LowPassSection {
-  /// Two signals: what a processor computes at once.
-  using Pair = Eigen::Array2d;
-  struct State {
-    Pair s1 = Pair::Zero(), s2 = Pair::Zero();
-  };
-
   LowPassSection(double g, double quality) {
     a1 = 1.0 / (1.0 + g * (g + 1.0 / quality));
     a2 = g * a1;
     a3 = g * a2;
   }
-  /// The output for the next input. (A call would keep the states in memory: twice the time.)
-  [[gnu::always_inline]] Pair step(State& state, const Pair& input) const {
-    const Pair v3 = input - state.s2;
-    const Pair v1 = a1 * state.s1 + a2 * v3;
-    const Pair v2 = state.s2 + a2 * state.s1 + a3 * v3;
-    state.s1 = 2.0 * v1 - state.s1;
-    state.s2 = 2.0 * v2 - state.s2;
+  /// The output for the next input.
+  double step(double& s1, double& s2, double input) const {
+    const double v3 = input - s2;
+    const double v1 = a1 * s1 + a2 * v3;
+    const double v2 = s2 + a2 * s1 + a3 * v3;
+    s1 = 2.0 * v1 - s1;
+    s2 = 2.0 * v2 - s2;
     return v2;
   }
 
@@ -47,6 +44,9 @@ class LowPass {
 
   const LowPassSection& first() const { return first_; }
   const LowPassSection& second() const { return second_; }
+  SignalLanes::Sections sections() const {
+    return {first_.a1, first_.a2, first_.a3, second_.a1, second_.a2, second_.a3};
+  }
 
  private:
   LowPassSection first_, second_;

@@ -25,6 +25,12 @@ void MovingSpan::add(double time, double speed) {
   }
 }
 
+void MovingSpan::add(const MovingSpan& later) {
+  // The fastest sample is the last of one list and the first of the other; what lies between them is of no account.
+  for (const Sample& sample : later.front_) add(sample.time, sample.speed);
+  for (const Sample& sample : later.back_) add(sample.time, sample.speed);
+}
+
 double MovingSpan::first_above(double threshold) const {
   for (const Sample& sample : front_) {
     if (sample.speed > threshold) return sample.time;

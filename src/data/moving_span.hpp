@@ -13,6 +13,8 @@ namespace heft::data {
 class MovingSpan {
  public:
   void add(double time, double speed);
+  /// What a later stretch of the same joint has.
+  void add(const MovingSpan& later);
   double top_speed() const { return front_.empty() ? 0.0 : front_.back().speed; }
   /// NaN: never above.
   double first_above(double threshold) const;

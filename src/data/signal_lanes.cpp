@@ -1,5 +1,6 @@
 #include "signal_lanes.hpp"
 
+#include <cstdint>
 #include <cstring>
 
 namespace heft::data {
@@ -10,6 +11,9 @@ using Eigen::Index;
 constexpr int kStates = StretchFilter::kStates, kSums = SignalLanes::kSums;
 
 using Vector2 = double __attribute__((vector_size(16)));
+
+template <typename Vector>
+constexpr Index kLanesOf = sizeof(Vector) / sizeof(double);
 
 template <typename Vector>
 [[gnu::always_inline]] inline Vector load(const double* from) {
@@ -25,7 +29,7 @@ template <typename Vector>
 /// Calls f<Vector>(signal) for as many signals as fill vectors, then f<Vector2> for those left.
 template <typename Vector, typename F>
 [[gnu::always_inline]] inline void for_each_lanes(Index signals, const F& f) {
-  constexpr Index kLanes = sizeof(Vector) / sizeof(double);
+  constexpr Index kLanes = kLanesOf<Vector>;
   Index signal = 0;
   for (; signal + kLanes <= signals; signal += kLanes) f.template operator()<Vector>(signal);
   for (; signal < signals; signal += 2) f.template operator()<Vector2>(signal);
@@ -52,31 +56,126 @@ struct Section {
   }
 };
 
-template <typename Vector, int kCount>
-[[gnu::always_inline]] inline void filter_vectors(const SignalLanes::Sections& a, double* row, Index rows, Index step) {
-  constexpr Index kLanes = sizeof(Vector) / sizeof(double);
-  Section<Vector> first[kCount], second[kCount];
-  for (int v = 0; v < kCount; ++v) {
-    const Vector start = load<Vector>(row + v * kLanes);
-    first[v] = {a[0], a[1], a[2], Vector{}, start};
-    second[v] = {a[3], a[4], a[5], Vector{}, start};
+/// Whole numbers, one a lane. (A class, since GCC ignores the attribute of an alias that depends on a parameter.)
+template <typename Vector>
+struct PlacesOf {
+  typedef std::int64_t Type __attribute__((vector_size(sizeof(Vector))));
+};
+
+/// A square of numbers with rows for columns: halves of the vectors change places, then quarters, ...
+template <typename Vector>
+[[gnu::always_inline]] inline void transpose(Vector* rows) {
+  constexpr Index kLanes = kLanesOf<Vector>;
+#pragma GCC unroll 3
+  for (Index half = kLanes / 2; half > 0; half /= 2) {
+    typename PlacesOf<Vector>::Type upper, lower;
+    for (Index lane = 0; lane < kLanes; ++lane) {
+      const bool second = (lane & half) != 0;
+      upper[lane] = second ? kLanes + lane - half : lane;
+      lower[lane] = second ? kLanes + lane : lane + half;
+    }
+#pragma GCC unroll 8
+    for (Index row = 0; row < kLanes; ++row) {
+      if ((row & half) != 0) continue;
+      const Vector a = rows[row], b = rows[row + half];
+      rows[row] = __builtin_shuffle(a, b, upper);
+      rows[row + half] = __builtin_shuffle(a, b, lower);
+    }
   }
-  for (Index k = 0; k < rows; ++k, row += step) {
-#pragma GCC unroll 4
-    for (int v = 0; v < kCount; ++v)
-      store(second[v].step(first[v].step(load<Vector>(row + v * kLanes))), row + v * kLanes);
+}
+
+/// kCount vectors of signals.
+template <typename Vector, int kCount>
+[[gnu::always_inline]] inline void filter_vectors(const SignalLanes::Sections& a, double* first, Index rows, Index step,
+                                                  bool backward, double* states, Index state_step) {
+  constexpr Index kLanes = kLanesOf<Vector>;
+  const auto row_of = [&](int vector, Index row) __attribute__((always_inline)) {
+    Vector values;
+    for (Index lane = 0; lane < kLanes; ++lane) values[lane] = first[(vector * kLanes + lane) * step + row];
+    return values;
+  };
+  Section<Vector> before[kCount], behind[kCount];
+  const auto state = [&](int vector, int s) __attribute__((always_inline)) { return states + s * state_step + vector * kLanes; };
+  for (int v = 0; v < kCount; ++v) {
+    if (states != nullptr) {
+      before[v] = {a[0], a[1], a[2], load<Vector>(state(v, 0)), load<Vector>(state(v, 1))};
+      behind[v] = {a[3], a[4], a[5], load<Vector>(state(v, 2)), load<Vector>(state(v, 3))};
+    } else {
+      const Vector start = row_of(v, backward ? rows - 1 : 0);
+      before[v] = {a[0], a[1], a[2], Vector{}, start};
+      behind[v] = {a[3], a[4], a[5], Vector{}, start};
+    }
+  }
+  // As many rows at a time as there are signals in a vector; rows that are left one by one, last.
+  const Index left = rows % kLanes;
+  for (Index done = 0; done + kLanes <= rows; done += kLanes) {
+    const Index row = backward ? rows - kLanes - done : done;
+    Vector square[kCount][kLanes];
+    for (int v = 0; v < kCount; ++v) {
+#pragma GCC unroll 8
+      for (Index lane = 0; lane < kLanes; ++lane) square[v][lane] = load<Vector>(first + (v * kLanes + lane) * step + row);
+      transpose(square[v]);
+    }
+#pragma GCC unroll 8
+    for (Index k = 0; k < kLanes; ++k) {
+      for (int v = 0; v < kCount; ++v) {
+        Vector& values = square[v][backward ? kLanes - 1 - k : k];
+        values = behind[v].step(before[v].step(values));
+      }
+    }
+    for (int v = 0; v < kCount; ++v) {
+      transpose(square[v]);
+#pragma GCC unroll 8
+      for (Index lane = 0; lane < kLanes; ++lane) store(square[v][lane], first + (v * kLanes + lane) * step + row);
+    }
+  }
+  for (Index k = 0; k < left; ++k) {
+    const Index row = backward ? left - 1 - k : rows - left + k;
+    for (int v = 0; v < kCount; ++v) {
+      const Vector values = behind[v].step(before[v].step(row_of(v, row)));
+      for (Index lane = 0; lane < kLanes; ++lane) first[(v * kLanes + lane) * step + row] = values[lane];
+    }
+  }
+  if (states == nullptr) return;
+  for (int v = 0; v < kCount; ++v) {
+    store(before[v].s1, state(v, 0)), store(before[v].s2, state(v, 1));
+    store(behind[v].s1, state(v, 2)), store(behind[v].s2, state(v, 3));
   }
 }
 
 /// @param kMost  vectors at once
 template <typename Vector, int kMost>
-[[gnu::always_inline]] inline void filter_rows(const SignalLanes::Sections& a, double* row, Index rows, Index step,
-                                               Index signals) {
-  if (signals >= static_cast<Index>(kMost * sizeof(Vector) / sizeof(double))) {
-    filter_vectors<Vector, kMost>(a, row, rows, step);
+[[gnu::always_inline]] inline void filter_signals(const SignalLanes::Sections& a, double* first, Index rows, Index step,
+                                                  Index signals, bool backward, double* states, Index state_step) {
+  if (signals >= kMost * kLanesOf<Vector>) {
+    if (backward) {
+      filter_vectors<Vector, kMost>(a, first, rows, step, true, states, state_step);
+    } else {
+      filter_vectors<Vector, kMost>(a, first, rows, step, false, states, state_step);
+    }
   } else if constexpr (kMost > 1) {
-    filter_rows<Vector, kMost - 1>(a, row, rows, step, signals);
+    filter_signals<Vector, kMost - 1>(a, first, rows, step, signals, backward, states, state_step);
   }
+}
+
+template <typename Widest>
+[[gnu::always_inline]] inline void put_side_by_side(const double* const* columns, double* to, Index signals, Index rows) {
+  for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
+    constexpr Index kLanes = kLanesOf<Vector>;
+    const double* const* const from = columns + signal;
+    Index row = 0;
+    for (; row + kLanes <= rows; row += kLanes) {
+      Vector square[kLanes];
+#pragma GCC unroll 8
+      for (Index lane = 0; lane < kLanes; ++lane) square[lane] = load<Vector>(from[lane] + row);
+      transpose(square);
+#pragma GCC unroll 8
+      for (Index k = 0; k < kLanes; ++k) store(square[k], to + (row + k) * signals + signal);
+    }
+    for (; row < rows; ++row) {
+      for (Index lane = 0; lane < kLanes; ++lane) to[row * signals + signal + lane] = from[lane][row];
+    }
+  });
 }
 
 template <typename Widest>
@@ -127,8 +226,12 @@ template <typename Widest>
   });
 }
 
-void filter_twos(const SignalLanes::Sections& a, double* row, Index rows, Index step, Index signals) {
-  filter_rows<Vector2, 3>(a, row, rows, step, signals);
+void filter_twos(const SignalLanes::Sections& a, double* first, Index rows, Index step,
+                 Index signals, bool backward, double* states, Index state_step) {
+  filter_signals<Vector2, 3>(a, first, rows, step, signals, backward, states, state_step);
+}
+void side_by_side_twos(const double* const* columns, double* to, Index signals, Index rows) {
+  put_side_by_side<Vector2>(columns, to, signals, rows);
 }
 void add_twos(double* sums, const double* rows, const double* factors, Index signals, Index count) {
   add_rows<Vector2>(sums, rows, factors, signals, count);
@@ -140,14 +243,18 @@ void end_twos(const StretchFilter& filter, double* sums, double* forward, double
 void back_twos(const StretchFilter& filter, double* output, const double* behind, double* backward, Index signals) {
   step_back<Vector2>(filter, output, behind, backward, signals);
 }
-constexpr SignalLanes kTwos{2, 6, filter_twos, add_twos, end_twos, back_twos};
+constexpr SignalLanes kTwos{2, 6, filter_twos, side_by_side_twos, add_twos, end_twos, back_twos};
 
 #ifdef __x86_64__
 using Vector4 = double __attribute__((vector_size(32)));
 using Vector8 = double __attribute__((vector_size(64)));
 
-[[gnu::target("avx2")]] void filter_fours(const SignalLanes::Sections& a, double* row, Index rows, Index step, Index signals) {
-  filter_rows<Vector4, 2>(a, row, rows, step, signals);
+[[gnu::target("avx2")]] void filter_fours(const SignalLanes::Sections& a, double* first, Index rows, Index step,
+                                         Index signals, bool backward, double* states, Index state_step) {
+  filter_signals<Vector4, 2>(a, first, rows, step, signals, backward, states, state_step);
+}
+[[gnu::target("avx2")]] void side_by_side_fours(const double* const* columns, double* to, Index signals, Index rows) {
+  put_side_by_side<Vector4>(columns, to, signals, rows);
 }
 [[gnu::target("avx2")]] void add_fours(double* sums, const double* rows, const double* factors, Index signals, Index count) {
   add_rows<Vector4>(sums, rows, factors, signals, count);
@@ -159,10 +266,14 @@ using Vector8 = double __attribute__((vector_size(64)));
 [[gnu::target("avx2")]] void back_fours(const StretchFilter& filter, double* output, const double* behind, double* backward, Index signals) {
   step_back<Vector4>(filter, output, behind, backward, signals);
 }
-constexpr SignalLanes kFours{4, 8, filter_fours, add_fours, end_fours, back_fours};
+constexpr SignalLanes kFours{4, 8, filter_fours, side_by_side_fours, add_fours, end_fours, back_fours};
 
-[[gnu::target("avx512f")]] void filter_eights(const SignalLanes::Sections& a, double* row, Index rows, Index step, Index signals) {
-  filter_rows<Vector8, 1>(a, row, rows, step, signals);
+[[gnu::target("avx512f")]] void filter_eights(const SignalLanes::Sections& a, double* first, Index rows, Index step,
+                                            Index signals, bool backward, double* states, Index state_step) {
+  filter_signals<Vector8, 1>(a, first, rows, step, signals, backward, states, state_step);
+}
+[[gnu::target("avx512f")]] void side_by_side_eights(const double* const* columns, double* to, Index signals, Index rows) {
+  put_side_by_side<Vector8>(columns, to, signals, rows);
 }
 [[gnu::target("avx512f")]] void add_eights(double* sums, const double* rows, const double* factors, Index signals, Index count) {
   add_rows<Vector8>(sums, rows, factors, signals, count);
@@ -174,7 +285,7 @@ constexpr SignalLanes kFours{4, 8, filter_fours, add_fours, end_fours, back_four
 [[gnu::target("avx512f")]] void back_eights(const StretchFilter& filter, double* output, const double* behind, double* backward, Index signals) {
   step_back<Vector8>(filter, output, behind, backward, signals);
 }
-constexpr SignalLanes kEights{8, 8, filter_eights, add_eights, end_eights, back_eights};
+constexpr SignalLanes kEights{8, 8, filter_eights, side_by_side_eights, add_eights, end_eights, back_eights};
 
 #endif
 

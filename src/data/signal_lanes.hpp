@@ -1,6 +1,6 @@
 /// @file
-/// What filters do to every signal alike, in the widest lanes that the processor has. Signals are side by side in a row, their
-/// number even. Products and sums stay apart: the same bits on every processor.
+/// What filters do to every signal alike, in the widest lanes that the processor has. Products and sums stay apart: the same
+/// bits on every processor.
 #pragma once
 
 #include <array>
@@ -24,16 +24,25 @@ struct SignalLanes {
   /// Of both sections of LowPass, one behind the other: a1, a2, a3 each.
   using Sections = std::array<double, 6>;
 
-  Eigen::Index width;  ///< signals in a lane
+  Eigen::Index width;  ///< signals in a vector
   Eigen::Index most;   ///< signals that `filter` takes at once: what the registers hold
-  /// One direction of the low-pass in place, beginning at rest on the first value.
-  /// @param row      the first of `rows`, each `step` numbers behind the last
-  /// @param signals  a multiple of `width`, at most `most`
-  void (*filter)(const Sections& sections, double* row, Eigen::Index rows, Eigen::Index step, Eigen::Index signals);
+  /// One direction of the low-pass in place.
+  /// @param first     of the first signal: `rows` numbers one behind the other
+  /// @param step      from signal to signal
+  /// @param signals   a multiple of `width`, at most `most`
+  /// @param backward  from the last row to the first
+  /// @param states    4 rows of `signals` numbers, each `state_step` behind the last: s1 and s2 of the first section, then of the
+  ///                  second; those that it begins with become those behind its last row. Null: it begins at rest on its first value
+  void (*filter)(const Sections& sections, double* first, Eigen::Index rows, Eigen::Index step, Eigen::Index signals,
+                 bool backward, double* states, Eigen::Index state_step);
+
+  // Of signals side by side in a row, their number even.
 
   /// What a stretch adds up to: forward states, backward states, forward output.
   static constexpr int kSums = 2 * StretchFilter::kStates + 1;
-
+  /// Columns as rows of `signals` numbers.
+  /// @param columns  `signals` of them, `rows` numbers each
+  void (*side_by_side)(const double* const* columns, double* to, Eigen::Index signals, Eigen::Index rows);
   /// Adds rows times their factors, kSums a row, to `sums`, kSums rows of `signals` numbers.
   void (*add)(double* sums, const double* rows, const double* factors, Eigen::Index signals, Eigen::Index count);
   /// The end of a stretch: its sums become zero.

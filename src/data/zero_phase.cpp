@@ -6,7 +6,6 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
 #include "low_pass_sections.hpp"
-#include "signal_lanes.hpp"
 
 namespace heft::data {
 namespace {
@@ -21,8 +20,7 @@ void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, con
   const Index width = (count + lanes.width - 1) / lanes.width * lanes.width;
   const Index n = signal.rows(), size = n + 2 * pad;
   work.resize(static_cast<std::size_t>(size * width));
-  // One row a sample.
-  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> padded(work.data(), size, width);
+  Eigen::Map<Eigen::MatrixXd> padded(work.data(), size, width);
   for (Index lane = 0; lane < width; ++lane) {
     const auto x = signal.col(first + std::min(lane, count - 1));
     auto to = padded.col(lane);
@@ -32,10 +30,9 @@ void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, con
     }
     to.segment(pad, n) = x;
   }
-  const LowPassSection &a = filter.first(), &b = filter.second();
-  const SignalLanes::Sections sections{a.a1, a.a2, a.a3, b.a1, b.a2, b.a3};
-  lanes.filter(sections, work.data(), size, width, width);
-  lanes.filter(sections, work.data() + (size - 1) * width, size - pad, -width, width);
+  const SignalLanes::Sections sections = filter.sections();
+  lanes.filter(sections, work.data(), size, size, width, false, nullptr, 0);
+  lanes.filter(sections, work.data() + pad, size - pad, size, width, true, nullptr, 0);
   for (Index lane = 0; lane < count; ++lane) result.col(first + lane) = padded.col(lane).segment(pad, n);
 }
 

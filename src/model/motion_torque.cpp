@@ -305,6 +305,12 @@ bool needs_measured_displacement(const Robot& robot) {
   });
 }
 
+bool depends_on_past(const Robot& robot) {
+  return robot.torque_delay > 0 || !robot.elasticities.empty() ||
+         std::any_of(robot.effects.begin(), robot.effects.end(),
+                     [](const JointEffect<double>& effect) { return joint_effect_has_memory(effect.kind); });
+}
+
 bool needs_temperature(const Robot& robot) {
   return std::any_of(robot.effects.begin(), robot.effects.end(), [](const JointEffect<double>& effect) {
     return effect.kind == joint_effect_kind<FrictionTemperature>();

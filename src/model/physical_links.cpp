@@ -5,10 +5,12 @@
 #include <limits>
 #include <numbers>
 #include <random>
+#include <vector>
 
 #include "heft/host/decompositions.hpp"
 #include "heft/host/error.hpp"
-#include "heft/model/dynamics.hpp"
+#include "heft/host/parallel.hpp"
+#include "heft/model/batch_dynamics.hpp"
 
 namespace heft::model {
 
@@ -63,8 +65,8 @@ InertialParameters<double> nearest_physical(const InertialParameters<double>& li
 }
 
 MassMatrixCheck check_mass_matrix(const Robot& robot, int poses, std::uint64_t seed) {
-  const Dynamics dynamics(robot);
-  const Eigen::Index n = dynamics.num_joints();
+  const BatchDynamics dynamics(robot);
+  const Eigen::Index n = robot.num_joints();
   MatrixXd rotors = MatrixXd::Zero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     rotors(i, i) = robot.joints[static_cast<std::size_t>(i)].actuation.rotor_inertia;
@@ -78,30 +80,47 @@ MassMatrixCheck check_mass_matrix(const Robot& robot, int poses, std::uint64_t s
   }
 
   std::mt19937_64 generator(seed);
-  MassMatrixCheck check;
-  check.poses = poses;
-  check.smallest_eigenvalue = std::numeric_limits<double>::infinity();
-  VectorXd q(n);
-  const auto smallest = [](const MatrixXd& M) { return eigenvalues_of(M)[0]; };
-  for (int pose = 0; pose < poses; ++pose) {
+  MatrixXd q(poses, n);
+  for (Eigen::Index pose = 0; pose < poses; ++pose) {
     for (Eigen::Index i = 0; i < n; ++i) {
       const auto& joint = robot.joints[static_cast<std::size_t>(i)];
       const double share = std::generate_canonical<double, 53>(generator);
       if (joint.joint.type == JointType::kRevolute) {
-        q[i] = std::numbers::pi * (2.0 * share - 1.0);
+        q(pose, i) = std::numbers::pi * (2.0 * share - 1.0);
       } else {
         const double lower = std::isfinite(joint.lower) ? joint.lower : -1.0;
         const double upper = std::isfinite(joint.upper) ? joint.upper : 1.0;
-        q[i] = lower + share * (upper - lower);
+        q(pose, i) = lower + share * (upper - lower);
       }
     }
-    const MatrixXd M = dynamics.mass_matrix(q);
-    const double value = smallest(M);
-    if (!(value > 0.0)) ++check.not_positive;
-    if (!(smallest(M + rotors) > 0.0)) ++check.not_positive_with_rotors;
-    if (value < check.smallest_eigenvalue || check.worst_pose.size() == 0) {
-      check.smallest_eigenvalue = value;
-      check.worst_pose = q;
+  }
+  // What is positive stays so with more.
+  const bool rotors_add = eigenvalues_of(rotors)[0] >= 0.0;
+  const auto smallest_of = [](const MatrixXd& M) { return eigenvalues_of(M)[0]; };
+  VectorXd smallest(poses);
+  std::vector<char> positive_with_rotors(static_cast<std::size_t>(poses), 1);
+  constexpr Eigen::Index kPart = 500;
+  host::for_each_parallel(static_cast<std::size_t>((poses + kPart - 1) / kPart), [&](std::size_t part) {
+    const Eigen::Index first = static_cast<Eigen::Index>(part) * kPart, count = std::min(kPart, poses - first);
+    MatrixXd masses(count, n * n);
+    dynamics.mass_matrix(q.middleRows(first, count), masses);
+    for (Eigen::Index k = 0; k < count; ++k) {
+      const VectorXd columns = masses.row(k);
+      const MatrixXd M = Eigen::Map<const MatrixXd>(columns.data(), n, n);
+      const double value = smallest[first + k] = smallest_of(M);
+      if (!(value > 0.0 && rotors_add))
+        positive_with_rotors[static_cast<std::size_t>(first + k)] = smallest_of(M + rotors) > 0.0 ? 1 : 0;
+    }
+  });
+  MassMatrixCheck check;
+  check.poses = poses;
+  check.smallest_eigenvalue = std::numeric_limits<double>::infinity();
+  for (Eigen::Index pose = 0; pose < poses; ++pose) {
+    if (!(smallest[pose] > 0.0)) ++check.not_positive;
+    if (positive_with_rotors[static_cast<std::size_t>(pose)] == 0) ++check.not_positive_with_rotors;
+    if (smallest[pose] < check.smallest_eigenvalue || check.worst_pose.size() == 0) {
+      check.smallest_eigenvalue = smallest[pose];
+      check.worst_pose = q.row(pose);
     }
   }
   return check;

@@ -94,17 +94,25 @@ class Signals {
     } else {
       all.resize(rows, signals);  // every row is kept
     }
-    std::vector<double> some(static_cast<std::size_t>(kRowsAtOnce * signals), 0.0);
+    const std::vector<double> zeros(static_cast<std::size_t>(kRowsAtOnce), 0.0);
+    std::vector<const double*> signal;
     model::RegressorRows joints;
     for (Eigen::Index row = 0; row < rows; row += kRowsAtOnce) {
       const Eigen::Index count = std::min(kRowsAtOnce, rows - row);
-      double* const to = low_pass ? some.data() : all.data() + row * signals;
-      for (Eigen::Index k = 0; k < count; ++k) {
-        for (Eigen::Index j = 0; j < torques; ++j) to[k * signals + j] = tau(row + k, j);
-      }
       columns_.fill(motion.q, motion.qd, motion.qdd, row, count, lists_, joints);
-      put_side_by_side(joints, to + torques, signals);
-      if (low_pass) low_pass->add(to, count);
+      signal.clear();
+      for (Eigen::Index j = 0; j < torques; ++j) signal.push_back(tau.col(j).data() + row);
+      for (std::size_t j = 0; j < joints.size(); ++j) {
+        const model::RegressorRows::ConstMatrix entries = std::as_const(joints)[j];
+        for (Eigen::Index c = 0; c < entries.cols(); ++c) signal.push_back(entries.col(c).data());
+      }
+      signal.resize(static_cast<std::size_t>(signals), zeros.data());
+      if (low_pass) {
+        low_pass->add_columns(signal.data(), count);
+      } else {
+        for (Eigen::Index s = 0; s < signals; ++s)
+          all.col(s).segment(row, count) = Eigen::Map<const Eigen::VectorXd>(signal[static_cast<std::size_t>(s)], count);
+      }
     }
     if (low_pass) all = low_pass->finish();
     out.tau = all.leftCols(torques);
@@ -113,22 +121,6 @@ class Signals {
   }
 
  private:
-  /// The matrices' columns side by side, a row of `stride` numbers for each of theirs.
-  static void put_side_by_side(const model::RegressorRows& joints, double* to, Eigen::Index stride) {
-    constexpr Eigen::Index kTile = 8;  // rows: a cache line of each column
-    for (Eigen::Index row = 0; row < joints.rows(); row += kTile) {
-      const Eigen::Index count = std::min(kTile, joints.rows() - row);
-      double* entry = to + row * stride;
-      for (std::size_t j = 0; j < joints.size(); ++j) {
-        const model::RegressorRows::ConstMatrix columns = joints[j];
-        for (Eigen::Index c = 0; c < columns.cols(); ++c, ++entry) {
-          const double* const from = columns.col(c).data() + row;
-          for (Eigen::Index k = 0; k < count; ++k) entry[k * stride] = from[k];
-        }
-      }
-    }
-  }
-
   /// Rows that stay in the cache until they have passed the low-pass.
   static constexpr Eigen::Index kRowsAtOnce = 64;
 

@@ -20,6 +20,10 @@ void RecordedRows::add(const ObservationRows& rows) {
 }
 
 bool RecordedRows::Pass::next(ObservationRows& rows) {
+  while (piece_ < rows_.pieces_.size() && joint_ >= 0 && rows_.pieces_[piece_].joint != joint_) {
+    const Piece& other = rows_.pieces_[piece_++];
+    at_ += (2 + other.filled.size()) * static_cast<std::size_t>(other.rows);
+  }
   if (piece_ == rows_.pieces_.size()) return false;
   const Piece& piece = rows_.pieces_[piece_++];
   bool read = true;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "heft/host/decompositions.hpp"
+#include "heft/host/parallel.hpp"
 #include "heft/regression/block_groups.hpp"
 #include "heft/regression/recorded_rows.hpp"
 #include "heft/regression/scaled_svd.hpp"
@@ -90,8 +91,11 @@ Eigen::VectorXd residual_correlation(const RegressionColumns& columns, const Bas
     moments.add(rows.log, rows.joint, rows.time, rows.tau - rows.W * beta);
   };
   if (record.is_usable()) {
-    ObservationRows rows;
-    for (RecordedRows::Pass pass(record); pass.next(rows);) add(rows);
+    // Joints side by side: the sums of each are its own.
+    host::for_each_parallel(static_cast<std::size_t>(columns.num_joints()), [&](std::size_t joint) {
+      ObservationRows rows;
+      for (RecordedRows::Pass pass(record, static_cast<int>(joint)); pass.next(rows);) add(rows);
+    });
   } else {
     for_each_observation(columns, base.kept, logs, observation, add);
   }

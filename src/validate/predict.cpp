@@ -33,17 +33,22 @@ struct Predictor::Impl {
   /// One motion for the log's rows, one for the grid: each carries what is remembered from piece to piece.
   Eigen::MatrixXd predict(model::MotionTorque& motion, bool& started, const Rows& rows) const {
     const Eigen::VectorXd time = rows.time.segment(rows.first, rows.count).array() - begin;
+    if (rows.first == 0 && rows.count == rows.time.size())
+      return predict(motion, started, time, rows.q, rows.qd, rows.qdd, rows.tau, rows.displacement, rows.temperature);
     const auto part = [&](const Eigen::MatrixXd& whole) {
       Eigen::MatrixXd some;
       if (whole.cols() > 0) some = whole.middleRows(rows.first, rows.count);
       return some;
     };
-    const Eigen::MatrixXd q = part(rows.q), qd = part(rows.qd), qdd = part(rows.qdd);
-    if (!started && rows.tau.cols() > 0)
-      motion.start_from(time, q, qd, qdd, part(rows.tau), options.sign_width);
+    return predict(motion, started, time, part(rows.q), part(rows.qd), part(rows.qdd), part(rows.tau), part(rows.displacement),
+                   part(rows.temperature));
+  }
+  Eigen::MatrixXd predict(model::MotionTorque& motion, bool& started, const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
+                          const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau,
+                          const Eigen::MatrixXd& displacement, const Eigen::MatrixXd& temperature) const {
+    if (!started && tau.cols() > 0) motion.start_from(time, q, qd, qdd, tau, options.sign_width);
     started = true;
-    return motion.torque(time, q, qd, qdd, options.sign_width, part(rows.displacement),
-                         part(rows.temperature));
+    return motion.torque(time, q, qd, qdd, options.sign_width, displacement, temperature);
   }
 
   model::MotionTorque on_rows, on_grid;

@@ -280,19 +280,40 @@ Score score(const model::Robot& robot, const data::MotionStream& log, const Scor
                                                                      : default_band(summary.bandwidth);
   TorqueScorer scorer({summary.path, summary.begin, summary.end, summary.samples, summary.max_torque,
                        summary.sample_rate, band, summary.gaps, summary.moving_from, summary.moving_to});
-  Predictor predictor(robot, summary.begin, {options.sign_width});
-  log.for_each(
-      [&](const data::MotionChunk& piece) {
-        const Eigen::MatrixXd predicted = predictor.rows(piece);
-        scorer.add_rows(piece.row_time, piece.row_tau, predicted);
-        if (options.rows) options.rows(piece.row_time, piece.row_tau, predicted);
-        const Index begin = piece.begin, count = piece.count;
-        // On a log with even time stamps the grid is the log's own.
-        const bool same = !summary.resampled && count == piece.row_time.size();
-        const Eigen::MatrixXd even = same ? predicted : predictor.grid(piece);
-        scorer.add_grid(piece.time.segment(begin, count), piece.tau.middleRows(begin, count) - even);
-      },
-      options.progress);
+  /// A piece's own rows, and the residual on its grid.
+  struct Judged {
+    Eigen::VectorXd row_time, time;
+    Eigen::MatrixXd row_tau, predicted, residual;
+  };
+  const auto judge = [&](Predictor& predictor, const data::MotionChunk& piece) {
+    Judged judged{piece.row_time, piece.time.segment(piece.begin, piece.count), piece.row_tau, predictor.rows(piece), {}};
+    judged.residual = piece.tau.middleRows(piece.begin, piece.count);
+    // On a log with even time stamps the grid is the log's own.
+    const bool same = !summary.resampled && piece.count == piece.row_time.size();
+    if (same) {
+      judged.residual -= judged.predicted;
+    } else {
+      judged.residual -= predictor.grid(piece);
+    }
+    return judged;
+  };
+  const auto take = [&](const Judged& judged) {
+    scorer.add_rows(judged.row_time, judged.row_tau, judged.predicted);
+    if (options.rows) options.rows(judged.row_time, judged.row_tau, judged.predicted);
+    scorer.add_grid(judged.time, judged.residual);
+  };
+  const auto fresh = [&] { return Predictor(robot, summary.begin, {options.sign_width}); };
+  if (model::depends_on_past(robot)) {
+    Predictor predictor = fresh();
+    log.for_each([&](const data::MotionChunk& piece) { take(judge(predictor, piece)); }, options.progress);
+  } else {
+    log.for_each<Judged>(
+        [&](const data::MotionChunk& piece) {
+          Predictor predictor = fresh();
+          return judge(predictor, piece);
+        },
+        take, options.progress);
+  }
   return scorer.finish();
 }
 

@@ -48,6 +48,22 @@ TEST(DecimatedLowPass, KeepsTheRowsThatTheWholeFilterGives) {
   }
 }
 
+TEST(DecimatedLowPass, TakesColumnsAsItTakesRows) {
+  constexpr Index kSignals = 12, kLength = 100;
+  const Eigen::MatrixXd x = Eigen::MatrixXd::Random(kLength, kSignals);
+  const DecimatedLowPass::Kept rows = x;
+  DecimatedLowPass by_rows(100.0, 10.0, kSignals, kLength, 1, 3), by_columns = by_rows;
+  by_rows.add(rows.data(), kLength);
+  for (Index row = 0; row < kLength;) {
+    const Index count = std::min<Index>(kLength - row, 1 + row % 13);
+    std::vector<const double*> columns;
+    for (Index signal = 0; signal < kSignals; ++signal) columns.push_back(x.col(signal).data() + row);
+    by_columns.add_columns(columns.data(), count);
+    row += count;
+  }
+  EXPECT_EQ(by_columns.finish(), by_rows.finish());
+}
+
 TEST(DecimatedLowPass, KeepsNothingOfRowsBeforeTheFirstKeptOne) {
   DecimatedLowPass filter(100.0, 5.0, 2, 3, 4, 5);
   const std::vector<double> rows(6, 1.0);
@@ -65,14 +81,16 @@ TEST(SignalLanes, AllHaveTheSameBits) {
   const StretchFilter over{numbers.data(), numbers.data() + 16, numbers.data() + 32, numbers.data() + 36, numbers[40]};
   const SignalLanes::Sections sections{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
   struct Found {
-    DecimatedLowPass::Kept filtered;
+    Eigen::MatrixXd filtered;
     Eigen::VectorXd sums, forward, output, behind, back, backward;
   };
   const auto with = [&](const SignalLanes& lanes) {
     const auto some = [&](Index count) { return Eigen::VectorXd(numbers.head(count * kSignals)); };
     Found f{rows, some(kSums), some(kStates), some(1), some(kStates), some(1), some(kStates)};
-    for (Index first = 0; first < kFiltered; first += lanes.width)
-      lanes.filter(sections, f.filtered.data() + first, kNumRows, kFiltered, lanes.width);
+    for (Index first = 0; first < kFiltered; first += lanes.width) {
+      lanes.filter(sections, f.filtered.col(first).data(), kNumRows, kNumRows, lanes.width, false, nullptr, 0);
+      lanes.filter(sections, f.filtered.col(first).data() + 5, kNumRows - 5, kNumRows, lanes.width, true, nullptr, 0);
+    }
     const DecimatedLowPass::Kept narrow = rows.leftCols(kSignals);
     lanes.add(f.sums.data(), narrow.data(), numbers.data(), kSignals, kNumRows);
     const Eigen::VectorXd sums = f.sums;
@@ -95,16 +113,50 @@ TEST(SignalLanes, AllHaveTheSameBits) {
   }
 }
 
+// The trapezoidal section one signal at a time, one row at a time.
+TEST(SignalLanes, FilterAsTheSectionSays) {
+  const SignalLanes::Sections a{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
+  const auto alone = [&](Eigen::VectorXd x, bool backward) {
+    if (backward) x.reverseInPlace();
+    double s1[2] = {0.0, 0.0}, s2[2] = {x[0], x[0]};
+    for (double& value : x) {
+      for (int section = 0; section < 2; ++section) {
+        const double a1 = a[static_cast<std::size_t>(3 * section)], a2 = a[static_cast<std::size_t>(3 * section + 1)],
+                     a3 = a[static_cast<std::size_t>(3 * section + 2)];
+        const double v3 = value - s2[section], v1 = a1 * s1[section] + a2 * v3;
+        value = s2[section] + a2 * s1[section] + a3 * v3;
+        s1[section] = 2.0 * v1 - s1[section];
+        s2[section] = 2.0 * value - s2[section];
+      }
+    }
+    if (backward) x.reverseInPlace();
+    return x;
+  };
+  for (const SignalLanes* lanes : available_signal_lanes()) {
+    for (const Index rows : {1, 7, 8, 29}) {
+      for (const bool backward : {false, true}) {
+        const Eigen::MatrixXd x = Eigen::MatrixXd::Random(rows, lanes->width);
+        Eigen::MatrixXd y = x;
+        lanes->filter(a, y.data(), rows, rows, lanes->width, backward, nullptr, 0);
+        for (Index signal = 0; signal < lanes->width; ++signal) {
+          const Eigen::VectorXd expected = alone(x.col(signal), backward);
+          EXPECT_LT((y.col(signal) - expected).cwiseAbs().maxCoeff(), 1e-14) << lanes->width << ' ' << rows;
+        }
+      }
+    }
+  }
+}
+
 // Several lanes side by side, and as many as there are at most.
 TEST(SignalLanes, FilterAsManyAsTheyTakeAtOnce) {
   const SignalLanes::Sections sections{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
   for (const SignalLanes* lanes : available_signal_lanes()) {
-    const DecimatedLowPass::Kept rows = DecimatedLowPass::Kept::Random(40, lanes->most);
+    const Eigen::MatrixXd rows = Eigen::MatrixXd::Random(41, lanes->most);
     for (Index signals = lanes->width; signals <= lanes->most; signals += lanes->width) {
-      DecimatedLowPass::Kept together = rows, alone = rows;
-      lanes->filter(sections, together.data(), 40, lanes->most, signals);
+      Eigen::MatrixXd together = rows, alone = rows;
+      lanes->filter(sections, together.data(), 41, 41, signals, false, nullptr, 0);
       for (Index first = 0; first < signals; first += lanes->width)
-        lanes->filter(sections, alone.data() + first, 40, lanes->most, lanes->width);
+        lanes->filter(sections, alone.col(first).data(), 41, 41, lanes->width, false, nullptr, 0);
       EXPECT_EQ(together, alone) << lanes->width;
     }
   }

@@ -18,6 +18,7 @@
 #include "heft/core/effects/hysteresis.hpp"
 #include "heft/host/error.hpp"
 #include "heft/host/parallel.hpp"
+#include "moving_span.hpp"
 #include "streaming_median.hpp"
 #include "support/measured_data.hpp"
 #include "support/temporary_folder.hpp"
@@ -834,6 +835,29 @@ TEST(MotionStream, NoticesALogThatIsStillWritten) {
               HasSubstr("the log has 2100 rows and had 2000 when it was first read"));
   folder.write("log.csv", text_log(1000));
   EXPECT_THAT(message_of<DataError>(pass), HasSubstr("changed while it was being read (it had 2000 rows)"));
+}
+
+// Stretches that are looked at by themselves give what the whole gives.
+TEST(MovingSpan, IsThatOfItsStretches) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  MovingSpan whole, of_stretches;
+  for (int stretch = 0; stretch < 7; ++stretch) {
+    MovingSpan own;
+    for (int k = 0; k < 50; ++k) {
+      const double time = 50.0 * stretch + k, speed = uniform(random) * (1.0 + (stretch == 3 ? 1.0 : 0.0));
+      whole.add(time, speed);
+      own.add(time, speed);
+    }
+    of_stretches.add(own);
+  }
+  EXPECT_EQ(of_stretches.top_speed(), whole.top_speed());
+  for (double threshold = 0.0; threshold < 2.0; threshold += 0.01) {
+    if (threshold >= whole.top_speed()) break;
+    EXPECT_EQ(of_stretches.first_above(threshold), whole.first_above(threshold)) << threshold;
+    EXPECT_EQ(of_stretches.last_above(threshold), whole.last_above(threshold)) << threshold;
+  }
+  EXPECT_TRUE(std::isnan(of_stretches.first_above(whole.top_speed())));
 }
 
 }  // namespace

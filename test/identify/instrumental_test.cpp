@@ -13,8 +13,11 @@
 
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
+#include "heft/regression/recorded_rows.hpp"
+#include "heft/regression/weighted_fit.hpp"
 #include "heft/statistics/block_jackknife.hpp"
 #include "heft/statistics/distributions.hpp"
+#include "heft/statistics/residual_moments.hpp"
 #include "identify/bias_test.hpp"
 #include "identify/instrumental.hpp"
 #include "support/arms.hpp"
@@ -558,6 +561,25 @@ TEST(SimulatedMotion, TakesTheReferenceWhereTheModelCannotMove) {
       replaced(stream, simulated_motion(experiment.columns, experiment.base, beta, {&stream}, {}, report));
   EXPECT_EQ(report->failed, 1);
   EXPECT_LT((pieces.front().q - log.q).cwiseAbs().maxCoeff(), 0.05);
+}
+
+// Joints are read side by side, each with its own pass over what was recorded.
+TEST(ResidualCorrelation, OfRecordedRowsIsThatOfTheRows) {
+  const Experiment experiment;
+  const data::MotionStream stream = stream_of(noisy_log(1e-4, 5, 20.0));
+  const std::vector<const data::MotionStream*> logs{&stream};
+  regression::RecordedRows record;
+  (void)regression::compressed(experiment.columns, experiment.base, logs, {}, {}, &record);
+  statistics::ResidualMoments moments(2);
+  regression::for_each_observation(
+      experiment.columns, experiment.base.kept, logs, {}, [&](const regression::ObservationRows& rows) {
+        moments.add(rows.log, rows.joint, rows.time, rows.tau - rows.W * experiment.truth);
+      });
+  const Eigen::VectorXd expected = moments.correlation_time();
+  EXPECT_GT(expected.minCoeff(), 0.0);
+  EXPECT_NE(expected[0], expected[1]);
+  EXPECT_EQ(regression::residual_correlation(experiment.columns, experiment.base, logs, {}, experiment.truth, record),
+            expected);
 }
 
 TEST(DelayedMotion, ShiftsByWholeSamples) {

@@ -532,5 +532,14 @@ TEST(MassMatrix, ShowsALinkThatCannotExist) {
   EXPECT_EQ(model::check_mass_matrix(robot, 200, 2).not_positive_with_rotors, 0);
 }
 
+TEST(MassMatrix, ShowsARotorThatTakesInertiaAway) {
+  model::Robot robot = make_arm(3, 101);
+  for (auto& joint : robot.joints) joint.actuation.rotor_inertia = 0.0;
+  robot.joints[0].actuation.rotor_inertia = -100.0;
+  const model::MassMatrixCheck check = model::check_mass_matrix(robot, 200, 2);
+  EXPECT_EQ(check.not_positive, 0);
+  EXPECT_EQ(check.not_positive_with_rotors, 200);
+}
+
 }  // namespace
 }  // namespace heft::identify

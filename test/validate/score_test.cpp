@@ -341,12 +341,8 @@ TEST(Score, TakesGearCouplingsIntoThePrediction) {
   EXPECT_GT(without.percent_of_max.minCoeff(), 3.0);
 }
 
-TEST(Score, CarriesEffectsFromPieceToPiece) {
-  model::Robot robot = arm();
-  robot.effects = {{joint_effect_kind<Hysteresis>(), 0, {0.08}},
-                   {joint_effect_kind<FrictionDrift>(), 1, {0.8, 0.5, 6.0}}};
-  robot.elasticities = {{1, 400.0, 0.5, 0.1}};
-  robot.torque_delay = 0.0123;
+/// The torque of all that a robot of two joints has, along two sines.
+data::Log log_along(const model::Robot& robot) {
   data::Log log;
   log.path = "along.csv";
   log.time = even_time(2000, 100.0);
@@ -358,6 +354,16 @@ TEST(Score, CarriesEffectsFromPieceToPiece) {
     log.qdd.col(j) = -w * w * log.q.col(j);
   }
   log.tau = model::MotionTorque(robot).torque(log.time, log.q, log.qd, log.qdd, ScoreOptions{}.sign_width);
+  return log;
+}
+
+TEST(Score, CarriesEffectsFromPieceToPiece) {
+  model::Robot robot = arm();
+  robot.effects = {{joint_effect_kind<Hysteresis>(), 0, {0.08}},
+                   {joint_effect_kind<FrictionDrift>(), 1, {0.8, 0.5, 6.0}}};
+  robot.elasticities = {{1, 400.0, 0.5, 0.1}};
+  robot.torque_delay = 0.0123;
+  data::Log log = log_along(robot);
   log.time.array() += 40.0;  // a log need not begin at 0
   data::StreamOptions fine;
   fine.chunk_samples = 300;
@@ -370,6 +376,22 @@ TEST(Score, CarriesEffectsFromPieceToPiece) {
     if (left_out == 2) without.elasticities.clear();
     if (left_out == 3) without.torque_delay = 0.0;
     EXPECT_GT(score(without, data::MotionStream(log, fine)).rmse.maxCoeff(), 1e-3) << left_out;
+  }
+}
+
+// Each by itself: pieces of a model without any are predicted by themselves.
+TEST(Score, KnowsWhatGoesOnFromPieceToPiece) {
+  for (int only = 0; only < 4; ++only) {
+    SCOPED_TRACE(only);
+    model::Robot robot = arm();
+    if (only == 0) robot.effects = {{joint_effect_kind<Hysteresis>(), 0, {0.08}}};
+    if (only == 1) robot.elasticities = {{1, 400.0, 0.5, 0.1}};
+    if (only == 2) robot.torque_delay = 0.0123;
+    if (only == 3) robot.effects = {{joint_effect_kind<FrictionDrift>(), 1, {0.8, 0.5, 6.0}}};
+    EXPECT_EQ(model::depends_on_past(robot), only < 3);
+    data::StreamOptions fine;
+    fine.chunk_samples = 300;
+    EXPECT_LT(score(robot, data::MotionStream(log_along(robot), fine)).rmse.maxCoeff(), 1e-8);
   }
 }
 

@@ -29,6 +29,9 @@ class DecimatedLowPass {
 
   /// The next rows, one behind the other. Cost: 18 operations a number.
   void add(const double* rows, Eigen::Index count);
+  /// The same of rows that lie as columns.
+  /// @param columns  one a signal, `count` numbers each
+  void add_columns(const double* const* columns, Eigen::Index count);
   /// After the last row: rows first_kept, first_kept + step, ...
   Kept finish();
 
@@ -44,8 +47,11 @@ class DecimatedLowPass {
   void accumulate(const double* rows, Eigen::Index count);
   StretchFilter over_stretch() const;
   void end_stretch();
+  Eigen::MatrixXd columns_in_lanes(Eigen::Index rows) const;
+  void run(Eigen::MatrixXd& x, Kept& states, bool backward) const;
+  static Kept at_rest(const Eigen::RowVectorXd& values);
   void begin_at_head();
-  Eigen::MatrixXd backward_state_behind_last() const;
+  Kept backward_state_behind_last() const;
 
   double sample_rate_, cutoff_;
   Eigen::Index signals_, rows_, first_kept_, step_, kept_, padding_;
@@ -60,6 +66,7 @@ class DecimatedLowPass {
   Eigen::Vector4d B_;
   Eigen::RowVector4d C_, e_;
   double D_{0.0};
+  std::vector<double> rows_of_columns_;
   Kept head_, tail_;         ///< first and last rows as they came
   Kept sums_;                ///< kSums × signals, of the present stretch
   Kept forward_;             ///< kStates × signals: the forward run behind the last stretch that ended

@@ -18,6 +18,8 @@ inline constexpr double kRestSpeed = 5e-3;
 /// Whether friction of this robot remembers by a displacement as logged instead of by the derived position: then
 /// MotionTorque::torque wants `measured`.
 bool needs_measured_displacement(const Robot& robot);
+/// Whether the torque of a row depends on rows before it: by a memory, a deflection or a delay.
+bool depends_on_past(const Robot& robot);
 /// Whether friction of this robot follows the temperature of a joint: then it wants `temperature`.
 bool needs_temperature(const Robot& robot);
 

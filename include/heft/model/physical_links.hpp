@@ -40,8 +40,7 @@ struct MassMatrixCheck {
 
 /// Looks at the mass matrix in random poses: revolute joints over a full turn, prismatic ones within their limits
 /// (±1 m without limits).
-/// @throws ModelError as Dynamics does.
-/// Cost: 10 000 poses of seven joints take a quarter of a second.
+/// @throws ModelError as BatchDynamics does.
 MassMatrixCheck check_mass_matrix(const Robot& robot, int poses, std::uint64_t seed);
 
 }  // namespace heft::model

@@ -23,7 +23,8 @@ class RecordedRows {
   /// Reads them from front to back.
   class Pass {
    public:
-    explicit Pass(const RecordedRows& rows) : rows_(rows) {}
+    /// @param joint  whose rows alone are read; -1: all
+    explicit Pass(const RecordedRows& rows, int joint = -1) : rows_(rows), joint_(joint) {}
     /// The next rows, without instruments.
     /// @return false at the end
     /// @throws DataError when the disk does not give back what was written
@@ -31,6 +32,7 @@ class RecordedRows {
 
    private:
     const RecordedRows& rows_;
+    int joint_;
     std::size_t piece_{0}, at_{0};
   };
 
