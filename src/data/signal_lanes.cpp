@@ -1,7 +1,8 @@
 #include "signal_lanes.hpp"
 
-#include <cstdint>
+#include <cstddef>
 #include <cstring>
+#include <utility>
 
 namespace heft::data {
 namespace {
@@ -56,32 +57,24 @@ struct Section {
   }
 };
 
-/// Whole numbers, one a lane. (A class, since GCC ignores the attribute of an alias that depends on a parameter.)
-template <typename Vector>
-struct PlacesOf {
-  typedef std::int64_t Type __attribute__((vector_size(sizeof(Vector))));
-};
+/// Two vectors exchange parts of kHalf lanes: the second of one with the first of the other, and so on.
+template <typename Vector, std::size_t kHalf, std::size_t... kLane>
+[[gnu::always_inline]] inline void exchange(Vector& first, Vector& second, std::index_sequence<kLane...>) {
+  constexpr std::size_t kLanes = sizeof...(kLane);
+  const Vector a = first, b = second;
+  first = __builtin_shufflevector(a, b, ((kLane & kHalf) != 0 ? kLanes + kLane - kHalf : kLane)...);
+  second = __builtin_shufflevector(a, b, ((kLane & kHalf) != 0 ? kLanes + kLane : kLane + kHalf)...);
+}
 
 /// A square of numbers with rows for columns: halves of the vectors change places, then quarters, ...
-template <typename Vector>
+template <typename Vector, std::size_t kHalf = kLanesOf<Vector> / 2>
 [[gnu::always_inline]] inline void transpose(Vector* rows) {
-  constexpr Index kLanes = kLanesOf<Vector>;
-#pragma GCC unroll 3
-  for (Index half = kLanes / 2; half > 0; half /= 2) {
-    typename PlacesOf<Vector>::Type upper, lower;
-    for (Index lane = 0; lane < kLanes; ++lane) {
-      const bool second = (lane & half) != 0;
-      upper[lane] = second ? kLanes + lane - half : lane;
-      lower[lane] = second ? kLanes + lane : lane + half;
-    }
+  constexpr std::size_t kLanes = kLanesOf<Vector>;
 #pragma GCC unroll 8
-    for (Index row = 0; row < kLanes; ++row) {
-      if ((row & half) != 0) continue;
-      const Vector a = rows[row], b = rows[row + half];
-      rows[row] = __builtin_shuffle(a, b, upper);
-      rows[row + half] = __builtin_shuffle(a, b, lower);
-    }
+  for (std::size_t row = 0; row < kLanes; ++row) {
+    if ((row & kHalf) == 0) exchange<Vector, kHalf>(rows[row], rows[row + kHalf], std::make_index_sequence<kLanes>());
   }
+  if constexpr (kHalf > 1) transpose<Vector, kHalf / 2>(rows);
 }
 
 /// kCount vectors of signals.
