@@ -2,12 +2,25 @@
 
 #include <cmath>
 #include <iterator>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "heft/host/error.hpp"
 
 namespace heft::identify {
+namespace {
+
+/// Columns that hold anything but zeros: in the rows of an outer joint those of the links before it do not.
+std::vector<int> filled_columns(const Eigen::Ref<const Eigen::MatrixXd>& rows) {
+  std::vector<int> filled;
+  for (Eigen::Index c = 0; c < rows.cols(); ++c) {
+    if (!(rows.col(c).array() == 0.0).all()) filled.push_back(static_cast<int>(c));
+  }
+  return filled;
+}
+
+}  // namespace
 
 InstrumentSums::InstrumentSums(int joints, int columns, double block, int max_blocks)
     : plain_(joints, columns, block, max_blocks), partition_(block) {}
@@ -45,6 +58,8 @@ void InstrumentSums::add(int log, int joint, const Eigen::Ref<const Eigen::Vecto
   if (known_ == nullptr) plain_.add(log, joint, time, W, y);
   // The plain blocks lead: ours are merged when theirs were.
   while (partition_.level() < plain().partition().level()) coarsen();
+  const std::vector<int> in_Z = filled_columns(Z), in_W = filled_columns(W);
+  const Eigen::MatrixXd filled_Z = Z(Eigen::all, in_Z), filled_W = W(Eigen::all, in_W);
   for (Eigen::Index first = 0; first < time.size();) {
     const regression::BlockPartition::Key key = partition_.key_of(log, time[first]);
     Eigen::Index end = first;
@@ -56,9 +71,9 @@ void InstrumentSums::add(int log, int joint, const Eigen::Ref<const Eigen::Vecto
                                               Moments{Eigen::MatrixXd::Zero(b, b), Eigen::VectorXd::Zero(b)}))
             .first->second;
     Moments& moments = joints[static_cast<std::size_t>(joint)];
-    const auto rows = Z.middleRows(first, end - first);
-    moments.A.noalias() += rows.transpose() * W.middleRows(first, end - first);
-    moments.r.noalias() += rows.transpose() * y.segment(first, end - first);
+    const auto rows = filled_Z.middleRows(first, end - first);
+    moments.A(in_Z, in_W) += (rows.transpose() * filled_W.middleRows(first, end - first)).eval();
+    moments.r(in_Z) += (rows.transpose() * y.segment(first, end - first)).eval();
     first = end;
   }
 }
