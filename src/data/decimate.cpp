@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "signal_lanes.hpp"
 #include "low_pass_sections.hpp"
+#include "signal_lanes.hpp"
 
 namespace heft::data {
 
@@ -132,7 +132,7 @@ void DecimatedLowPass::end_stretch() {
 
 /// Columns for all lanes: those of the signals, then zeros.
 Eigen::MatrixXd DecimatedLowPass::columns_in_lanes(Index rows) const {
-  const Index width = signal_lanes().width, columns = (signals_ + width - 1) / width * width;
+  const Index columns = signal_lanes().padded(signals_);
   Eigen::MatrixXd x(rows, columns);
   x.rightCols(columns - signals_).setZero();
   return x;
@@ -142,9 +142,9 @@ Eigen::MatrixXd DecimatedLowPass::columns_in_lanes(Index rows) const {
 /// @param states  kStates × columns: becomes those behind the last row
 void DecimatedLowPass::run(Eigen::MatrixXd& x, Kept& states, bool backward) const {
   const SignalLanes& lanes = signal_lanes();
-  const SignalLanes::Sections sections = LowPass(sample_rate_, cutoff_).sections();
+  const LowPass filter(sample_rate_, cutoff_);
   for (Index first = 0; first < x.cols(); first += lanes.most) {
-    lanes.filter(sections, x.col(first).data(), x.rows(), x.rows(), std::min(lanes.most, x.cols() - first), backward,
+    lanes.filter(filter, x.col(first).data(), x.rows(), x.rows(), std::min(lanes.most, x.cols() - first), backward,
                  states.data() + first, x.cols());
   }
 }

@@ -141,8 +141,9 @@ DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd&
   DerivedMotion motion;
   if (by_savitzky_golay(options, cutoff)) {
     check_order(options.polynomial_order, 2);
-    for (int derivative = 0; Eigen::MatrixXd* signal : {&motion.q, &motion.qd, &motion.qdd})
-      *signal = polynomial_derivative(q, sample_rate, cutoff, options.polynomial_order, derivative++);
+    motion.q = polynomial_derivative(q, sample_rate, cutoff, options.polynomial_order, 0);
+    motion.qd = polynomial_derivative(q, sample_rate, cutoff, options.polynomial_order, 1);
+    motion.qdd = polynomial_derivative(q, sample_rate, cutoff, options.polynomial_order, 2);
     return motion;
   }
   motion.q = smoothed(q, sample_rate, cutoff);

@@ -1,14 +1,11 @@
 /// @file
-/// The fourth-order Butterworth low-pass, one direction of it: two second-order sections, each two trapezoidal integrators;
-/// SignalLanes runs them.
+/// The fourth-order Butterworth low-pass, one direction of it: two second-order sections, each two trapezoidal integrators.
 #pragma once
 
 #include <cmath>
 #include <numbers>
 
 #include <Eigen/Core>
-
-#include "signal_lanes.hpp"
 
 namespace heft::data {
 
@@ -20,11 +17,13 @@ struct LowPassSection {
     a2 = g * a1;
     a3 = g * a2;
   }
-  /// The output for the next input.
-  double step(double& s1, double& s2, double input) const {
-    const double v3 = input - s2;
-    const double v1 = a1 * s1 + a2 * v3;
-    const double v2 = s2 + a2 * s1 + a3 * v3;
+  /// The output for the next input. (A call would keep the states in memory: twice the time.)
+  /// @tparam T  a number, or a vector of the compiler
+  template <typename T>
+  [[gnu::always_inline]] T step(T& s1, T& s2, const T& input) const {
+    const T v3 = input - s2;
+    const T v1 = a1 * s1 + a2 * v3;
+    const T v2 = s2 + a2 * s1 + a3 * v3;
     s1 = 2.0 * v1 - s1;
     s2 = 2.0 * v2 - s2;
     return v2;
@@ -44,9 +43,6 @@ class LowPass {
 
   const LowPassSection& first() const { return first_; }
   const LowPassSection& second() const { return second_; }
-  SignalLanes::Sections sections() const {
-    return {first_.a1, first_.a2, first_.a3, second_.a1, second_.a2, second_.a3};
-  }
 
  private:
   LowPassSection first_, second_;

@@ -4,6 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "low_pass_sections.hpp"
+
 namespace heft::data {
 namespace {
 
@@ -41,22 +43,6 @@ template <typename Vector>
   return ((row[0] * states[0] + row[1] * states[1]) + row[2] * states[2]) + row[3] * states[3];
 }
 
-/// One second-order section, as LowPassSection::step.
-template <typename Vector>
-struct Section {
-  double a1, a2, a3;
-  Vector s1{}, s2;
-
-  [[gnu::always_inline]] Vector step(const Vector& input) {
-    const Vector v3 = input - s2;
-    const Vector v1 = a1 * s1 + a2 * v3;
-    const Vector v2 = s2 + a2 * s1 + a3 * v3;
-    s1 = 2.0 * v1 - s1;
-    s2 = 2.0 * v2 - s2;
-    return v2;
-  }
-};
-
 /// Two vectors exchange parts of kHalf lanes: the second of one with the first of the other, and so on.
 template <typename Vector, std::size_t kHalf, std::size_t... kLane>
 [[gnu::always_inline]] inline void exchange(Vector& first, Vector& second, std::index_sequence<kLane...>) {
@@ -77,28 +63,36 @@ template <typename Vector, std::size_t kHalf = kLanesOf<Vector> / 2>
   if constexpr (kHalf > 1) transpose<Vector, kHalf / 2>(rows);
 }
 
+/// Two integrators of as many signals.
+template <typename Vector>
+struct States {
+  Vector s1, s2;
+};
+
 /// kCount vectors of signals.
 template <typename Vector, int kCount>
-[[gnu::always_inline]] inline void filter_vectors(const SignalLanes::Sections& a, double* first, Index rows, Index step,
+[[gnu::always_inline]] inline void filter_vectors(const LowPass& low_pass, double* first, Index rows, Index step,
                                                   bool backward, double* states, Index state_step) {
   constexpr Index kLanes = kLanesOf<Vector>;
+  const LowPassSection a = low_pass.first(), b = low_pass.second();
   const auto row_of = [&](int vector, Index row) __attribute__((always_inline)) {
     Vector values;
     for (Index lane = 0; lane < kLanes; ++lane) values[lane] = first[(vector * kLanes + lane) * step + row];
     return values;
   };
-  Section<Vector> before[kCount], behind[kCount];
   const auto state = [&](int vector, int s) __attribute__((always_inline)) { return states + s * state_step + vector * kLanes; };
+  States<Vector> before[kCount], behind[kCount];
   for (int v = 0; v < kCount; ++v) {
     if (states != nullptr) {
-      before[v] = {a[0], a[1], a[2], load<Vector>(state(v, 0)), load<Vector>(state(v, 1))};
-      behind[v] = {a[3], a[4], a[5], load<Vector>(state(v, 2)), load<Vector>(state(v, 3))};
+      before[v] = {load<Vector>(state(v, 0)), load<Vector>(state(v, 1))};
+      behind[v] = {load<Vector>(state(v, 2)), load<Vector>(state(v, 3))};
     } else {
-      const Vector start = row_of(v, backward ? rows - 1 : 0);
-      before[v] = {a[0], a[1], a[2], Vector{}, start};
-      behind[v] = {a[3], a[4], a[5], Vector{}, start};
+      before[v] = behind[v] = {Vector{}, row_of(v, backward ? rows - 1 : 0)};
     }
   }
+  const auto output = [&](int v, const Vector& input) __attribute__((always_inline)) {
+    return b.step(behind[v].s1, behind[v].s2, a.step(before[v].s1, before[v].s2, input));
+  };
   // As many rows at a time as there are signals in a vector; rows that are left one by one, last.
   const Index left = rows % kLanes;
   for (Index done = 0; done + kLanes <= rows; done += kLanes) {
@@ -113,7 +107,7 @@ template <typename Vector, int kCount>
     for (Index k = 0; k < kLanes; ++k) {
       for (int v = 0; v < kCount; ++v) {
         Vector& values = square[v][backward ? kLanes - 1 - k : k];
-        values = behind[v].step(before[v].step(values));
+        values = output(v, values);
       }
     }
     for (int v = 0; v < kCount; ++v) {
@@ -125,7 +119,7 @@ template <typename Vector, int kCount>
   for (Index k = 0; k < left; ++k) {
     const Index row = backward ? left - 1 - k : rows - left + k;
     for (int v = 0; v < kCount; ++v) {
-      const Vector values = behind[v].step(before[v].step(row_of(v, row)));
+      const Vector values = output(v, row_of(v, row));
       for (Index lane = 0; lane < kLanes; ++lane) first[(v * kLanes + lane) * step + row] = values[lane];
     }
   }
@@ -136,150 +130,131 @@ template <typename Vector, int kCount>
   }
 }
 
-/// @param kMost  vectors at once
-template <typename Vector, int kMost>
-[[gnu::always_inline]] inline void filter_signals(const SignalLanes::Sections& a, double* first, Index rows, Index step,
-                                                  Index signals, bool backward, double* states, Index state_step) {
-  if (signals >= kMost * kLanesOf<Vector>) {
-    if (backward) {
-      filter_vectors<Vector, kMost>(a, first, rows, step, true, states, state_step);
-    } else {
-      filter_vectors<Vector, kMost>(a, first, rows, step, false, states, state_step);
+/// Vectors of signals that the registers hold.
+template <typename Vector>
+constexpr int kVectorsAtOnce = kLanesOf<Vector> == 2 ? 3 : 8 / kLanesOf<Vector>;
+
+// The functions of SignalLanes, for vectors of any width.
+
+struct Filter {
+  template <typename Vector, int kMost = kVectorsAtOnce<Vector>>
+  [[gnu::always_inline]] static void run(const LowPass& low_pass, double* first, Index rows, Index step, Index signals,
+                                         bool backward, double* states, Index state_step) {
+    if (signals >= kMost * kLanesOf<Vector>) {
+      if (backward) {
+        filter_vectors<Vector, kMost>(low_pass, first, rows, step, true, states, state_step);
+      } else {
+        filter_vectors<Vector, kMost>(low_pass, first, rows, step, false, states, state_step);
+      }
+    } else if constexpr (kMost > 1) {
+      run<Vector, kMost - 1>(low_pass, first, rows, step, signals, backward, states, state_step);
     }
-  } else if constexpr (kMost > 1) {
-    filter_signals<Vector, kMost - 1>(a, first, rows, step, signals, backward, states, state_step);
   }
-}
+};
 
-template <typename Widest>
-[[gnu::always_inline]] inline void put_side_by_side(const double* const* columns, double* to, Index signals, Index rows) {
-  for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
-    constexpr Index kLanes = kLanesOf<Vector>;
-    const double* const* const from = columns + signal;
-    Index row = 0;
-    for (; row + kLanes <= rows; row += kLanes) {
-      Vector square[kLanes];
+struct SideBySide {
+  template <typename Widest>
+  [[gnu::always_inline]] static void run(const double* const* columns, double* to, Index signals, Index rows) {
+    for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
+      constexpr Index kLanes = kLanesOf<Vector>;
+      const double* const* const from = columns + signal;
+      Index row = 0;
+      for (; row + kLanes <= rows; row += kLanes) {
+        Vector square[kLanes];
 #pragma GCC unroll 8
-      for (Index lane = 0; lane < kLanes; ++lane) square[lane] = load<Vector>(from[lane] + row);
-      transpose(square);
+        for (Index lane = 0; lane < kLanes; ++lane) square[lane] = load<Vector>(from[lane] + row);
+        transpose(square);
 #pragma GCC unroll 8
-      for (Index k = 0; k < kLanes; ++k) store(square[k], to + (row + k) * signals + signal);
-    }
-    for (; row < rows; ++row) {
-      for (Index lane = 0; lane < kLanes; ++lane) to[row * signals + signal + lane] = from[lane][row];
-    }
-  });
-}
+        for (Index k = 0; k < kLanes; ++k) store(square[k], to + (row + k) * signals + signal);
+      }
+      for (; row < rows; ++row) {
+        for (Index lane = 0; lane < kLanes; ++lane) to[row * signals + signal + lane] = from[lane][row];
+      }
+    });
+  }
+};
 
-template <typename Widest>
-[[gnu::always_inline]] inline void add_rows(double* sums, const double* rows, const double* factors, Index signals,
-                                            Index count) {
-  for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
-    Vector sum[kSums];
-    for (int s = 0; s < kSums; ++s) sum[s] = load<Vector>(sums + s * signals + signal);
-    const double* row = rows + signal;
-    const double* factor = factors;
-    for (Index k = 0; k < count; ++k, row += signals, factor += kSums) {
-      const Vector value = load<Vector>(row);
+struct AddRows {
+  template <typename Widest>
+  [[gnu::always_inline]] static void run(double* sums, const double* rows, const double* factors, Index signals, Index count) {
+    for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
+      Vector sum[kSums];
+      for (int s = 0; s < kSums; ++s) sum[s] = load<Vector>(sums + s * signals + signal);
+      const double* row = rows + signal;
+      const double* factor = factors;
+      for (Index k = 0; k < count; ++k, row += signals, factor += kSums) {
+        const Vector value = load<Vector>(row);
 #pragma GCC unroll 9
-      for (int s = 0; s < kSums; ++s) sum[s] += factor[s] * value;
-    }
-    for (int s = 0; s < kSums; ++s) store(sum[s], sums + s * signals + signal);
-  });
-}
+        for (int s = 0; s < kSums; ++s) sum[s] += factor[s] * value;
+      }
+      for (int s = 0; s < kSums; ++s) store(sum[s], sums + s * signals + signal);
+    });
+  }
+};
 
-template <typename Widest>
-[[gnu::always_inline]] inline void end_stretch(const StretchFilter& filter, double* sums, double* forward, double* output,
-                                               double* behind, Index signals) {
-  for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
-    Vector before[kStates];
-    for (int s = 0; s < kStates; ++s) before[s] = load<Vector>(forward + s * signals + signal);
-    const auto sum = [&](int s) __attribute__((always_inline)) { return load<Vector>(sums + s * signals + signal); };
-    store<Vector>(sum(2 * kStates) + product(filter.e, before), output + signal);
-    for (int s = 0; s < kStates; ++s) {
-      store<Vector>(sum(kStates + s) + product(filter.H + s * kStates, before), behind + s * signals + signal);
-      store<Vector>(product(filter.A + s * kStates, before) + sum(s), forward + s * signals + signal);
-    }
-    for (int s = 0; s < kSums; ++s) store(Vector{}, sums + s * signals + signal);
-  });
-}
+struct EndStretch {
+  template <typename Widest>
+  [[gnu::always_inline]] static void run(const StretchFilter& filter, double* sums, double* forward, double* output, double* behind, Index signals) {
+    for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
+      Vector before[kStates];
+      for (int s = 0; s < kStates; ++s) before[s] = load<Vector>(forward + s * signals + signal);
+      const auto sum = [&](int s) __attribute__((always_inline)) { return load<Vector>(sums + s * signals + signal); };
+      store<Vector>(sum(2 * kStates) + product(filter.e, before), output + signal);
+      for (int s = 0; s < kStates; ++s) {
+        store<Vector>(sum(kStates + s) + product(filter.H + s * kStates, before), behind + s * signals + signal);
+        store<Vector>(product(filter.A + s * kStates, before) + sum(s), forward + s * signals + signal);
+      }
+      for (int s = 0; s < kSums; ++s) store(Vector{}, sums + s * signals + signal);
+    });
+  }
+};
 
-template <typename Widest>
-[[gnu::always_inline]] inline void step_back(const StretchFilter& filter, double* output, const double* behind,
-                                             double* backward, Index signals) {
-  for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
-    Vector states[kStates];
-    for (int s = 0; s < kStates; ++s) states[s] = load<Vector>(backward + s * signals + signal);
-    store<Vector>(product(filter.C, states) + filter.D * load<Vector>(output + signal), output + signal);
-    if (behind == nullptr) return;
-    for (int s = 0; s < kStates; ++s) {
-      store<Vector>(product(filter.A + s * kStates, states) + load<Vector>(behind + s * signals + signal),
-                    backward + s * signals + signal);
-    }
-  });
-}
+struct StepBack {
+  template <typename Widest>
+  [[gnu::always_inline]] static void run(const StretchFilter& filter, double* output, const double* behind, double* backward, Index signals) {
+    for_each_lanes<Widest>(signals, [&]<typename Vector>(Index signal) __attribute__((always_inline)) {
+      Vector states[kStates];
+      for (int s = 0; s < kStates; ++s) states[s] = load<Vector>(backward + s * signals + signal);
+      store<Vector>(product(filter.C, states) + filter.D * load<Vector>(output + signal), output + signal);
+      if (behind == nullptr) return;
+      for (int s = 0; s < kStates; ++s) {
+        store<Vector>(product(filter.A + s * kStates, states) + load<Vector>(behind + s * signals + signal),
+                      backward + s * signals + signal);
+      }
+    });
+  }
+};
 
-void filter_twos(const SignalLanes::Sections& a, double* first, Index rows, Index step,
-                 Index signals, bool backward, double* states, Index state_step) {
-  filter_signals<Vector2, 3>(a, first, rows, step, signals, backward, states, state_step);
-}
-void side_by_side_twos(const double* const* columns, double* to, Index signals, Index rows) {
-  put_side_by_side<Vector2>(columns, to, signals, rows);
-}
-void add_twos(double* sums, const double* rows, const double* factors, Index signals, Index count) {
-  add_rows<Vector2>(sums, rows, factors, signals, count);
-}
-void end_twos(const StretchFilter& filter, double* sums, double* forward, double* output, double* behind,
-           Index signals) {
-  end_stretch<Vector2>(filter, sums, forward, output, behind, signals);
-}
-void back_twos(const StretchFilter& filter, double* output, const double* behind, double* backward, Index signals) {
-  step_back<Vector2>(filter, output, behind, backward, signals);
-}
-constexpr SignalLanes kTwos{2, 6, filter_twos, side_by_side_twos, add_twos, end_twos, back_twos};
+// One of them for an instruction set.
 
+template <typename Function, typename... Arguments>
+void in_twos(Arguments... arguments) {
+  Function::template run<Vector2>(arguments...);
+}
 #ifdef __x86_64__
 using Vector4 = double __attribute__((vector_size(32)));
 using Vector8 = double __attribute__((vector_size(64)));
 
-[[gnu::target("avx2")]] void filter_fours(const SignalLanes::Sections& a, double* first, Index rows, Index step,
-                                         Index signals, bool backward, double* states, Index state_step) {
-  filter_signals<Vector4, 2>(a, first, rows, step, signals, backward, states, state_step);
+template <typename Function, typename... Arguments>
+[[gnu::target("avx2")]] void in_fours(Arguments... arguments) {
+  Function::template run<Vector4>(arguments...);
 }
-[[gnu::target("avx2")]] void side_by_side_fours(const double* const* columns, double* to, Index signals, Index rows) {
-  put_side_by_side<Vector4>(columns, to, signals, rows);
+template <typename Function, typename... Arguments>
+[[gnu::target("avx512f")]] void in_eights(Arguments... arguments) {
+  Function::template run<Vector8>(arguments...);
 }
-[[gnu::target("avx2")]] void add_fours(double* sums, const double* rows, const double* factors, Index signals, Index count) {
-  add_rows<Vector4>(sums, rows, factors, signals, count);
-}
-[[gnu::target("avx2")]] void end_fours(const StretchFilter& filter, double* sums, double* forward, double* output, double* behind,
-                                   Index signals) {
-  end_stretch<Vector4>(filter, sums, forward, output, behind, signals);
-}
-[[gnu::target("avx2")]] void back_fours(const StretchFilter& filter, double* output, const double* behind, double* backward, Index signals) {
-  step_back<Vector4>(filter, output, behind, backward, signals);
-}
-constexpr SignalLanes kFours{4, 8, filter_fours, side_by_side_fours, add_fours, end_fours, back_fours};
+#endif
 
-[[gnu::target("avx512f")]] void filter_eights(const SignalLanes::Sections& a, double* first, Index rows, Index step,
-                                            Index signals, bool backward, double* states, Index state_step) {
-  filter_signals<Vector8, 1>(a, first, rows, step, signals, backward, states, state_step);
-}
-[[gnu::target("avx512f")]] void side_by_side_eights(const double* const* columns, double* to, Index signals, Index rows) {
-  put_side_by_side<Vector8>(columns, to, signals, rows);
-}
-[[gnu::target("avx512f")]] void add_eights(double* sums, const double* rows, const double* factors, Index signals, Index count) {
-  add_rows<Vector8>(sums, rows, factors, signals, count);
-}
-[[gnu::target("avx512f")]] void end_eights(const StretchFilter& filter, double* sums, double* forward, double* output, double* behind,
-                                      Index signals) {
-  end_stretch<Vector8>(filter, sums, forward, output, behind, signals);
-}
-[[gnu::target("avx512f")]] void back_eights(const StretchFilter& filter, double* output, const double* behind, double* backward, Index signals) {
-  step_back<Vector8>(filter, output, behind, backward, signals);
-}
-constexpr SignalLanes kEights{8, 8, filter_eights, side_by_side_eights, add_eights, end_eights, back_eights};
+template <typename Vector>
+constexpr Index kMostSignals = kVectorsAtOnce<Vector> * kLanesOf<Vector>;
 
+constexpr SignalLanes kTwos{kLanesOf<Vector2>, kMostSignals<Vector2>, in_twos<Filter>, in_twos<SideBySide>,
+                            in_twos<AddRows>, in_twos<EndStretch>, in_twos<StepBack>};
+#ifdef __x86_64__
+constexpr SignalLanes kFours{kLanesOf<Vector4>, kMostSignals<Vector4>, in_fours<Filter>, in_fours<SideBySide>,
+                             in_fours<AddRows>, in_fours<EndStretch>, in_fours<StepBack>};
+constexpr SignalLanes kEights{kLanesOf<Vector8>, kMostSignals<Vector8>, in_eights<Filter>, in_eights<SideBySide>,
+                              in_eights<AddRows>, in_eights<EndStretch>, in_eights<StepBack>};
 #endif
 
 }  // namespace

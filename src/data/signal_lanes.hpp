@@ -3,12 +3,13 @@
 /// bits on every processor.
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include <Eigen/Core>
 
 namespace heft::data {
+
+class LowPass;
 
 /// Over a stretch of rows between two kept ones; 4 × 4 matrices row by row. Derivation: src/data/decimate.md
 struct StretchFilter {
@@ -21,8 +22,8 @@ struct StretchFilter {
 };
 
 struct SignalLanes {
-  /// Of both sections of LowPass, one behind the other: a1, a2, a3 each.
-  using Sections = std::array<double, 6>;
+  /// So many signals and more as fill vectors.
+  Eigen::Index padded(Eigen::Index signals) const { return (signals + width - 1) / width * width; }
 
   Eigen::Index width;  ///< signals in a vector
   Eigen::Index most;   ///< signals that `filter` takes at once: what the registers hold
@@ -33,7 +34,7 @@ struct SignalLanes {
   /// @param backward  from the last row to the first
   /// @param states    4 rows of `signals` numbers, each `state_step` behind the last: s1 and s2 of the first section, then of the
   ///                  second; those that it begins with become those behind its last row. Null: it begins at rest on its first value
-  void (*filter)(const Sections& sections, double* first, Eigen::Index rows, Eigen::Index step, Eigen::Index signals,
+  void (*filter)(const LowPass& low_pass, double* first, Eigen::Index rows, Eigen::Index step, Eigen::Index signals,
                  bool backward, double* states, Eigen::Index state_step);
 
   // Of signals side by side in a row, their number even.

@@ -6,6 +6,7 @@
 #include "heft/data/differentiate.hpp"
 #include "heft/host/error.hpp"
 #include "low_pass_sections.hpp"
+#include "signal_lanes.hpp"
 
 namespace heft::data {
 namespace {
@@ -17,7 +18,7 @@ using Eigen::Index;
 void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, const LowPass& filter, Index pad,
                     std::vector<double>& work, Eigen::MatrixXd& result) {
   const SignalLanes& lanes = signal_lanes();
-  const Index width = (count + lanes.width - 1) / lanes.width * lanes.width;
+  const Index width = lanes.padded(count);
   const Index n = signal.rows(), size = n + 2 * pad;
   work.resize(static_cast<std::size_t>(size * width));
   Eigen::Map<Eigen::MatrixXd> padded(work.data(), size, width);
@@ -30,9 +31,8 @@ void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, con
     }
     to.segment(pad, n) = x;
   }
-  const SignalLanes::Sections sections = filter.sections();
-  lanes.filter(sections, work.data(), size, size, width, false, nullptr, 0);
-  lanes.filter(sections, work.data() + pad, size - pad, size, width, true, nullptr, 0);
+  lanes.filter(filter, work.data(), size, size, width, false, nullptr, 0);
+  lanes.filter(filter, work.data() + pad, size - pad, size, width, true, nullptr, 0);
   for (Index lane = 0; lane < count; ++lane) result.col(first + lane) = padded.col(lane).segment(pad, n);
 }
 

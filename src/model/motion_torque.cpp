@@ -29,6 +29,11 @@ constexpr double kLongestRinging = 300.0;
 /// Phase of the fastest mode that one step of the integration covers [rad]: error 0.3⁵/120 of the amplitude.
 constexpr double kStepPhase = 0.3;
 
+bool has_memory(const Robot& robot) {
+  return std::any_of(robot.effects.begin(), robot.effects.end(),
+                     [](const JointEffect<double>& effect) { return joint_effect_has_memory(effect.kind); });
+}
+
 /// e and ė of every elastic joint.
 template <int kSize>
 struct Deflection {
@@ -306,9 +311,7 @@ bool needs_measured_displacement(const Robot& robot) {
 }
 
 bool depends_on_past(const Robot& robot) {
-  return robot.torque_delay > 0 || !robot.elasticities.empty() ||
-         std::any_of(robot.effects.begin(), robot.effects.end(),
-                     [](const JointEffect<double>& effect) { return joint_effect_has_memory(effect.kind); });
+  return robot.torque_delay > 0 || !robot.elasticities.empty() || has_memory(robot);
 }
 
 bool needs_temperature(const Robot& robot) {
@@ -358,10 +361,7 @@ void MotionTorque::start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd
                               const Eigen::MatrixXd& tau, double sign_width) {
   Impl& s = *impl_;
   s.reset();
-  const bool any =
-      std::any_of(s.robot.effects.begin(), s.robot.effects.end(),
-                  [](const JointEffect<double>& effect) { return joint_effect_has_memory(effect.kind); });
-  if (!any || time.size() == 0) return;
+  if (!has_memory(s.robot) || time.size() == 0) return;
   Index rows = 0;
   while (rows < time.size() && time[rows] - time[0] < kSeenAtRest) ++rows;
   // Memory that begins at 0 would wander with the noise of the position.

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "heft/data/differentiate.hpp"
+#include "low_pass_sections.hpp"
 #include "signal_lanes.hpp"
 
 namespace heft::data {
@@ -79,7 +80,7 @@ TEST(SignalLanes, AllHaveTheSameBits) {
   const Eigen::VectorXd numbers = Eigen::VectorXd::Random(kSums * kNumRows);
   const Eigen::VectorXd behind = Eigen::VectorXd::Random(kStates * kSignals);
   const StretchFilter over{numbers.data(), numbers.data() + 16, numbers.data() + 32, numbers.data() + 36, numbers[40]};
-  const SignalLanes::Sections sections{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
+  const LowPass low_pass(100.0, 7.0);
   struct Found {
     Eigen::MatrixXd filtered;
     Eigen::VectorXd sums, forward, output, behind, back, backward;
@@ -88,8 +89,8 @@ TEST(SignalLanes, AllHaveTheSameBits) {
     const auto some = [&](Index count) { return Eigen::VectorXd(numbers.head(count * kSignals)); };
     Found f{rows, some(kSums), some(kStates), some(1), some(kStates), some(1), some(kStates)};
     for (Index first = 0; first < kFiltered; first += lanes.width) {
-      lanes.filter(sections, f.filtered.col(first).data(), kNumRows, kNumRows, lanes.width, false, nullptr, 0);
-      lanes.filter(sections, f.filtered.col(first).data() + 5, kNumRows - 5, kNumRows, lanes.width, true, nullptr, 0);
+      lanes.filter(low_pass, f.filtered.col(first).data(), kNumRows, kNumRows, lanes.width, false, nullptr, 0);
+      lanes.filter(low_pass, f.filtered.col(first).data() + 5, kNumRows - 5, kNumRows, lanes.width, true, nullptr, 0);
     }
     const DecimatedLowPass::Kept narrow = rows.leftCols(kSignals);
     lanes.add(f.sums.data(), narrow.data(), numbers.data(), kSignals, kNumRows);
@@ -115,14 +116,13 @@ TEST(SignalLanes, AllHaveTheSameBits) {
 
 // The trapezoidal section one signal at a time, one row at a time.
 TEST(SignalLanes, FilterAsTheSectionSays) {
-  const SignalLanes::Sections a{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
+  const LowPass low_pass(100.0, 7.0);
   const auto alone = [&](Eigen::VectorXd x, bool backward) {
     if (backward) x.reverseInPlace();
     double s1[2] = {0.0, 0.0}, s2[2] = {x[0], x[0]};
     for (double& value : x) {
       for (int section = 0; section < 2; ++section) {
-        const double a1 = a[static_cast<std::size_t>(3 * section)], a2 = a[static_cast<std::size_t>(3 * section + 1)],
-                     a3 = a[static_cast<std::size_t>(3 * section + 2)];
+        const auto [a1, a2, a3] = section == 0 ? low_pass.first() : low_pass.second();
         const double v3 = value - s2[section], v1 = a1 * s1[section] + a2 * v3;
         value = s2[section] + a2 * s1[section] + a3 * v3;
         s1[section] = 2.0 * v1 - s1[section];
@@ -137,7 +137,7 @@ TEST(SignalLanes, FilterAsTheSectionSays) {
       for (const bool backward : {false, true}) {
         const Eigen::MatrixXd x = Eigen::MatrixXd::Random(rows, lanes->width);
         Eigen::MatrixXd y = x;
-        lanes->filter(a, y.data(), rows, rows, lanes->width, backward, nullptr, 0);
+        lanes->filter(low_pass, y.data(), rows, rows, lanes->width, backward, nullptr, 0);
         for (Index signal = 0; signal < lanes->width; ++signal) {
           const Eigen::VectorXd expected = alone(x.col(signal), backward);
           EXPECT_LT((y.col(signal) - expected).cwiseAbs().maxCoeff(), 1e-14) << lanes->width << ' ' << rows;
@@ -149,14 +149,14 @@ TEST(SignalLanes, FilterAsTheSectionSays) {
 
 // Several lanes side by side, and as many as there are at most.
 TEST(SignalLanes, FilterAsManyAsTheyTakeAtOnce) {
-  const SignalLanes::Sections sections{0.5, 0.3, 0.2, 0.6, 0.1, 0.4};
+  const LowPass low_pass(100.0, 7.0);
   for (const SignalLanes* lanes : available_signal_lanes()) {
     const Eigen::MatrixXd rows = Eigen::MatrixXd::Random(41, lanes->most);
     for (Index signals = lanes->width; signals <= lanes->most; signals += lanes->width) {
       Eigen::MatrixXd together = rows, alone = rows;
-      lanes->filter(sections, together.data(), 41, 41, signals, false, nullptr, 0);
+      lanes->filter(low_pass, together.data(), 41, 41, signals, false, nullptr, 0);
       for (Index first = 0; first < signals; first += lanes->width)
-        lanes->filter(sections, alone.col(first).data(), 41, 41, lanes->width, false, nullptr, 0);
+        lanes->filter(low_pass, alone.col(first).data(), 41, 41, lanes->width, false, nullptr, 0);
       EXPECT_EQ(together, alone) << lanes->width;
     }
   }

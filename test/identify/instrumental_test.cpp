@@ -233,6 +233,20 @@ struct Experiment {
   Eigen::VectorXd truth{base.regrouping * columns.values(arm_with_rotors())};
   regression::ObservationOptions observation{};
 
+  /// The truth without Coulomb friction, whose smooth sign follows the step.
+  Eigen::VectorXd smooth_truth() const {
+    Eigen::VectorXd beta = truth;
+    beta[index_of("Fc1")] = beta[index_of("Fc2")] = 0.0;
+    return beta;
+  }
+  /// The arm of smooth_truth() under a slow control. @param step  at most [s]
+  regression::InstrumentMotion slow_motion(const data::MotionStream& stream, double step) const {
+    InstrumentOptions options;
+    options.control = 1.5;
+    options.step = step;
+    return simulated_motion(columns, base, smooth_truth(), {&stream}, options);
+  }
+
   struct Result {
     Eigen::VectorXd plain, noise;
     InstrumentalFit fit;
@@ -415,17 +429,10 @@ TEST(SimulatedMotion, FollowsAndObeysTheDynamics) {
 }
 
 TEST(SimulatedMotion, IsOfFourthOrder) {
-  // Without Coulomb friction, whose smooth sign follows the step.
   const Experiment experiment;
-  Eigen::VectorXd beta = experiment.truth;
-  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;
   const data::MotionStream stream = stream_of(fast_log());
   const auto position = [&](double step) {
-    InstrumentOptions options;
-    options.control = 1.5;
-    options.step = step;
-    const auto motion = simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options);
-    const data::MotionChunk piece = replaced(stream, motion, {0, 20}).front();
+    const data::MotionChunk piece = replaced(stream, experiment.slow_motion(stream, step), {0, 20}).front();
     EXPECT_NEAR(piece.sample_rate, 1.0 / step, 1e-6);
     // At the instants that all of them have, 0.02 s apart.
     const auto stride = static_cast<Eigen::Index>(std::lround(0.02 / step));
@@ -441,16 +448,10 @@ TEST(SimulatedMotion, IsOfFourthOrder) {
 // Steps end on the rows that are kept, whatever row that begins with, and two at least lie between two of them.
 TEST(SimulatedMotion, HasTheRowsThatAreKept) {
   const Experiment experiment;
-  Eigen::VectorXd beta = experiment.truth;
-  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;  // smooth motion
   const data::Log log = fast_log();
   const data::MotionStream stream = stream_of(log);
-  InstrumentOptions options;
-  options.control = 1.5;
   const auto motion_at = [&](double longest, const regression::KeptRows& kept) {
-    options.step = longest;
-    const auto motion = simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options);
-    return replaced(stream, motion, kept).front();
+    return replaced(stream, experiment.slow_motion(stream, longest), kept).front();
   };
   const data::MotionChunk all = motion_at(0.002, {0, 1});
   ASSERT_EQ(all.q.rows(), log.q.rows());
@@ -475,20 +476,15 @@ TEST(SimulatedMotion, HasTheRowsThatAreKept) {
 // Instruments on every sixth row pass the low-pass at a sixth of the rate, and come out as those on every row.
 TEST(SimulatedMotion, GivesTheSameInstrumentsOnFewerRows) {
   const Experiment experiment;
-  Eigen::VectorXd beta = experiment.truth;
-  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;  // whose smooth sign follows the step
   const data::MotionStream stream = stream_of(fast_log());
   const auto instruments = [&](double step) {
-    InstrumentOptions options;
-    options.control = 1.5;
-    options.step = step;
-    const auto motion = simulated_motion(experiment.columns, experiment.base, beta, {&stream}, options);
     std::vector<Eigen::MatrixXd> Z;
     regression::ObservationOptions observation;
     observation.cutoff = 10.0;  // every twelfth row is kept
     regression::for_each_observation(
         experiment.columns, experiment.base.kept, {&stream}, observation,
-        [&](const regression::ObservationRows& rows) { Z.push_back(rows.Z); }, motion);
+        [&](const regression::ObservationRows& rows) { Z.push_back(rows.Z); },
+        experiment.slow_motion(stream, step));
     return Z;
   };
   const std::vector<Eigen::MatrixXd> every = instruments(0.002), sixth = instruments(0.012);
@@ -507,8 +503,7 @@ TEST(SimulatedMotion, GivesTheSameInstrumentsOnFewerRows) {
 // It is simulated in stretches that begin one after the other, each with a wrong start before it.
 TEST(SimulatedMotion, HasNoSeams) {
   const Experiment experiment;
-  Eigen::VectorXd beta = experiment.truth;
-  beta[experiment.index_of("Fc1")] = beta[experiment.index_of("Fc2")] = 0.0;  // smooth motion
+  const Eigen::VectorXd beta = experiment.smooth_truth();
   const data::MotionStream stream = stream_of(fast_log());
   InstrumentOptions options;
   options.control = 1.5;

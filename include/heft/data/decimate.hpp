@@ -66,7 +66,7 @@ class DecimatedLowPass {
   Eigen::Vector4d B_;
   Eigen::RowVector4d C_, e_;
   double D_{0.0};
-  std::vector<double> rows_of_columns_;
+  std::vector<double> rows_of_columns_;  ///< add_columns(): room for them
   Kept head_, tail_;         ///< first and last rows as they came
   Kept sums_;                ///< kSums × signals, of the present stretch
   Kept forward_;             ///< kStates × signals: the forward run behind the last stretch that ended
