@@ -126,17 +126,17 @@ bool by_savitzky_golay(const MotionOptions& options, double cutoff) {
 }
 
 /// A derivative by a polynomial of `order`, which goes with the cut-off.
-Eigen::MatrixXd polynomial_derivative(const Eigen::MatrixXd& q, double sample_rate, double cutoff, int order, int derivative) {
+Eigen::MatrixXd polynomial_derivative(const Eigen::Ref<const Eigen::MatrixXd>& q, double sample_rate, double cutoff, int order, int derivative) {
   return savitzky_golay(q, sample_rate, savitzky_golay_window(cutoff, sample_rate, order), order, derivative);
 }
 
-Eigen::MatrixXd smoothed(const Eigen::MatrixXd& q, double sample_rate, double cutoff) {
-  return cutoff > 0.0 ? low_pass_zero_phase(q, sample_rate, cutoff) : q;
+Eigen::MatrixXd smoothed(const Eigen::Ref<const Eigen::MatrixXd>& q, double sample_rate, double cutoff) {
+  return cutoff > 0.0 ? low_pass_zero_phase(q, sample_rate, cutoff) : Eigen::MatrixXd(q);
 }
 
 }  // namespace
 
-DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate,
+DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::Ref<const Eigen::MatrixXd>& q, double sample_rate,
                              double cutoff, const MotionOptions& options) {
   DerivedMotion motion;
   if (by_savitzky_golay(options, cutoff)) {
@@ -152,7 +152,7 @@ DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd&
   return motion;
 }
 
-Eigen::MatrixXd velocity_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate, double cutoff,
+Eigen::MatrixXd velocity_on_grid(const Eigen::VectorXd& grid, const Eigen::Ref<const Eigen::MatrixXd>& q, double sample_rate, double cutoff,
                                  const MotionOptions& options) {
   if (by_savitzky_golay(options, cutoff)) {
     check_order(options.polynomial_order, 1);

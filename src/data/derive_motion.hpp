@@ -20,10 +20,10 @@ inline constexpr int kLeastSamples = 5;
 struct DerivedMotion {
   Eigen::MatrixXd q, qd, qdd;
 };
-DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate,
+DerivedMotion derive_on_grid(const Eigen::VectorXd& grid, const Eigen::Ref<const Eigen::MatrixXd>& q, double sample_rate,
                              double cutoff, const MotionOptions& options);
 /// Its velocity alone.
-Eigen::MatrixXd velocity_on_grid(const Eigen::VectorXd& grid, const Eigen::MatrixXd& q, double sample_rate, double cutoff,
+Eigen::MatrixXd velocity_on_grid(const Eigen::VectorXd& grid, const Eigen::Ref<const Eigen::MatrixXd>& q, double sample_rate, double cutoff,
                                  const MotionOptions& options);
 
 /// Rows at the edge of a piece that differ from those of the whole log by more than 1e-12.

@@ -156,7 +156,8 @@ void MotionStream::Impl::find_cutoff(const Eigen::RowVectorXd& mean) {
 double MotionStream::Impl::bandwidth_of_log(const Eigen::RowVectorXd& mean) const {
   BandwidthEstimate bandwidth(grid_count, mean, summary.sample_rate);
   Walk windows(*this, Wanted::kPosition, kBlockRows * 4, 0);
-  for (Window window; windows.next(window);) bandwidth.add(on_grid(window, 0, layout.q));
+  for (Window window; windows.next(window);)
+    of_positions(window, [&](const Eigen::Ref<const Eigen::MatrixXd>& q) { bandwidth.add(q); });
   return bandwidth.value();
 }
 
@@ -194,8 +195,9 @@ void MotionStream::Impl::derive_speeds(std::vector<MovingSpan>& spans) const {
   walk<Spans>(
       Wanted::kPosition, std::max(options.chunk_samples, 2 * margin), margin,
       [&](const Window& window) {
-        const Eigen::MatrixXd qd =
-            velocity_on_grid(window.grid, on_grid(window, 0, layout.q), summary.sample_rate, summary.cutoff, options.motion);
+        const Eigen::MatrixXd qd = of_positions(window, [&](const Eigen::Ref<const Eigen::MatrixXd>& q) {
+          return velocity_on_grid(window.grid, q, summary.sample_rate, summary.cutoff, options.motion);
+        });
         const Eigen::Array<bool, Eigen::Dynamic, 1> clear = outside_gaps(window);
         Spans piece(spans.size());
         for (Index joint = 0; joint < layout.q; ++joint) {

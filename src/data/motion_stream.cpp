@@ -232,19 +232,23 @@ void MotionStream::Impl::refuse_other_length(Index rows) const {
       summary.path, rows, summary.samples));
 }
 
-Eigen::MatrixXd MotionStream::Impl::on_grid(const Window& window, Index column, Index columns) const {
-  if (!summary.resampled) return window.values.middleCols(column, columns);
+Eigen::MatrixXd MotionStream::Impl::on_grid(const Window& window, Index column, Index columns, Index first,
+                                            Index count) const {
+  if (!summary.resampled) return window.values.block(first, column, count, columns);
   return resample(window.time, window.values.middleCols(column, columns), window.grid, longest,
-                  column == 0 ? Bridge::kMotion : Bridge::kLine);
+                  column == 0 ? Bridge::kMotion : Bridge::kLine)
+      .middleRows(first, count);
 }
 
 DerivedMotion MotionStream::Impl::motion(const Window& window) const {
-  const Index n = layout.q;
-  const Eigen::MatrixXd q = on_grid(window, 0, n);
-  if (logged) {
-    return {q, on_grid(window, n + layout.tau, n), on_grid(window, n + layout.tau + n, n)};
+  if (!logged) {
+    return of_positions(window, [&](const Eigen::Ref<const Eigen::MatrixXd>& q) {
+      return derive_on_grid(window.grid, q, summary.sample_rate, summary.cutoff, options.motion);
+    });
   }
-  return derive_on_grid(window.grid, q, summary.sample_rate, summary.cutoff, options.motion);
+  const Index n = layout.q, rows = window.grid.size();
+  return {on_grid(window, 0, n, 0, rows), on_grid(window, n + layout.tau, n, 0, rows),
+          on_grid(window, n + layout.tau + n, n, 0, rows)};
 }
 
 /// Rows of the window's grid that no gap reaches: a filter carries what was invented there as far as three
@@ -287,14 +291,14 @@ MotionChunk MotionStream::Impl::chunk(const Window& window) const {
     chunk.usable =
         chunk.usable && chunk.time.array() >= summary.moving_from && chunk.time.array() <= summary.moving_to;
   }
-  chunk.tau = on_grid(window, n, layout.tau).middleRows(lo, size);
+  chunk.tau = on_grid(window, n, layout.tau, lo, size);
   Index column = n + layout.tau + layout.qd + layout.qdd;
   const bool has_temperature = layout.temperature == n;
-  if (has_temperature) chunk.temperature = on_grid(window, column, n).middleRows(lo, size);
+  if (has_temperature) chunk.temperature = on_grid(window, column, n, lo, size);
   const Index at_temperature = column;
   column += layout.temperature;
   for (const Index columns : layout.extra) {
-    chunk.extra.push_back(on_grid(window, column, columns).middleRows(lo, size));
+    chunk.extra.push_back(on_grid(window, column, columns, lo, size));
     column += columns;
   }
 
@@ -306,19 +310,15 @@ MotionChunk MotionStream::Impl::chunk(const Window& window) const {
   };
   chunk.row_tau = own_rows(n, layout.tau);
   if (has_temperature) chunk.row_temperature = own_rows(at_temperature, n);
-  if (logged) {
-    chunk.row_q = own_rows(0, n);
-    chunk.row_qd = own_rows(n + layout.tau, n);
-    chunk.row_qdd = own_rows(n + layout.tau + n, n);
+  if (logged && summary.resampled) {
+    chunk.off_grid_q = own_rows(0, n);
+    chunk.off_grid_qd = own_rows(n + layout.tau, n);
+    chunk.off_grid_qdd = own_rows(n + layout.tau + n, n);
   } else if (summary.resampled) {
     const double no_gap = std::numeric_limits<double>::infinity();
-    chunk.row_q = resample(chunk.time, chunk.q, chunk.row_time, no_gap);
-    chunk.row_qd = resample(chunk.time, chunk.qd, chunk.row_time, no_gap);
-    chunk.row_qdd = resample(chunk.time, chunk.qdd, chunk.row_time, no_gap);
-  } else {
-    chunk.row_q = chunk.q.middleRows(chunk.begin, own);
-    chunk.row_qd = chunk.qd.middleRows(chunk.begin, own);
-    chunk.row_qdd = chunk.qdd.middleRows(chunk.begin, own);
+    chunk.off_grid_q = resample(chunk.time, chunk.q, chunk.row_time, no_gap);
+    chunk.off_grid_qd = resample(chunk.time, chunk.qd, chunk.row_time, no_gap);
+    chunk.off_grid_qdd = resample(chunk.time, chunk.qdd, chunk.row_time, no_gap);
   }
   if (wants_displacement(layout.qd)) add_displacement(window, lo, size, chunk);
   return chunk;

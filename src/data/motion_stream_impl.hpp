@@ -127,7 +127,15 @@ struct MotionStream::Impl {
         most, [&](Window& window) { return windows.next(window); }, work, use);
   }
   void refuse_other_length(Eigen::Index rows) const;
-  Eigen::MatrixXd on_grid(const Window& window, Eigen::Index column, Eigen::Index columns) const;
+  /// Rows first .. first + count of the window's grid, of so many columns.
+  Eigen::MatrixXd on_grid(const Window& window, Eigen::Index column, Eigen::Index columns, Eigen::Index first,
+                          Eigen::Index count) const;
+  /// `f` of the positions on the window's grid, which are no copy where it is the log's own.
+  template <typename F>
+  auto of_positions(const Window& window, const F& f) const {
+    if (!summary.resampled) return f(window.values.leftCols(layout.q));
+    return f(on_grid(window, 0, layout.q, 0, window.grid.size()));
+  }
   DerivedMotion motion(const Window& window) const;
   Eigen::Array<bool, Eigen::Dynamic, 1> outside_gaps(const Window& window) const;
   MotionChunk chunk(const Window& window) const;

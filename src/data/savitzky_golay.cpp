@@ -70,7 +70,7 @@ void check_order(int order, int least) {
   }
 }
 
-Eigen::MatrixXd savitzky_golay(const Eigen::MatrixXd& signal, double sample_rate, int window, int order,
+Eigen::MatrixXd savitzky_golay(const Eigen::Ref<const Eigen::MatrixXd>& signal, double sample_rate, int window, int order,
                                int derivative) {
   if (derivative < 0 || derivative > 2) {
     throw DataError(fmt::format("Savitzky-Golay: derivative {}; expected 0, 1 or 2", derivative));

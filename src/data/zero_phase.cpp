@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <vector>
 
 #include <fmt/format.h>
 
@@ -15,12 +14,12 @@ using Eigen::Index;
 
 /// Forward and back over columns first .. first + count of `signal`: as many as the lanes take at once.
 /// @param work  of any size; kept by the caller from one group of columns to the next
-void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, const LowPass& filter, Index pad,
-                    std::vector<double>& work, Eigen::MatrixXd& result) {
+void filter_columns(const Eigen::Ref<const Eigen::MatrixXd>& signal, Index first, Index count, const LowPass& filter, Index pad,
+                    Eigen::VectorXd& work, Eigen::MatrixXd& result) {
   const SignalLanes& lanes = signal_lanes();
   const Index width = lanes.padded(count);
   const Index n = signal.rows(), size = n + 2 * pad;
-  work.resize(static_cast<std::size_t>(size * width));
+  work.resize(size * width);
   Eigen::Map<Eigen::MatrixXd> padded(work.data(), size, width);
   for (Index lane = 0; lane < width; ++lane) {
     const auto x = signal.col(first + std::min(lane, count - 1));
@@ -38,7 +37,7 @@ void filter_columns(const Eigen::MatrixXd& signal, Index first, Index count, con
 
 }  // namespace
 
-Eigen::MatrixXd low_pass_zero_phase(const Eigen::MatrixXd& signal, double sample_rate, double cutoff) {
+Eigen::MatrixXd low_pass_zero_phase(const Eigen::Ref<const Eigen::MatrixXd>& signal, double sample_rate, double cutoff) {
   if (!(cutoff > 0.0 && cutoff < 0.5 * sample_rate)) {
     throw DataError(
         fmt::format("cut-off {:.6g} Hz at a sample rate of {:.6g} Hz; expected more than 0 and less than "
@@ -47,7 +46,7 @@ Eigen::MatrixXd low_pass_zero_phase(const Eigen::MatrixXd& signal, double sample
   }
   if (signal.rows() < 2) return signal;
   Eigen::MatrixXd result(signal.rows(), signal.cols());
-  std::vector<double> work;
+  Eigen::VectorXd work;
   const LowPass filter(sample_rate, cutoff);
   const Index pad = low_pass_padding(signal.rows(), sample_rate, cutoff), most = signal_lanes().most;
   for (Index first = 0; first < signal.cols(); first += most)

@@ -77,6 +77,7 @@ void add_log(const model::Robot& robot, const data::LogSource& log, Sums& sums) 
       throw DataError(fmt::format("{}: no torque; expected tau1.., or currents i1..", log.path));
     std::vector<MatrixXd> torque;
     for (validate::Predictor& predictor : predictors) torque.push_back(predictor.rows(piece));
+    const Eigen::Ref<const MatrixXd> speed = piece.row_qd();
     for (Index k = 0; k < piece.row_time.size(); ++k) {
       const std::size_t block = first_block + static_cast<std::size_t>((piece.row_time[k] - begin) / kBlock);
       if (block >= sums.blocks.size())
@@ -86,7 +87,7 @@ void add_log(const model::Robot& robot, const data::LogSource& log, Sums& sums) 
         VectorXd row(kTerms);
         for (Index p = 0; p < kOffset; ++p)
           row[p] = torque[static_cast<std::size_t>(p) + 1](k, j) - torque[0](k, j);
-        const double v = piece.row_qd(k, j);
+        const double v = speed(k, j);
         row[kOffset] = 1.0;
         row[kCoulomb] = std::tanh(v / kSignWidth);
         row[kViscous] = v;

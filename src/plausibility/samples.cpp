@@ -57,28 +57,38 @@ class Collection {
   double share_{1.0};
 };
 
+double cutoff_at(double sample_rate) { return std::min(kCutoff, 0.3 * sample_rate); }
+
+/// Every so many samples a row.
+Index step_at(double sample_rate) {
+  return std::max<Index>(1, std::lround(sample_rate / (kRowsPerCutoff * cutoff_at(sample_rate))));
+}
+
 }  // namespace
 
 Samples samples_of(const data::MotionStream& log) {
   const Index n = log.summary().num_joints;
   Collection collection(n);
-  double seconds_per_row = 0.0;
   long number = 0;
-  log.for_each([&](const data::MotionChunk& chunk) {
+  /// Rows of a piece that could be taken.
+  const auto rows_of = [n](const data::MotionChunk& chunk) {
     const double rate = chunk.sample_rate;
-    const double cutoff = std::min(kCutoff, 0.3 * rate);
+    const double cutoff = cutoff_at(rate);
+    const Index step = step_at(rate);
     const MatrixXd q = data::low_pass_zero_phase(chunk.q, rate, cutoff);
     const MatrixXd tau = data::low_pass_zero_phase(chunk.tau, rate, cutoff);
-    const auto step = std::max<Index>(1, std::lround(rate / (kRowsPerCutoff * cutoff)));
-    seconds_per_row = static_cast<double>(step) / rate;
-    Eigen::RowVectorXd row(4 * n);
+    MatrixXd rows(chunk.count / step + 1, 4 * n);
+    Index count = 0;
     for (Index i = chunk.begin; i < chunk.begin + chunk.count; ++i) {
       if (!chunk.usable[i] || (chunk.first + i - chunk.begin) % step != 0 || i == 0 || i + 1 == q.rows())
         continue;
-      row << q.row(i), 0.5 * rate * (q.row(i + 1) - q.row(i - 1)),
+      rows.row(count++) << q.row(i), 0.5 * rate * (q.row(i + 1) - q.row(i - 1)),
           rate * rate * (q.row(i + 1) - 2.0 * q.row(i) + q.row(i - 1)), tau.row(i);
-      collection.offer(number++, row);
     }
+    return MatrixXd(rows.topRows(count));
+  };
+  log.for_each<MatrixXd>(rows_of, [&](const MatrixXd& rows) {
+    for (Index i = 0; i < rows.rows(); ++i) collection.offer(number++, rows.row(i));
   });
   const MatrixXd rows = collection.rows();
   Samples samples;
@@ -86,7 +96,8 @@ Samples samples_of(const data::MotionStream& log) {
   samples.qd = rows.middleCols(n, n);
   samples.qdd = rows.middleCols(2 * n, n);
   samples.tau = rows.rightCols(n);
-  samples.duration = seconds_per_row * static_cast<double>(number);
+  const double rate = log.summary().sample_rate;
+  samples.duration = static_cast<double>(step_at(rate)) / rate * static_cast<double>(number);
   return samples;
 }
 

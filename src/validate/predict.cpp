@@ -10,42 +10,15 @@ namespace heft::validate {
 using Eigen::Index;
 
 struct Predictor::Impl {
-  /// Those of a piece that are asked for.
-  struct Rows {
-    const Eigen::VectorXd& time;
-    const Eigen::MatrixXd &q, &qd, &qdd, &tau, &displacement, &temperature;
-    Index first, count;
-  };
-
   Impl(const model::Robot& robot, double start, const PredictOptions& given)
       : on_rows(robot), on_grid(robot), begin(start), options(given) {}
 
-  static Rows rows_of(const data::MotionChunk& piece) {
-    return {piece.row_time, piece.row_q,   piece.row_qd,           piece.row_qdd,
-            piece.row_tau,  piece.row_displacement, piece.row_temperature, 0,
-            piece.row_time.size()};
-  }
-  static Rows grid_of(const data::MotionChunk& piece) {
-    return {piece.time,         piece.q,           piece.qd,    piece.qdd, piece.tau,
-            piece.displacement, piece.temperature, piece.begin, piece.count};
-  }
-
   /// One motion for the log's rows, one for the grid: each carries what is remembered from piece to piece.
-  Eigen::MatrixXd predict(model::MotionTorque& motion, bool& started, const Rows& rows) const {
-    const Eigen::VectorXd time = rows.time.segment(rows.first, rows.count).array() - begin;
-    if (rows.first == 0 && rows.count == rows.time.size())
-      return predict(motion, started, time, rows.q, rows.qd, rows.qdd, rows.tau, rows.displacement, rows.temperature);
-    const auto part = [&](const Eigen::MatrixXd& whole) {
-      Eigen::MatrixXd some;
-      if (whole.cols() > 0) some = whole.middleRows(rows.first, rows.count);
-      return some;
-    };
-    return predict(motion, started, time, part(rows.q), part(rows.qd), part(rows.qdd), part(rows.tau), part(rows.displacement),
-                   part(rows.temperature));
-  }
-  Eigen::MatrixXd predict(model::MotionTorque& motion, bool& started, const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
-                          const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau,
-                          const Eigen::MatrixXd& displacement, const Eigen::MatrixXd& temperature) const {
+  Eigen::MatrixXd predict(model::MotionTorque& motion, bool& started, const Eigen::Ref<const Eigen::VectorXd>& stamps,
+                          const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
+                          const Eigen::MatrixXd& tau, const Eigen::MatrixXd& displacement,
+                          const Eigen::MatrixXd& temperature) const {
+    const Eigen::VectorXd time = stamps.array() - begin;
     if (!started && tau.cols() > 0) motion.start_from(time, q, qd, qdd, tau, options.sign_width);
     started = true;
     return motion.torque(time, q, qd, qdd, options.sign_width, displacement, temperature);
@@ -64,17 +37,22 @@ Predictor::Predictor(Predictor&&) noexcept = default;
 Predictor& Predictor::operator=(Predictor&&) noexcept = default;
 
 Eigen::MatrixXd Predictor::rows(const data::MotionChunk& piece) {
-  return impl_->predict(impl_->on_rows, impl_->rows_started, Impl::rows_of(piece));
+  return impl_->predict(impl_->on_rows, impl_->rows_started, piece.row_time, piece.row_q(), piece.row_qd(),
+                        piece.row_qdd(), piece.row_tau, piece.row_displacement, piece.row_temperature);
 }
 
 Eigen::MatrixXd Predictor::grid(const data::MotionChunk& piece) {
-  return impl_->predict(impl_->on_grid, impl_->grid_started, Impl::grid_of(piece));
+  const auto own = [&](const Eigen::MatrixXd& whole) -> Eigen::MatrixXd {
+    if (whole.cols() == 0) return {};
+    return whole.middleRows(piece.begin, piece.count);
+  };
+  return impl_->predict(impl_->on_grid, impl_->grid_started, piece.time.segment(piece.begin, piece.count), own(piece.q),
+                        own(piece.qd), own(piece.qdd), own(piece.tau), own(piece.displacement), own(piece.temperature));
 }
 
 Eigen::MatrixXd Predictor::rows(const MotionRows& piece) {
-  return impl_->predict(impl_->on_rows, impl_->rows_started,
-                        {piece.time, piece.q, piece.qd, piece.qdd, piece.tau, piece.displacement,
-                         piece.temperature, 0, piece.time.size()});
+  return impl_->predict(impl_->on_rows, impl_->rows_started, piece.time, piece.q, piece.qd, piece.qdd, piece.tau,
+                        piece.displacement, piece.temperature);
 }
 
 namespace {

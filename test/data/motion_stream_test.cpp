@@ -88,9 +88,9 @@ Whole whole_of(const MotionStream& stream) {
     append(whole.qdd, own(chunk.qdd));
     append(whole.tau, own(chunk.tau));
     append(whole.row_time, chunk.row_time);
-    append(whole.row_q, chunk.row_q);
-    append(whole.row_qd, chunk.row_qd);
-    append(whole.row_qdd, chunk.row_qdd);
+    append(whole.row_q, chunk.row_q());
+    append(whole.row_qd, chunk.row_qd());
+    append(whole.row_qdd, chunk.row_qdd());
     append(whole.row_tau, chunk.row_tau);
   });
   return whole;
@@ -308,8 +308,8 @@ TEST(MotionStream, DerivesAMotionWhoseRecordedAccelerationContradictsIt) {
   EXPECT_FALSE(stream.summary().acceleration_logged);
   EXPECT_THAT(stream.summary().notes, testing::Contains(testing::HasSubstr("derived from position instead")));
   stream.for_each([&](const MotionChunk& chunk) {
-    const Eigen::Index middle = chunk.row_qdd.rows() / 2;
-    EXPECT_NEAR(chunk.row_qdd(middle, 0), qdd[middle], 0.02);
+    const Eigen::Index middle = chunk.row_qdd().rows() / 2;
+    EXPECT_NEAR(chunk.row_qdd()(middle, 0), qdd[middle], 0.02);
   });
   EXPECT_EQ(stream.summary().top_speed.size(), 1);
   EXPECT_NEAR(stream.summary().top_speed[0], 2.0, 0.05);
@@ -548,7 +548,7 @@ TEST(MotionStream, PassesOverAGapOfDays) {
   stream.for_each([&](const MotionChunk& chunk) {
     ++pieces;
     append(row_time, chunk.row_time);
-    append(row_qd, chunk.row_qd);
+    append(row_qd, chunk.row_qd());
     EXPECT_NEAR(chunk.time[chunk.begin],
                 stream.summary().begin + static_cast<double>(chunk.first) / stream.summary().sample_rate,
                 1e-6);

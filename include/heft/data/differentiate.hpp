@@ -66,7 +66,7 @@ Log resample_uniform(const Log& log, double sample_rate = 0.0);
 /// @param sample_rate  f_s [Hz]
 /// @param cutoff       f_c [Hz], 0 < f_c < f_s/2
 /// @throws DataError when the cut-off is outside that range.
-Eigen::MatrixXd low_pass_zero_phase(const Eigen::MatrixXd& signal, double sample_rate, double cutoff);
+Eigen::MatrixXd low_pass_zero_phase(const Eigen::Ref<const Eigen::MatrixXd>& signal, double sample_rate, double cutoff);
 
 /// Smoothed values or derivatives by Savitzky and Golay [1]: through each `window` neighbouring samples the
 /// polynomial of least squares, read (or differentiated) in their middle; no phase.
@@ -84,7 +84,7 @@ Eigen::MatrixXd low_pass_zero_phase(const Eigen::MatrixXd& signal, double sample
 /// @param derivative   0: smoothed values, 1 or 2: derivatives in time
 /// @return same shape as `signal`. O(samples · window) a column.
 /// @throws DataError when a number is outside these ranges.
-Eigen::MatrixXd savitzky_golay(const Eigen::MatrixXd& signal, double sample_rate, int window, int order,
+Eigen::MatrixXd savitzky_golay(const Eigen::Ref<const Eigen::MatrixXd>& signal, double sample_rate, int window, int order,
                                int derivative = 0);
 
 /// Shortest window [samples] whose smoothed values of a sine at `cutoff` have no more than half its

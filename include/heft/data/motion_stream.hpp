@@ -28,10 +28,11 @@ struct MotionChunk {
   /// false: in a gap of time or within three periods of the cut-off of one, or in the standstill that was cut
   /// off; such rows mean nothing to a fit.
   Eigen::Array<bool, Eigen::Dynamic, 1> usable;
-  /// The log's own rows of this piece (no margins), with the derived motion at their time stamps and the
-  /// torque as logged: what an error is measured on.
+  /// The log's own rows of this piece (no margins) and the torque as logged: what an error is measured on.
   Eigen::VectorXd row_time;
-  Eigen::MatrixXd row_q, row_qd, row_qdd, row_tau;
+  Eigen::MatrixXd row_tau;
+  /// Derived motion at row_time where that is not the grid's time of the rows that belong to the piece; otherwise empty.
+  Eigen::MatrixXd off_grid_q, off_grid_qd, off_grid_qdd;
   /// Displacements since the row before, on the grid and of the log's own rows, rows × 2 n: the integral of the logged
   /// velocity, then the same held within four standard deviations of the logged position; see displacement_column().
   /// On a grid other than the log's own, turning points between its rows move to the nearest of them.
@@ -43,6 +44,17 @@ struct MotionChunk {
   Eigen::MatrixXd temperature, row_temperature;
   /// Other columns of the log that were asked for, on the grid: rows × columns each.
   std::vector<Eigen::MatrixXd> extra;
+
+  /// Derived motion at row_time, rows × n.
+  Eigen::Ref<const Eigen::MatrixXd> row_q() const { return at_rows(q, off_grid_q); }
+  Eigen::Ref<const Eigen::MatrixXd> row_qd() const { return at_rows(qd, off_grid_qd); }
+  Eigen::Ref<const Eigen::MatrixXd> row_qdd() const { return at_rows(qdd, off_grid_qdd); }
+
+ private:
+  Eigen::Ref<const Eigen::MatrixXd> at_rows(const Eigen::MatrixXd& on_grid, const Eigen::MatrixXd& off_grid) const {
+    if (off_grid.cols() > 0) return off_grid;
+    return on_grid.middleRows(begin, count);
+  }
 };
 
 /// How a stream derives motion and what it leaves out.
