@@ -105,6 +105,10 @@ bool holds(const Candidate& c, const Candidate& effect) {
                          : std::any_of(c.parts.begin(), c.parts.end(), [&](const Candidate& p) { return same_place(p, effect); });
 }
 
+bool of_its_joints(const Candidate& c, const Candidate& other) {
+  return c.joint == other.joint || (other.effect.is<Cable>() && c.joint == other.pair.driven);
+}
+
 std::string name_of(const Candidate& c) {
   if (!c.parts.empty())
     return fmt::format("{} on joints {} and {}", c.effect.id(), c.parts[0].joint + 1, c.parts[1].joint + 1);
@@ -218,8 +222,7 @@ const Candidate* Rules::simplest(const std::vector<Candidate>& candidates, const
   }
   const Candidate* simple = best;
   for (const Candidate& c : candidates) {
-    const bool beside = best->effect.is<Cable>() && c.joint == best->pair.driven;
-    if ((c.joint != best->joint && !beside) || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
+    if (!of_its_joints(c, *best) || c.effect.is<Contact>() || best->effect.is<Contact>()) continue;
     const double least = best->effect.is<FrictionCurve>() ? kFormula : kSimpler;
     if (parameters_of(c) >= parameters_of(*simple) || c.trial.cv_gain < least * best->trial.cv_gain) continue;
     // What a cable explains of its other joint is no reason to take it for an effect of this one.

@@ -93,6 +93,8 @@ int tried_of(const std::vector<Candidate>& candidates);
 bool same_effect(const Candidate& a, const Candidate& b);
 /// Whether a candidate is an effect, or has it as one of its parts.
 bool holds(const Candidate& c, const Candidate& effect);
+/// Whether a candidate is of the joint of another one; of a cable, of one of its two.
+bool of_its_joints(const Candidate& c, const Candidate& other);
 /// "spring on joint 2".
 std::string name_of(const Candidate& c);
 /// Those that gain most on left-out blocks first.

@@ -252,14 +252,14 @@ bool Search::find_motors() {
   return found;
 }
 
-/// Judges simpler candidates of the best one's joint with what is in place now, as it was judged. Scales of torques are told
+/// Judges simpler candidates of the best one's joints with what is in place now, as it was judged. Scales of torques are told
 /// apart by masses that joints share, so that what was taken in one joint changes what those of all gain: they are judged together.
 /// @return whether there are any that were judged before another effect was taken
 bool Search::judge_simpler_again(std::vector<Candidate>& pool, const Candidate& best) const {
-  const int joint = best.joint, parameters = parameters_of(best);
+  const int parameters = parameters_of(best);
   std::vector<Candidate*> again;
   for (Candidate& c : pool) {
-    const bool simpler = c.joint == joint && parameters_of(c) < parameters;
+    const bool simpler = of_its_joints(c, best) && parameters_of(c) < parameters;
     if (c.stale && (simpler || (c.effect.is<TorqueScale>() && best.effect.is<TorqueScale>()))) again.push_back(&c);
   }
   host::for_each_parallel(again.size(), [&](std::size_t k) { engine().judge_again(*again[k]); });
