@@ -144,14 +144,10 @@ Found found_by(const DiagnoseOptions& options, const std::function<Start(double 
   with_those.search->take_springs_of(*found.search);
   with_those.search->forward(false);
   if (with_those.search->engine().mean_log_error() < behind.search->engine().mean_log_error()) behind = std::move(with_those);
-  const std::vector<Candidate>& taken = behind.search->engine().accepted;
-  if (std::any_of(taken.begin(), taken.end(), [](const Candidate& e) { return e.is_elastic(); })) {
-    found.search.reset();
-    behind.lower = std::move(found.start);
-    return behind;
-  }
-  found.search->forward(false);
-  return found;
+  // A spring that is not seen where it swings is none.
+  found.search.reset();
+  behind.lower = std::move(found.start);
+  return behind;
 }
 
 /// The model that is written. One behind a cut-off that lets springs swing takes the noise of light joints with it; where that

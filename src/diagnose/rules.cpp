@@ -25,6 +25,22 @@ bool explains_joints(const Candidate& c) {
          fall(c.trial).maxCoeff() > kMostOfTheError;
 }
 
+/// Whether a spring, or one of two that are taken together, is of a joint.
+bool is_of(const Candidate& spring, int joint) {
+  return spring.parts.empty() ? spring.joint == joint
+                              : std::any_of(spring.parts.begin(), spring.parts.end(), [&](const Candidate& p) { return p.joint == joint; });
+}
+
+/// Whether rotor inertia in place in a spring's joints, which the spring takes over as its motor's, gained nearly as much as both
+/// do: where accelerations are noisy, a spring that swings fast bends the spectrum of what the rotor sees by a little.
+bool rotors_suffice(const Candidate& spring, const std::vector<Candidate>& taken) {
+  double gain = 0.0;
+  for (const Candidate& e : taken) {
+    if (e.effect.is<RotorInertia>() && is_of(spring, e.joint)) gain += e.trial.cv_gain;
+  }
+  return gain > kSimpler * (gain + spring.trial.cv_gain);
+}
+
 /// What speaks against some effects alone; empty: nothing.
 std::string own_objection(const Candidate& c, const MotionTable& table, bool joint_sensor) {
   if (c.effect.is<FrictionDrift>() && c.shape < kQuickestWarming)
@@ -87,6 +103,16 @@ int parameters_of(const Candidate& c) {
 double bic_of(const Candidate& c, int candidates) {
   return -c.trial.wald + parameters_of(c) * std::log(std::max(2.0, c.trial.effective_rows)) +
          2.0 * std::log(std::max(1.0, static_cast<double>(candidates)));
+}
+
+std::vector<double> gained_once_more(const std::vector<Candidate>& candidates, const std::vector<Candidate>& taken) {
+  std::vector<double> gains;
+  for (const Candidate& e : taken) {
+    const auto again = std::find_if(candidates.begin(), candidates.end(),
+                                    [&](const Candidate& c) { return c.parts.empty() && same_place(c, e) && c.trial.valid; });
+    gains.push_back(again != candidates.end() ? again->trial.cv_gain : 0.0);
+  }
+  return gains;
 }
 
 int tried_of(const std::vector<Candidate>& candidates) {
@@ -163,7 +189,35 @@ std::string Rules::objection(const Candidate& c, const Round& round) const {
   const double least = agreed ? kNamingShareInRuns : kNamingShare;
   if ((c.trial.joint_before[main] - c.trial.joint_after[main]) / above < least)
     return "explains only a small part of what is left there";
+  if (c.is_elastic() && rotors_suffice(c, round.taken)) return "rotor inertia explains nearly as much";
+  if (!c.beside && repeats(c, round)) return "its torque follows that of an effect in the model";
   return {};
+}
+
+namespace {
+
+/// Torque of a candidate, or of an effect in place, in the rows of a joint, about its mean; no rows: it does not reach it.
+VectorXd torque_in(const Candidate& c, const VectorXd& coefficients, Index joint) {
+  const auto found = std::find(c.columns.joints.begin(), c.columns.joints.end(), static_cast<int>(joint));
+  if (found == c.columns.joints.end() || coefficients.size() != c.columns.count()) return {};
+  const VectorXd torque = c.columns.values[static_cast<std::size_t>(found - c.columns.joints.begin())] * coefficients;
+  return torque.array() - torque.mean();
+}
+
+}  // namespace
+
+bool Rules::repeats(const Candidate& c, const Round& round) const {
+  for (std::size_t e = 0; e < round.once_more.size(); ++e) {
+    if (!(round.once_more[e] > kOnceMore * c.trial.cv_gain)) continue;
+    const Index joint = main_joint_of(c.trial);
+    const VectorXd own = torque_in(c, c.trial.coefficients, joint);
+    const VectorXd other = torque_in(round.taken[e], engine->coefficients(e), joint);
+    if (own.size() == 0 || other.size() != own.size()) continue;
+    // ρ² = (x·y)² / (x·x y·y)
+    const double product = own.dot(other);
+    if (product * product > kFollows * own.squaredNorm() * other.squaredNorm()) return true;
+  }
+  return false;
 }
 
 namespace {

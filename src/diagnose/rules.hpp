@@ -67,6 +67,9 @@ inline constexpr double kMayRise = 0.02;
 inline constexpr double kMayRiseInBand = 0.05;
 /// A residual this much above noise (squared errors) has structure.
 inline constexpr double kStructured = 0.1;
+/// From this part of an effect's gain on, what the same effect gains that is in place already, a second time: there the prior of
+/// the fit keeps some of it away, and what follows it this closely (squared correlation of their torques) is no other effect.
+inline constexpr double kOnceMore = 0.5, kFollows = 0.8;
 /// Rivals within this part of an effect's gain are listed; within the second they explain the same.
 inline constexpr double kRival = 0.3, kEquivalent = 0.97;
 
@@ -87,6 +90,8 @@ int parameters_of(const Candidate& c);
 /// Robust chi-square of the coefficients against what they cost.
 /// @param candidates  tried, shapes counted
 double bic_of(const Candidate& c, int candidates);
+/// Gains of effects in place among candidates, where they stand once more.
+std::vector<double> gained_once_more(const std::vector<Candidate>& candidates, const std::vector<Candidate>& taken);
 /// Shapes of all candidates.
 int tried_of(const std::vector<Candidate>& candidates);
 /// The same effect in the same place, and in the same form.
@@ -112,6 +117,8 @@ struct Rules {
     int tried;                            ///< candidates, shapes counted
     const Eigen::VectorXd& noise_floor;   ///< n: of the residual that they would explain
     const std::vector<Candidate>& taken;  ///< effects in place
+    /// What each of them would gain if it stood there twice; empty: not asked.
+    std::vector<double> once_more{};
   };
   /// Why a candidate is not taken; empty: it can be.
   std::string objection(const Candidate& c, const Round& round) const;
@@ -119,6 +126,8 @@ struct Rules {
   /// the motion cannot distinguish, and kinds that contain another one.
   const Candidate* simplest(const std::vector<Candidate>& candidates, const Candidate* best,
                             const Round& round) const;
+  /// Whether an effect in place, where a candidate shows most, would gain as much of the same torque a second time.
+  bool repeats(const Candidate& c, const Round& round) const;
   /// What is left in a joint that the model does not explain is no small effect.
   bool is_wrong(int joint) const;
 };

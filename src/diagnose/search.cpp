@@ -128,7 +128,7 @@ double Search::forward(bool may_stop) {
     find_again(again, found_by, pool, [&](double part) { progress(kForward * (from + (to - from) * part)); });
     sort_by_gain(pool);
     const VectorXd noise = engine().noise_floor();
-    Rules::Round now{tried_of(pool), noise, engine().accepted};
+    Rules::Round now{tried_of(pool), noise, engine().accepted, gained_once_more(pool, engine().accepted)};
     const Candidate* best = best_of(pool, now);
     if (best != nullptr && judge_simpler_again(pool, *best)) best = best_of(pool, now);
     const bool spring = best == nullptr ? fresh : rules().simplest(pool, best, now)->is_elastic();

@@ -343,7 +343,16 @@ INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
                                          // Of three pushes one is clear because four joints move in it, two because they are large.
                                          std::tuple{"contact+rotor_inertia+base_tilt", "scara4", 96},
                                          // Once with a spring damped by half of the critical damping.
-                                         std::tuple{"rotor_inertia+payload_change+stribeck", "scara4", 98}),
+                                         std::tuple{"rotor_inertia+payload_change+stribeck", "scara4", 98},
+                                         // A cable judged beside the load friction went before a spring judged without it.
+                                         std::tuple{"rotor_inertia+spring+load_friction", "polar6", 1347},
+                                         // What the prior keeps of the spring looked like a cable, and like a ripple of two periods.
+                                         std::tuple{"rotor_inertia+hysteresis+spring", "arm7", 1314},
+                                         std::tuple{"rotor_inertia+viscous_nonlinear+spring", "polar6", 1323},
+                                         // A spring took the place of the rotor for two hundredths of what was left.
+                                         std::tuple{"rotor_inertia+load_friction+offset", "scara4", 1330},
+                                         // Ripple that a low-pass takes half of looked like a spring, until it was sought where that swings.
+                                         std::tuple{"base_tilt+ripple+rotor_inertia+hysteresis", "scara4", 1200}),
                          name_of_several);
 
 INSTANTIATE_TEST_SUITE_P(OtherSizes, SeveralEffects,
