@@ -328,6 +328,14 @@ void Engine::note_fit() {
   for (std::size_t e = 0; e < accepted.size(); ++e) {
     if (accepted[e].effect.is<BaseTilt>() && first_column_[e] >= 0) accepted[e].tilt = fitted(e).head(2);
   }
+  more_load_.resize(0, 0);
+  for (std::size_t e = 0; e < accepted.size(); ++e) {
+    const bool loads = accepted[e].effect.is<PayloadChange>() || accepted[e].effect.is<BaseTilt>();
+    if (!loads || first_column_[e] < 0) continue;
+    if (more_load_.size() == 0) more_load_.setZero(table_.rows(), table_.num_joints);
+    const Columns& columns = accepted[e].columns;
+    for (std::size_t a = 0; a < columns.joints.size(); ++a) more_load_.col(columns.joints[a]) += columns.values[a] * fitted(e);
+  }
   loaded_.assign(static_cast<std::size_t>(table_.num_joints), false);
   lazy_load_.setZero(table_.rows(), table_.num_joints);
   find_holding_torque();
@@ -349,6 +357,7 @@ void Engine::load_joints(const std::vector<bool>& joints) const {
   host::for_each_parallel(missing.size(), [&](std::size_t k) {
     const std::size_t j = missing[k];
     lazy_load_.col(static_cast<Index>(j)) = (*rows_)[j] * links(base_.places()[j]);
+    if (more_load_.size() > 0) lazy_load_.col(static_cast<Index>(j)) += more_load_.col(static_cast<Index>(j));
   });
   for (const std::size_t j : missing) loaded_[j] = true;
 }

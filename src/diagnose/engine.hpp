@@ -102,7 +102,7 @@ class Engine {
   /// Rows that count, m × n: those of the table, with the standstill of joints whose friction remembers and without
   /// contacts.
   const Eigen::MatrixXd& keep() const { return keep_; }
-  /// Rigid-body torque of the fit, m × n.
+  /// Rigid-body torque of the fit, m × n, with that of a load which comes or goes and of a tilt of the base.
   const Eigen::MatrixXd& load() const {
     load_all();
     return lazy_load_;
@@ -213,6 +213,7 @@ class Engine {
   double anchor_weight_{0.0};
   std::unique_ptr<Problem> problem_;
   model::Robot rigid_;                       ///< with the fitted base parameters
+  Eigen::MatrixXd more_load_;  ///< m × n: torque of a load that comes or goes, and of a tilt, in the fit; empty: neither is there
   /// Rigid-body torque of the fit, m × n, of the joints that were asked for; see load_joints().
   mutable Eigen::MatrixXd lazy_load_;
   mutable std::vector<bool> loaded_;  ///< n: which of them; empty: nothing is fitted yet

@@ -352,7 +352,12 @@ INSTANTIATE_TEST_SUITE_P(Triples, SeveralEffects,
                                          // A spring took the place of the rotor for two hundredths of what was left.
                                          std::tuple{"rotor_inertia+load_friction+offset", "scara4", 1330},
                                          // Ripple that a low-pass takes half of looked like a spring, until it was sought where that swings.
-                                         std::tuple{"base_tilt+ripple+rotor_inertia+hysteresis", "scara4", 1200}),
+                                         std::tuple{"base_tilt+ripple+rotor_inertia+hysteresis", "scara4", 1200},
+                                         // Friction that grows with the load, too, when that is picked up; without it, it seemed to drift.
+                                         std::tuple{"load_friction+rotor_inertia+payload_change+hysteresis", "arm7", 2230},
+                                         // The scale is of the torque of what is picked up, and of the weight that a tilt gives, too.
+                                         std::tuple{"torque_scale+payload_change+spring", "arm6", 1536},
+                                         std::tuple{"torque_scale+base_tilt+spring", "desk6", 1639}),
                          name_of_several);
 
 INSTANTIATE_TEST_SUITE_P(OtherSizes, SeveralEffects,
