@@ -325,16 +325,13 @@ void Engine::refit(bool deflect) {
 void Engine::note_fit() {
   const VectorXd theta = problem_->theta();
   rigid_ = base_.robot(theta);
-  for (std::size_t e = 0; e < accepted.size(); ++e) {
-    if (accepted[e].effect.is<BaseTilt>() && first_column_[e] >= 0) accepted[e].tilt = fitted(e).head(2);
-  }
   more_load_.resize(0, 0);
   for (std::size_t e = 0; e < accepted.size(); ++e) {
-    const bool loads = accepted[e].effect.is<PayloadChange>() || accepted[e].effect.is<BaseTilt>();
-    if (!loads || first_column_[e] < 0) continue;
+    const bool tilts = accepted[e].effect.is<BaseTilt>();
+    if (first_column_[e] < 0 || !(tilts || accepted[e].effect.is<PayloadChange>())) continue;
+    if (tilts) accepted[e].tilt = fitted(e).head(2);
     if (more_load_.size() == 0) more_load_.setZero(table_.rows(), table_.num_joints);
-    const Columns& columns = accepted[e].columns;
-    for (std::size_t a = 0; a < columns.joints.size(); ++a) more_load_.col(columns.joints[a]) += columns.values[a] * fitted(e);
+    add_torque_of(e, 0, table_.rows(), more_load_);
   }
   loaded_.assign(static_cast<std::size_t>(table_.num_joints), false);
   lazy_load_.setZero(table_.rows(), table_.num_joints);
@@ -500,11 +497,15 @@ MatrixXd Engine::predicted(Index begin, Index count) const {
       tau.col(effect.joint) += motion_.qdd.col(effect.joint).segment(begin, count) * fitted(e)[0];
       continue;
     }
-    for (std::size_t a = 0; a < effect.columns.joints.size(); ++a) {
-      tau.col(effect.columns.joints[a]) += effect.columns.values[a].middleRows(begin, count) * fitted(e);
-    }
+    add_torque_of(e, begin, count, tau);
   }
   return tau;
+}
+
+void Engine::add_torque_of(std::size_t index, Index begin, Index count, MatrixXd& tau) const {
+  const Columns& columns = accepted[index].columns;
+  for (std::size_t a = 0; a < columns.joints.size(); ++a)
+    tau.col(columns.joints[a]) += columns.values[a].middleRows(begin, count) * fitted(index);
 }
 
 std::vector<Candidate> Engine::propose(const std::vector<bool>& joints, const std::function<void(double)>& done,

@@ -148,6 +148,8 @@ class Engine {
   void note_fit();
   /// Torque of some rows.
   Eigen::MatrixXd predicted(Eigen::Index begin, Eigen::Index count) const;
+  /// Adds that of the columns of an effect.
+  void add_torque_of(std::size_t index, Eigen::Index begin, Eigen::Index count, Eigen::MatrixXd& tau) const;
   Eigen::MatrixXd base_torque(Eigen::Index begin, Eigen::Index count) const;
   /// Base parameters; 0 where the column holds other values now.
   Eigen::VectorXd base_parameters() const;
