@@ -1,8 +1,11 @@
 #include "heft/core/dynamics/inverse_dynamics.hpp"
 
+#include <numbers>
+
 #include <gtest/gtest.h>
 
 #include "heft/core/dynamics/joint_space.hpp"
+#include "heft/core/dynamics/regressor.hpp"
 #include "heft/model/named_arms.hpp"
 #include "support/random_arm.hpp"
 
@@ -160,6 +163,48 @@ TEST(DynamicArm, PredictionIsUnchangedWhenALinkFrameIsTurned) {
                qdd = test::random_vector<4>(random, 5);
     const auto expected = inverse_dynamics(a, q, qd, qdd);
     EXPECT_LT((inverse_dynamics(b, q, qd, qdd) - expected).norm(), 1e-12 * expected.norm());
+  }
+}
+
+/// Axes of all joints z, the next axis turned against the one before by this angle.
+ArmModel<double, 6> twisted_arm(Random& random, double twist) {
+  ArmModel<double, 6> arm = test::random_arm<6>(random, 0.3);
+  for (auto& joint : arm.joints) {
+    const auto about_z = [&] { return Eigen::AngleAxisd(test::uniform(random, -3, 3), Eigen::Vector3d::UnitZ()); };
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(joint.rotation.data()) =
+        (about_z() * Eigen::AngleAxisd(twist, Eigen::Vector3d::UnitX()) * about_z()).toRotationMatrix();
+    joint.axis = {0, 0, 1};
+  }
+  return arm;
+}
+
+TEST(DynamicArm, TorquesAndMassesAreThoseOfTheRowsWhateverTheTwist) {
+  constexpr double kPi = std::numbers::pi;
+  // Rows are made in other frames than torques and masses. Common normals of the nearly parallel axes are far away.
+  Random random(12);
+  for (const double twist : {0.0, 1e-17, 1e-15, 1e-9, 1e-4, 0.7, kPi / 2, -kPi / 2, 3.0, kPi - 1e-9, kPi}) {
+    const ArmModel<double, 6> model = twisted_arm(random, twist);
+    DynamicArm<double, 6> arm(model);
+    arm.set_link(3, model.links[2]);
+    arm.set_gravity({1, -5, 7});
+    const auto links = test::stacked_links(arm.model());
+    const auto q = test::random_vector<6>(random, 3), qd = test::random_vector<6>(random, 3),
+               qdd = test::random_vector<6>(random, 10);
+    const auto trig = joint_trigonometry<DynamicArm<double, 6>>(q);
+    LinkRegressor<double, 6> Y;
+    link_regressor(arm, trig, q, qd, qdd, Y);
+    const JointVector<double, 6> expected = Y * links;
+    EXPECT_LT((inverse_dynamics(arm, q, qd, qdd) - expected).norm(), 1e-14 * expected.norm()) << "twist " << twist;
+
+    MassMatrix<double, 6> mass, columns;
+    mass_matrix(arm, trig, q, mass);
+    arm.set_gravity({0, 0, 0});
+    for (int c = 0; c < 6; ++c) {
+      const JointVector<double, 6> rest = JointVector<double, 6>::Zero(), one = JointVector<double, 6>::Unit(c);
+      link_regressor(arm, trig, q, rest, one, Y);
+      columns.col(c) = Y * links;
+    }
+    EXPECT_LT((mass - columns).norm(), 1e-14 * mass.norm()) << "twist " << twist;
   }
 }
 

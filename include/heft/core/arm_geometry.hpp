@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "heft/core/arm_model.hpp"
+#include "heft/core/hinge.hpp"
 #include "heft/core/inertia.hpp"
 #include "heft/core/structural.hpp"
 #include "heft/core/trigonometry.hpp"
@@ -292,7 +293,7 @@ struct DynamicFrame {
 /// An arm whose geometry and parameters are data.
 ///
 /// Link frames are turned inside so that every joint axis is z; arguments and results are in the user's
-/// frames throughout.
+/// frames throughout. Where nothing is given or asked in link axes, hinged() has frames that cost less.
 template <typename Scalar_, int N>
 class DynamicArm {
  public:
@@ -307,7 +308,7 @@ class DynamicArm {
   /// The same arm in another scalar: in every lane of a Pack, for one.
   template <typename Other>
   explicit DynamicArm(const DynamicArm<Other, N>& arm) noexcept
-      : turned_(arm.turned_), exchanges_(arm.exchanges_) {
+      : turned_(arm.turned_), exchanges_(arm.exchanges_), hinged_(arm.hinged_) {
     const auto copy = [](const auto& from, auto& to) {
       for (std::size_t i = 0; i < from.size(); ++i) to[i] = static_cast<Scalar>(from[i]);
     };
@@ -366,8 +367,10 @@ class DynamicArm {
       }
       joints_[j] = inner;
       inboard_turn = turn_[j];
-      set_link(static_cast<int>(j), arm.links[j]);
     }
+    hinged_.set_joints(joints_);
+    hinged_.set_gravity(arm.gravity);
+    for (int j = 0; j < N; ++j) set_link(j, arm.links[static_cast<std::size_t>(j)]);
   }
 
   /// Replaces the inertial parameters of one link (about its user frame).
@@ -375,10 +378,14 @@ class DynamicArm {
     const std::size_t i = static_cast<std::size_t>(j);
     model_.links[i] = parameters;
     links_[i] = moved(to_pseudo_inertia(parameters), turn_[i], {Scalar(0), Scalar(0), Scalar(0)});
+    hinged_.set_link(j, links_[i]);
   }
 
   /// Replaces the gravity vector, in the base frame [m/s²]: a tilted base.
-  void set_gravity(const std::array<Scalar, 3>& gravity) noexcept { model_.gravity = gravity; }
+  void set_gravity(const std::array<Scalar, 3>& gravity) noexcept {
+    model_.gravity = gravity;
+    hinged_.set_gravity(gravity);
+  }
 
   /// The model as given, in user frames.
   const ArmModel<Scalar, N>& model() const noexcept { return model_; }
@@ -433,14 +440,10 @@ class DynamicArm {
   }
 
   /// The parameters of a link in inner axes: a view, good until the next set_link().
-  auto link(int j) const noexcept {
-    using namespace structural;
-    const PseudoInertia<Scalar>& p = links_[static_cast<std::size_t>(j)];
-    using Ref = const Scalar&;
-    using First = Vec3<Ref, Ref, Ref>;
-    return LinkParameters<Ref, First, Ref, Ref, Ref, Ref, Ref, Ref>{
-        p[kPm],  First{p[kPhx], p[kPhy], p[kPhz]}, p[kS11], p[kS12], p[kS22], p[kS13], p[kS23], p[kS33]};
-  }
+  auto link(int j) const noexcept { return structural::link_view(links_[static_cast<std::size_t>(j)]); }
+
+  /// The same arm for torques alone.
+  const structural::HingedArm<Scalar, N>& hinged() const noexcept { return hinged_; }
 
   structural::Dense3<Scalar> base_acceleration() const noexcept {
     return {-model_.gravity[0], -model_.gravity[1], -model_.gravity[2]};
@@ -507,6 +510,7 @@ class DynamicArm {
   std::array<std::array<Scalar, 9>, N> turn_{};
   std::array<bool, N> turned_{};
   std::array<ColumnExchange, N> exchanges_{};
+  structural::HingedArm<Scalar, N> hinged_;
 };
 
 }  // namespace heft

@@ -77,6 +77,15 @@ constexpr auto dense_link(const PseudoInertia<Scalar>& p) {
                          p[kS33]);
 }
 
+/// All ten entries of a body where they are: a view.
+template <typename Scalar>
+constexpr auto link_view(const PseudoInertia<Scalar>& p) {
+  using Ref = const Scalar&;
+  using First = Vec3<Ref, Ref, Ref>;
+  return LinkParameters<Ref, First, Ref, Ref, Ref, Ref, Ref, Ref>{
+      p[kPm],  First{p[kPhx], p[kPhy], p[kPhz]}, p[kS11], p[kS12], p[kS22], p[kS13], p[kS23], p[kS33]};
+}
+
 /// A body that others are added to: mass, first moment h and second moment Σ about the origin of its frame, in its axes.
 /// @tparam Mass  Scalar, or the known zero
 template <typename Scalar, typename Mass = Scalar>

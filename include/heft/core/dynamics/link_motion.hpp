@@ -147,6 +147,21 @@ constexpr auto link_acceleration(const Frame& frame, const A& at_joint, const Sp
   }
 }
 
+/// The same three for an axis z that is known at run time: what the joint adds to the motion carried from its parent.
+/// (One branch, and nothing is copied.)
+/// @param w,wd,a  E ω_p, E ω̇_p and E (a_p + U_p p); then those of the link
+template <typename Scalar>
+constexpr void add_joint_motion(bool revolute, const Scalar& qd, const Scalar& qdd, Dense3<Scalar>& w, Dense3<Scalar>& wd,
+                                Dense3<Scalar>& a) {
+  const Scalar spin_x = w.y * qd, spin_y = -w.x * qd;
+  if (revolute) {
+    w.z = w.z + qd;
+    wd = {wd.x + spin_x, wd.y + spin_y, wd.z + qdd};
+  } else {
+    a = {a.x + Scalar(2) * spin_x, a.y + Scalar(2) * spin_y, a.z + qdd};
+  }
+}
+
 /// f = m a + U h.
 template <typename Link, typename U, typename A>
 constexpr auto link_force(const Link& link, const U& u, const A& a) {
@@ -209,10 +224,14 @@ constexpr Wrench<F, M> make_wrench(const F& f, const M& m) {
 }
 
 /// The child's wrench in parent axes about the parent origin: f_p = Eᵀ f, n_p = Eᵀ n + p × f_p.
+template <typename Rotation, typename P, typename W>
+constexpr auto wrench_on_parent(const Rotation& rotation, const P& p, const W& child) {
+  const auto force = transpose_times(rotation, child.force);
+  return make_wrench(force, transpose_times(rotation, child.moment) + cross(p, force));
+}
 template <typename Frame, typename W>
 constexpr auto wrench_on_parent(const Frame& frame, const W& child) {
-  const auto force = transpose_times(frame.rotation, child.force);
-  return make_wrench(force, transpose_times(frame.rotation, child.moment) + cross(frame.position, force));
+  return wrench_on_parent(frame.rotation, frame.position, child);
 }
 
 }  // namespace heft::structural

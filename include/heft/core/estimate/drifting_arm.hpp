@@ -66,7 +66,7 @@ class DriftingArm {
   /// @param dt    > 0 [s]
   /// @param change  of [q, q̇]; a change, since in float its digits would be lost in the sum
   /// @return kNotPositiveDefinite: no arm has these links
-  /// Cost: one inverse dynamics, one mass matrix, two Cholesky factors; 6 joints about 2300 multiplications.
+  /// Cost: one inverse dynamics, one mass matrix, two Cholesky factors; 6 joints about 1300 multiplications.
   Status step(const State& x, const Vector& tau, const Scalar& dt, Mechanics& change) noexcept {
     if constexpr (Load > 0) {
       InertialParameters<Scalar> link = last_link_;
