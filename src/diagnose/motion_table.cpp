@@ -10,6 +10,7 @@
 #include "heft/core/friction/friction.hpp"
 #include "heft/host/error.hpp"
 #include "heft/regression/rests.hpp"
+#include "heft/validate/predict.hpp"
 #include "heft/validate/scored_time.hpp"
 
 namespace heft::diagnose {
@@ -245,7 +246,7 @@ MotionTable make_table(const std::vector<const data::MotionStream*>& logs, const
   table.num_joints = n;
   table.sign_width.resize(n);
   table.turn_seconds.setZero(n);
-  for (int j = 0; j < n; ++j) table.sign_width[j] = prismatic[static_cast<std::size_t>(j)] ? 5e-4 : 1e-3;
+  for (int j = 0; j < n; ++j) table.sign_width[j] = prismatic[static_cast<std::size_t>(j)] ? validate::kPrismaticSignWidth : 1e-3;
 
   std::vector<Collected> parts;
   long total = 0;

@@ -8,20 +8,25 @@
 #include "heft/core/friction/friction.hpp"
 #include "heft/host/error.hpp"
 #include "heft/model/robot.hpp"
+#include "heft/model/sign_width.hpp"
 
 namespace heft::model {
 
 /// Rotor inertia, friction and gear couplings, added to `tau`. All n, motor side.
 template <typename Motion, typename Torque>
-void add_actuation(const Robot& robot, const Motion& qd, const Motion& qdd, double sign_width, Torque& tau) {
-  for (Eigen::Index i = 0; i < tau.size(); ++i) {
+void add_actuation(const Robot& robot, const Motion& qd, const Motion& qdd, const SignWidth& sign_width,
+                   Torque& tau) {
+  const auto width_of = [&](int joint) {
+    return sign_width.of(robot.joints[static_cast<std::size_t>(joint)].joint.type);
+  };
+  for (int i = 0; i < tau.size(); ++i) {
     const JointActuation<double>& actuation = robot.joints[static_cast<std::size_t>(i)].actuation;
-    tau[i] += actuation.rotor_inertia * qdd[i] + friction_torque(actuation, qd[i], sign_width);
+    tau[i] += actuation.rotor_inertia * qdd[i] + friction_torque(actuation, qd[i], width_of(i));
   }
   for (const GearCoupling<double>& coupling : robot.couplings) {
     const double v = shared_motion(coupling, qd[coupling.driving], qd[coupling.driven]);
     const double a = shared_motion(coupling, qdd[coupling.driving], qdd[coupling.driven]);
-    const double shared = gear_coupling_torque(coupling, v, a, sign_width);
+    const double shared = gear_coupling_torque(coupling, v, a, width_of(coupling.driven));
     tau[coupling.driven] += shared;
     tau[coupling.driving] += coupling.ratio * shared;
   }

@@ -86,7 +86,7 @@ Eigen::VectorXd Dynamics::inverse_dynamics(const Eigen::VectorXd& q, const Eigen
 }
 
 Eigen::VectorXd Dynamics::joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
-                                       const Eigen::VectorXd& qdd, double sign_width) const {
+                                       const Eigen::VectorXd& qdd, const SignWidth& sign_width) const {
   Eigen::VectorXd tau = impl_->inverse(q, qd, qdd);
   const Robot& robot = impl_->robot;
   // Before anything is added tau is the load of the gears.
@@ -98,9 +98,10 @@ Eigen::VectorXd Dynamics::joint_torque(const Eigen::VectorXd& q, const Eigen::Ve
   }
   for (const JointEffect<double>& effect : robot.effects) {
     const int j = effect.joint;
-    const double direction = velocity_sign(qd[j], sign_width);
+    const RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+    const double direction = velocity_sign(qd[j], sign_width.of(joint.joint.type));
     const EffectPoint<double> point{0.0, q[j], qd[j], qdd[j], direction, load[j], direction};
-    tau[j] += joint_effect_torque(effect, point, robot.joints[static_cast<std::size_t>(j)].actuation);
+    tau[j] += joint_effect_torque(effect, point, joint.actuation);
   }
   return tau;
 }

@@ -201,7 +201,7 @@ struct MotionTorque::Impl {
 
   /// Torque of the row `motor_*` at `time`, without delay.
   /// @param at  its row in `measured`, in `temperature` and, unless a joint is elastic, in `loads`
-  void row(double time, double sign_width, const Eigen::MatrixXd& measured,
+  void row(double time, const SignWidth& sign_width, const Eigen::MatrixXd& measured,
            const Eigen::MatrixXd& temperature, const Eigen::MatrixXd& loads, Index at) {
     link_q = motor_q, link_qd = motor_qd, link_qdd = motor_qdd;
     const double h = started ? time - last_time : 0.0;
@@ -221,6 +221,7 @@ struct MotionTorque::Impl {
     for (std::size_t k = 0; k < robot.effects.size(); ++k) {
       const JointEffect<double>& effect = robot.effects[k];
       const int j = effect.joint;
+      const RobotJoint& of = robot.joints[static_cast<std::size_t>(j)];
       if (started && !memory_stays) {
         const bool as_measured = effect.displacement != Displacement::kPosition && measured.cols() > 0;
         const double step =
@@ -229,10 +230,10 @@ struct MotionTorque::Impl {
         memory[k] = joint_effect_memory(effect, memory[k], step);
       }
       EffectPoint<double> point{
-          time,    motor_q[j], motor_qd[j], motor_qdd[j], velocity_sign(motor_qd[j], sign_width),
+          time,    motor_q[j], motor_qd[j], motor_qdd[j], velocity_sign(motor_qd[j], sign_width.of(of.joint.type)),
           load[j], memory[k]};
       if (temperature.cols() > 0) point.temperature = temperature(at, j);
-      tau[j] += joint_effect_torque(effect, point, robot.joints[static_cast<std::size_t>(j)].actuation);
+      tau[j] += joint_effect_torque(effect, point, of.actuation);
     }
     last_time = time;
     last_q = motor_q;
@@ -326,7 +327,7 @@ MotionTorque::MotionTorque(MotionTorque&&) noexcept = default;
 MotionTorque& MotionTorque::operator=(MotionTorque&&) noexcept = default;
 
 Eigen::MatrixXd MotionTorque::torque(const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
-                                     const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, double sign_width,
+                                     const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd, const SignWidth& sign_width,
                                      const Eigen::MatrixXd& measured,
                                      const Eigen::MatrixXd& temperature) {
   Impl& s = *impl_;
@@ -358,7 +359,7 @@ void MotionTorque::reset() { impl_->reset(); }
 
 void MotionTorque::start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd& q,
                               const Eigen::MatrixXd& qd, const Eigen::MatrixXd& qdd,
-                              const Eigen::MatrixXd& tau, double sign_width) {
+                              const Eigen::MatrixXd& tau, const SignWidth& sign_width) {
   Impl& s = *impl_;
   s.reset();
   if (!has_memory(s.robot) || time.size() == 0) return;

@@ -11,7 +11,10 @@ using Eigen::Index;
 
 struct Predictor::Impl {
   Impl(const model::Robot& robot, double start, const PredictOptions& given)
-      : on_rows(robot), on_grid(robot), begin(start), options(given) {}
+      : on_rows(robot),
+        on_grid(robot),
+        begin(start),
+        width(given.sign_width, std::min(given.sign_width, kPrismaticSignWidth)) {}
 
   /// One motion for the log's rows, one for the grid: each carries what is remembered from piece to piece.
   Eigen::MatrixXd predict(model::MotionTorque& motion, bool& started, const Eigen::Ref<const Eigen::VectorXd>& stamps,
@@ -19,14 +22,14 @@ struct Predictor::Impl {
                           const Eigen::MatrixXd& tau, const Eigen::MatrixXd& displacement,
                           const Eigen::MatrixXd& temperature) const {
     const Eigen::VectorXd time = stamps.array() - begin;
-    if (!started && tau.cols() > 0) motion.start_from(time, q, qd, qdd, tau, options.sign_width);
+    if (!started && tau.cols() > 0) motion.start_from(time, q, qd, qdd, tau, width);
     started = true;
-    return motion.torque(time, q, qd, qdd, options.sign_width, displacement, temperature);
+    return motion.torque(time, q, qd, qdd, width, displacement, temperature);
   }
 
   model::MotionTorque on_rows, on_grid;
   double begin;
-  PredictOptions options;
+  model::SignWidth width;
   bool rows_started{false}, grid_started{false};
 };
 

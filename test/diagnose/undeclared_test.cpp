@@ -756,19 +756,25 @@ TEST(Refit, IsNotMadeWhereStretchesOfTheLogsContradictEachOther) {
 }
 
 TEST(Refit, IsNotMadeWhereTheValidationLogsContradictTheTrainingLogs) {
-  ShortTraining logs;
+  const ShortTraining logs;
   ASSERT_TRUE(logs.diagnosis().refitted.has_value());
-  // The same torque more all the time, as of something that the arm carries: every stretch agrees with the others.
-  const Eigen::RowVectorXd load = 0.5 * logs.validate.tau.cwiseAbs().colwise().mean();
-  logs.validate.tau.rowwise() += load;
-  const Diagnosis d = logs.diagnosis();
-  EXPECT_FALSE(d.refitted.has_value());
-  EXPECT_TRUE(has_note(d, "contradict"));
-  const host::Judgement judgement = d.judgement();
-  EXPECT_NE(judgement.verdict, host::Verdict::kGood);
-  EXPECT_TRUE(std::any_of(judgement.reasons.begin(), judgement.reasons.end(), [](const std::string& reason) {
-    return reason.find("training and validation logs contradict each other") == 0;
-  }));
+  // The same torque more all the time: every stretch agrees with the others.
+  const Eigen::RowVectorXd more = 0.5 * logs.validate.tau.cwiseAbs().colwise().mean();
+  constexpr int kLifts = 2;
+  for (const bool lifted : {false, true}) {
+    ShortTraining changed = logs;
+    changed.validate.tau.rowwise() += more;
+    if (!lifted) changed.validate.tau.col(kLifts).array() -= more[kLifts];
+    const Diagnosis d = changed.diagnosis();
+    EXPECT_FALSE(d.refitted.has_value()) << lifted;
+    // In the axis that lifts it is the weight of something.
+    EXPECT_TRUE(has_note(d, lifted ? "in the validation logs the arm carries" : "the validation logs contradict them")) << lifted;
+    const host::Judgement judgement = d.judgement();
+    EXPECT_NE(judgement.verdict, host::Verdict::kGood) << lifted;
+    EXPECT_TRUE(std::any_of(judgement.reasons.begin(), judgement.reasons.end(), [](const std::string& reason) {
+      return reason.find("training and validation logs contradict each other") == 0;
+    })) << lifted;
+  }
 }
 
 // A joint that is fitted to a fifth of a log has too small an error there: that any other log raises it, by 51 %, says nothing

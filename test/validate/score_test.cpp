@@ -15,6 +15,7 @@
 #include "heft/host/error.hpp"
 #include "heft/model/motion_torque.hpp"
 #include "heft/validate/acceptance.hpp"
+#include "heft/validate/predict.hpp"
 #include "heft/validate/torque_trace.hpp"
 #include "support/arms.hpp"
 #include "support/synthetic_log.hpp"
@@ -324,6 +325,24 @@ TEST(Score, DoesNotDependOnThePiecesOfTheLog) {
   EXPECT_TRUE(once.rmse.isApprox(pieces.rmse, 1e-6));
   EXPECT_TRUE(once.rmse_in_band.isApprox(pieces.rmse_in_band, 1e-5));
   EXPECT_EQ(once.samples, pieces.samples);
+}
+
+TEST(Predictor, WhatSlidesHasItsFrictionAtTheCreepOfAPause) {
+  model::Robot robot;
+  robot.joints.resize(2);
+  for (auto& joint : robot.joints) joint.actuation.coulomb_friction = 1.0;
+  robot.joints[1].joint.type = JointType::kPrismatic;
+  MotionRows creep;
+  creep.time = even_time(2, 100.0);
+  creep.q = creep.qdd = Eigen::MatrixXd::Zero(2, 2);
+  creep.qd = Eigen::MatrixXd::Constant(2, 2, 5e-4);
+  const auto row = [&](double width) -> Eigen::RowVectorXd {
+    return Predictor(robot, 0.0, {.sign_width = width}).rows(creep).row(1);
+  };
+  const Eigen::RowVectorXd usual = row(kSignWidth);
+  EXPECT_LT(usual[0], 0.1);  // a tenth of the width
+  EXPECT_GT(usual[1], 0.75);
+  for (const double narrow : {1e-4, 0.0}) EXPECT_EQ(row(narrow), Eigen::RowVector2d(1.0, 1.0)) << narrow;
 }
 
 TEST(Score, TakesGearCouplingsIntoThePrediction) {

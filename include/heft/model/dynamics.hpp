@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "heft/model/robot.hpp"
+#include "heft/model/sign_width.hpp"
 
 namespace heft::model {
 
@@ -34,10 +35,10 @@ class Dynamics {
   /// couplings and joint effects: everything that one instant determines. What depends on more is left to
   /// MotionTorque; here friction has turned over at once after a reversal (no hysteresis), a joint that warms up
   /// is cold, an elastic joint is rigid with its motor's inertia, and the torque channel has no delay.
-  /// @param sign_width  [rad/s, m/s] the sign becomes tanh(velocity / width), for joints that rest with a noisy
-  ///                    velocity; as in velocity_sign
+  /// @param sign_width  the sign becomes tanh(velocity / width), for joints that rest with a noisy velocity; as in
+  ///                    velocity_sign
   Eigen::VectorXd joint_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
-                               const Eigen::VectorXd& qdd, double sign_width = 0.0) const;
+                               const Eigen::VectorXd& qdd, const SignWidth& sign_width = {}) const;
   /// Gravity torque g(q).
   Eigen::VectorXd gravity_torque(const Eigen::VectorXd& q) const;
   /// Joint-space mass matrix of the rigid bodies (no rotor inertia), n × n.

@@ -57,7 +57,7 @@ class MotionTorque {
   /// @return m × n [N·m, N]. With a delay each row is read `torque_delay` earlier, by straight lines between
   ///         rows; the first rows after reset(), which have nothing earlier, take the first one.
   Eigen::MatrixXd torque(const Eigen::VectorXd& time, const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
-                         const Eigen::MatrixXd& qdd, double sign_width = 0.0,
+                         const Eigen::MatrixXd& qdd, const SignWidth& sign_width = {},
                          const Eigen::MatrixXd& measured = {}, const Eigen::MatrixXd& temperature = {});
   /// Link-side motion of the last call, m × n each: q, qd, qdd unless a joint is elastic.
   const Eigen::MatrixXd& link_q() const;
@@ -71,7 +71,7 @@ class MotionTorque {
   /// @param time,q,qd,qdd  as in torque(), the log's first rows; more than kSeenAtRest of them is not looked at
   /// @param tau            m × n, measured [N·m, N]; rows that are not finite leave a joint's memory at 0
   void start_from(const Eigen::VectorXd& time, const Eigen::MatrixXd& q, const Eigen::MatrixXd& qd,
-                  const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau, double sign_width = 0.0);
+                  const Eigen::MatrixXd& qdd, const Eigen::MatrixXd& tau, const SignWidth& sign_width = {});
 
  private:
   struct Impl;

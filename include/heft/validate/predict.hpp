@@ -13,12 +13,16 @@
 
 namespace heft::validate {
 
-/// Width of friction's sign in every prediction that is judged [rad/s, m/s]: a joint that rests with a noisy velocity
-/// has no friction.
+/// Width of friction's sign in every prediction that is judged [rad/s]: a joint that rests with a noisy velocity has no
+/// friction.
 inline constexpr double kSignWidth = 0.005;
+/// Largest one of prismatic joints [m/s], which move at tenths of a m/s and creep, in the pauses of a gripper, at less than
+/// a mm/s.
+inline constexpr double kPrismaticSignWidth = 5e-4;
 
 struct PredictOptions {
-  /// The sign of friction is tanh(velocity / width) [rad/s, m/s]; 0: the sharp sign, 0 at standstill.
+  /// The sign of friction is tanh(velocity / width) [rad/s, m/s]; 0: the sharp sign, 0 at standstill. Of prismatic joints
+  /// kPrismaticSignWidth at most.
   double sign_width{kSignWidth};
 };
 
