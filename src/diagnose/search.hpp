@@ -94,6 +94,7 @@ class Search {
   std::vector<bool> looked_at(const std::vector<int>& of) const;
   bool add_spring_pairs(const Engine& engine, const std::vector<int>& of, std::vector<Candidate>& pool) const;
   void add_scales_of_others(int joint, const Engine& rest, std::vector<Candidate>& found) const;
+  bool one_scale_for_two();
   std::vector<Candidate> in_place_of(std::size_t effect, const Candidate& own, const Engine& rest) const;
   std::vector<Candidate> propose(const Engine& engine, const std::vector<int>& of,
                                  const std::function<void(double)>& done = {}, double least = 0.0) const;

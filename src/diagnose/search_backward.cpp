@@ -39,6 +39,7 @@ void Search::backward() {
     for (std::size_t e = 0; e < engine().accepted.size() && engine().accepted.size() > 1;) {
       if (check(e)) ++e;
     }
+    exchanged_elsewhere_ = one_scale_for_two() || exchanged_elsewhere_;
     // Whatever is taken is looked at again: none the last time.
     if (!exchanged_elsewhere_ || time == kMostTimes) break;
     // An effect of another place stood in for what is there: the one that went may be there as well.
@@ -81,6 +82,39 @@ void Search::add_scales_of_others(int joint, const Engine& rest, std::vector<Can
     for (Candidate& c : rest.forms_of(scale)) found.push_back(std::move(c));
   }
   sort_by_gain(found);
+}
+
+/// Masses follow the joint whose torque is scaled: then it is the joints before and behind it whose scales seem to be off. One of a
+/// third joint that explains as good as the same as two goes before them.
+/// @return whether it stands in their place now
+bool Search::one_scale_for_two() {
+  std::vector<std::ptrdiff_t> scales;
+  for (std::size_t e = 0; e < engine().accepted.size(); ++e) {
+    if (engine().accepted[e].effect.is<TorqueScale>()) scales.push_back(static_cast<std::ptrdiff_t>(e));
+  }
+  for (std::size_t second = 1; second < scales.size(); ++second) {
+    for (std::size_t first = 0; first < second; ++first) {
+      const Candidate& one = engine().accepted[static_cast<std::size_t>(scales[first])];
+      const Candidate& other = engine().accepted[static_cast<std::size_t>(scales[second])];
+      std::unique_ptr<Engine> tried =
+          rebuilt(scales[first], engine().weights_held, engine().masses_held, -1, scales[second]);
+      std::vector<Candidate> found;
+      add_scales_of_others(one.joint, *tried, found);
+      const Rules::Round round{std::max(tried_, tried_of(found)), tried->noise_floor(), tried->accepted};
+      const auto third = std::find_if(found.begin(), found.end(), [&](const Candidate& c) {
+        return c.joint != other.joint && rules().objection(c, round).empty();
+      });
+      if (third == found.end()) continue;
+      const double without = tried->mean_log_error();
+      tried->put(tried->accepted.size(), *third);
+      tried->build();
+      if (without - tried->mean_log_error() < kSimpler * (without - engine().mean_log_error())) continue;
+      trace(fmt::format("exchanged {} and {} for {}", name_of(one), name_of(other), name_of(*third)));
+      take_over(std::move(tried));
+      return true;
+    }
+  }
+  return false;
 }
 
 /// What could stand in the place of an accepted effect.

@@ -232,13 +232,15 @@ class Veto {
 /// Whether an effect lowers the error of a joint on validation logs as much as it must.
 /// @param steady  left-out blocks of the training logs show it steadily
 bool lowers_error(const validate::Score& without, const validate::Score& with, Index joint, bool steady) {
-  constexpr double kClearFall = 0.05;
-  // Where most of the error is noise of higher frequency: a smaller fall, and a great one in band; half of both if steady.
-  constexpr double kFall = 0.02, kFallInBand = 0.2, kHalf = 0.5;
+  // Where most of the error is noise of higher frequency: a smaller fall, and a great one in band.
+  struct Falls {
+    double clear, least, in_band;
+  };
+  constexpr Falls kUnsteady{0.05, 0.02, 0.2}, kSteady{kRelevantGain, 0.005, 0.1};
+  const Falls& asked = steady ? kSteady : kUnsteady;
   const double fall = 1.0 - with.rmse[joint] / without.rmse[joint];
   const double in_band = 1.0 - with.rmse_in_band[joint] / without.rmse_in_band[joint];
-  const double part = steady ? kHalf : 1.0;
-  return fall > (steady ? kRelevantGain : kClearFall) || (fall > part * kFall && in_band > part * kFallInBand);
+  return fall > asked.clear || (fall > asked.least && in_band > asked.in_band);
 }
 
 }  // namespace

@@ -382,6 +382,18 @@ TEST(TorqueScale, OfTheOtherJointIsTheSame) {
   EXPECT_EQ(joints, (std::set{0, 1})) << said(d);
 }
 
+// Masses followed the joint whose torque is scaled: those before and behind it seemed to be off, and the verdict was good.
+TEST(TorqueScale, OfAJointIsNotOneOfEachNeighbour) {
+  const UndeclaredCase c = test::make_undeclared_case("hysteresis+payload_change+torque_scale+contact", "heavy6", 4424,
+                                                      test::CaseMotion::kExciting, {9.81, 0.0, 0.0});
+  const Diagnosis d = diagnosed(c);
+  for (const test::UndeclaredEffect& effect : c.effects) {
+    EXPECT_TRUE(std::any_of(d.findings.begin(), d.findings.end(), [&](const Finding& f) { return names(f, effect); }))
+        << effect.kind << "; said: " << said(d);
+  }
+  EXPECT_EQ(d.findings.size(), c.effects.size()) << said(d);
+}
+
 /// Some rows of a log.
 template <typename Rows>
 void take_rows(const Rows& rows, data::Log& log) {
