@@ -84,8 +84,8 @@ void Search::add_scales_of_others(int joint, const Engine& rest, std::vector<Can
   sort_by_gain(found);
 }
 
-/// Masses follow the joint whose torque is scaled: then it is the joints before and behind it whose scales seem to be off. One of a
-/// third joint that explains as good as the same as two goes before them.
+/// Masses follow the joint whose torque is scaled: then the scales of the joints before and behind it seem to be off. One scale of a
+/// third joint that explains nearly as much as the two takes their place.
 /// @return whether it stands in their place now
 bool Search::one_scale_for_two() {
   std::vector<std::ptrdiff_t> scales;
